@@ -1,0 +1,137 @@
+"""SEMERA: resistance, inductance and flux linkage of a reluctance actuator from its voltage and current.
+
+Algorithm 1 of [SEMERA].  State x = (r_k, l_k, l_(k-1)); process: r constant, l linear in time; observation: backward
+difference of v = r i + d(l i)/dt.  It needs no model of the device.  Samples whose current cannot be told from noise are of
+low quality: the estimates then follow the expert rule (r held, l of the resting device).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.linalg import diagonal, gain, identity, matrix, outer, symmetric, vector
+from gapsense.records import Array, Covariance, Scalar, Vector
+from gapsense.trace import cond, fabs, sqrt, square, where
+
+
+class Parameters(NamedTuple):
+    """Tuning, Tables II and V."""
+
+    sample_time: Scalar  # Delta [s]
+    prior_resistance: Scalar  # mean of r_0 [ohm]
+    prior_resistance_std: Scalar  # sigma of r_0 [ohm]
+    prior_inductance: Scalar  # mean of l_0, the resting device [H]
+    prior_inductance_std: Scalar  # sigma of l_0 [H]
+    process_resistance_rate: Scalar  # sigma of dr/dt [ohm/s]
+    process_inductance_acceleration: Scalar  # sigma of d2l/dt2 [H/s^2]
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    gate_sigmas: Scalar  # n_sigma [1]
+    gate_update: Scalar  # 1: low-quality samples update the filter as in the paper; 0: they do not
+    coil_turns: Scalar  # N, or 0 if unknown [1]
+
+
+class State(NamedTuple):
+    """What is carried from sample to sample."""
+
+    x: Annotated[Array, Vector(3)]  # prior estimate of (r, l, previous l) for the next sample
+    P: Annotated[Array, Covariance(3)]  # its covariance
+    current: Scalar  # previous current measurement [A]
+    resistance: Scalar  # last published resistance [ohm]
+
+
+class Inputs(NamedTuple):
+    """Measurements."""
+
+    voltage: Scalar  # u_k [V]
+    current: Scalar  # iota_k [A]
+
+
+class Outputs(NamedTuple):
+    """Estimates at the sample."""
+
+    resistance: Scalar
+    inductance: Scalar
+    flux_linkage: Scalar
+    quality: Scalar  # 1 if both currents are outside the noise band, else 0
+    resistance_std: Scalar
+    inductance_std: Scalar
+    innovation: Scalar
+    innovation_std: Scalar
+    flux: Scalar
+    reluctance: Scalar
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Prior (25)-(26), and iota_0 registered; the prior belongs to sample 1 and is not propagated."""
+    r, l = par.prior_resistance, par.prior_inductance
+    l_var = square(par.prior_inductance_std)
+    P = matrix([[square(par.prior_resistance_std), 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
+    state = State(vector([r, l, l]), P, inputs.current, r)
+    return state, _outputs(inputs, par, r, l, 0.0, P, 0.0, par.noise_voltage)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample, lines 5 to 16."""
+    u, i, i_prev, dt = inputs.voltage, inputs.current, state.current, par.sample_time
+    band = par.gate_sigmas * par.noise_current
+    is_high = (fabs(i) > band) & (fabs(i_prev) > band)  # line 13
+
+    H = vector([i, i / dt, -i_prev / dt])  # (11)
+    PH = state.P @ H
+    S = H @ PH + square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    innovation = u - H @ state.x
+    updated = is_high | (par.gate_update > 0.0)
+    x, P = cond(updated, lambda: _update(state, H, PH, S, innovation, par), lambda: _rest(state, par))
+
+    r = where(is_high, x[0], state.resistance)  # lines 14 and 15
+    l = where(is_high, x[1], par.prior_inductance)
+    outputs = _outputs(inputs, par, r, l, where(is_high, 1.0, 0.0), P, innovation, sqrt(S))
+
+    F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
+    Q = diagonal([square(par.process_resistance_rate * dt), square(par.process_inductance_acceleration * dt * dt), 0.0])
+    return State(F @ x, symmetric(F @ symmetric(P) @ F.T + Q), i, r), outputs  # lines 11 and 12
+
+
+def _update(state: State, H: Array, PH: Array, S: Scalar, innovation: Scalar, par: Parameters) -> tuple[Array, Array]:
+    """Lines 8 to 10, the covariance in Joseph form: in float32 the printed one doubles the resistance error."""
+    K = gain(PH, S)
+    A = identity(3) - outer(K, H)
+    P = symmetric(A @ state.P @ A.T + outer(K, K) * square(par.noise_voltage))
+    return state.x + K * innovation, P
+
+
+def _rest(state: State, par: Parameters) -> tuple[Array, Array]:
+    """No update: r stays, and l restarts at rest, since extrapolating it through a pause says nothing."""
+    l, l_var = par.prior_inductance, square(par.prior_inductance_std)
+    P = matrix([[state.P[0, 0], 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
+    return vector([state.x[0], l, l]), P
+
+
+def _outputs(
+    inputs: Inputs,
+    par: Parameters,
+    r: Scalar,
+    l: Scalar,
+    quality: Scalar,
+    P: Array,
+    innovation: Scalar,
+    innovation_std: Scalar,
+) -> Outputs:
+    """Flux linkage (line 16), and flux and reluctance where N is known."""
+    flux_linkage = l * inputs.current
+    has_turns = par.coil_turns > 0.0
+    N = where(has_turns, par.coil_turns, 1.0)
+    is_usable = has_turns & (fabs(l) > 0.0)
+    return Outputs(
+        resistance=r,
+        inductance=l,
+        flux_linkage=flux_linkage,
+        quality=quality,
+        resistance_std=sqrt(P[0, 0]),
+        inductance_std=sqrt(P[1, 1]),
+        innovation=innovation,
+        innovation_std=innovation_std,
+        flux=where(has_turns, flux_linkage / N, 0.0),
+        reluctance=where(is_usable, N * N / where(is_usable, l, 1.0), 0.0),
+    )
