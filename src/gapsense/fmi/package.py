@@ -1,0 +1,159 @@
+"""Package a component's folder as an FMU: pythonfmu builds it, then the archive is completed and made reproducible."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import shutil
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from uuid import UUID
+from xml.etree import ElementTree
+
+from pythonfmu import FmuBuilder
+
+import gapsense
+from gapsense.fmi import describe, page, shim
+from gapsense.fmi.ports import Component
+from gapsense.kernel import Kernel
+from gapsense.records import fields
+
+HERE = Path(__file__).parent
+SHELL = ("ports.py", "slave.py", "tables.py")  # travel in every FMU
+FLAGS = {
+    "needsExecutionTool": True,
+    "canHandleVariableCommunicationStepSize": True,
+    "canGetAndSetFMUstate": True,
+    "canSerializeFMUstate": True,
+}
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a ZIP can hold
+
+SCRIPT = '''from {package} import {name}
+from {package}.slave import HELD
+
+HELD.append(globals())
+'''
+
+ENTRY = '''"""{name}: {description}.  Generated; see documentation/index.html."""
+
+from . import kernel, table
+from .slave import Slave
+
+
+class {name}(Slave):
+    component, kernel, build = table.COMPONENT, kernel, "{build}"
+'''
+
+
+def load_component(folder: Path) -> Component:
+    """The `COMPONENT` of `folder/component.py`."""
+    spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
+    if spec is None or spec.loader is None or not (folder / "component.py").is_file():
+        raise FileNotFoundError(f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv.")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    component: Component = module.COMPONENT
+    return component
+
+
+def kernel_of(component: Component) -> Kernel:
+    """The kernel of a component."""
+    return Kernel(importlib.import_module(component.kernel))
+
+
+def build(folder: Path, destination: Path) -> Path:
+    """Build `destination/<Name>.fmu` from a component's folder; the same sources give the same bytes.
+
+    Call it in a process that will not load the FMU: building imports the modules that the FMU carries.
+    """
+    component = load_component(folder)
+    kernel = kernel_of(component)
+    check_records(component, kernel)
+    files = _sources(component, kernel)
+    identity = hashlib.sha256(repr((gapsense.__version__, component, sorted(files.items()))).encode()).hexdigest()
+    with tempfile.TemporaryDirectory() as temporary:
+        stock = _build_stock(Path(temporary), component, files, identity[:12], folder)
+        members = _members(stock)
+    _complete(members, component, folder, UUID(identity[:32]))
+    destination.mkdir(parents=True, exist_ok=True)
+    return _write(members, destination / f"{component.name}.fmu")
+
+
+def check_records(component: Component, kernel: Kernel) -> None:
+    """Refuse a port table that does not fit the records of its kernel."""
+    expected = {
+        "Inputs": [p.field for p in component.of("input")],
+        "Outputs": [p.field for p in component.of("output")],
+        "Parameters": [f for p in component.of("parameter") for f in _parameter_fields(p.field, p.columns)],
+    }
+    for record, ports in expected.items():
+        have = [f for f in fields(getattr(kernel.module, record)) if record != "Inputs" or f not in ("time", "dt")]
+        if record == "Parameters":
+            have, ports = sorted(have), sorted(ports)
+        if have != ports:
+            odd = sorted(set(have) ^ set(ports)) or "their order"
+            raise ValueError(f"{component.name}: {record} of {component.kernel} and the port table differ in {odd}. Make them equal.")
+
+
+def _parameter_fields(field: str, columns: tuple[str, ...]) -> list[str]:
+    return [f"{field}_{c.replace('integral:', 'integral_')}" for c in columns] or [field]
+
+
+def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
+    """Files of the private package that travels in the FMU."""
+    names = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
+    constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
+    ports = "".join(f"        {port!r},\n" for port in component.ports)
+    table = f'"""The port table."""\n\nfrom .ports import Component, Port\n\nCOMPONENT = {component._replace(ports=())!r}._replace(\n    ports=(\n{ports}    )\n)\n'
+    shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
+    title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
+    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
+
+
+def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, folder: Path) -> Path:
+    """What pythonfmu makes of the generated class; the names carry the build, so that no two FMUs can mix up their modules."""
+    package = work / f"_gapsense_{component.name.lower()}_{build}"
+    package.mkdir()
+    about = {"name": component.name, "description": component.description, "package": package.name, "build": build}
+    for name, text in {**files, "__init__.py": ENTRY.format(**about)}.items():
+        (package / name).write_text(text, encoding="utf-8")
+    script = work / f"{component.name}_{build}.py"
+    script.write_text(SCRIPT.format(**about), encoding="utf-8")
+    resources = [Path(shutil.copy2(folder / name, work)) for name in component.resources]
+    sys.path.insert(0, str(work))  # pythonfmu imports the script from here, and instantiates it for the model description
+    try:
+        return Path(FmuBuilder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
+    finally:
+        sys.path[:] = [p for p in sys.path if p != str(work)]
+
+
+def _members(fmu: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(fmu) as archive:
+        return {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
+
+
+def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:
+    root = ElementTree.fromstring(members["modelDescription.xml"])
+    describe.complete(root, component, f"{{{guid}}}", gapsense.__version__)
+    members["modelDescription.xml"] = describe.text(root)
+    binary = f"binaries/linux64/{component.name}.so"
+    members[f"binaries/linux64/{shim.WRAPPER}"] = members[binary]
+    members[binary] = shim.BINARY.read_bytes()
+    members["model.png"] = (HERE / "icon.png").read_bytes()
+    text = page.html(component, (folder / "page.md").read_text(encoding="utf-8"), gapsense.__version__)
+    members["documentation/index.html"] = text.encode()
+    members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
+
+
+def _write(members: dict[str, bytes], path: Path) -> Path:
+    """Write the archive in a fixed order with fixed times, under a temporary name first."""
+    temporary = path.with_suffix(".part")
+    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(members, key=lambda n: (n != "modelDescription.xml", n)):
+            info = zipfile.ZipInfo(name, EPOCH)
+            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(info, members[name])
+    return temporary.replace(path)

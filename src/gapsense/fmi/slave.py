@@ -1,0 +1,328 @@
+"""The shell of every FMU: FMI 2.0 co-simulation callbacks around a kernel.  A copy travels in each FMU.
+
+What pythonfmu 0.7.0 leaves to us: an exception is logged with its context before it fails the call, non-finite numbers,
+parameters out of range and steps that do not fit are refused, and state saving covers everything.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import sys
+import traceback
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
+from pythonfmu.enums import Fmi2Status
+
+from .ports import Component, Port
+from .tables import read_table
+
+KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
+TOLERANCE = 1e-9  # relative, on times: hosts round
+HELD: list[dict[str, Any]] = []  # the script's globals: pythonfmu's wrapper drops one reference too many at each instantiation
+
+
+class Refusal(ValueError):
+    """The host or the user asked for something that cannot be done; the message says what to do."""
+
+
+class Slave(Fmi2Slave):
+    """Base of the generated class, which sets `component`, `kernel` and `build` (a hash of interface and sources)."""
+
+    component: Component
+    kernel: Any
+    build: str
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        while self.resources and sys.path.count(self.resources) > 1:
+            sys.path.remove(self.resources)  # the wrapper adds it at each instantiation
+        component = self.component
+        self.modelName, self.description = component.name, component.description
+        self.inputs = len(component.of("input"))
+        signals = self.inputs + len(component.of("output"))
+        self.signals: list[float] = [p.start or 0.0 for p in component.ports[:signals]]  # inputs, then outputs
+        self.parameters: list[Any] = [p.start for p in component.ports[signals:]]
+        self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
+        self.period = 0.0  # of the samples; 0 for a component that is not sampled
+        self.par: tuple[Any, ...] = ()
+        self.state: tuple[Any, ...] = ()
+        self.start_time = 0.0
+        self.elapsed = 0.0  # since the last sample
+        self.phase = "instantiated"
+        for port in component.ports:
+            self.register_variable(_variable(port), nested=False)
+
+    # --- getting and setting: value reference = position in the port table ---
+
+    def get_real(self, refs: list[int]) -> list[float]:
+        signals = self.signals
+        try:
+            if self.phase == "initializing" and any(self.inputs <= r < len(signals) for r in refs):
+                self._initialize()
+            return [signals[r] for r in refs]
+        except IndexError:
+            return [float(self._parameter(r, "Real")) for r in refs]
+        except BaseException as error:
+            self._fail(error)
+
+    def set_real(self, refs: list[int], values: list[float]) -> None:
+        signals, inputs = self.signals, self.inputs
+        for r, value in zip(refs, values):
+            if r < inputs:
+                signals[r] = value
+            else:
+                self._set_parameters([r], [value], "Real")
+
+    def get_integer(self, refs: list[int]) -> list[int]:
+        return [self._parameter(r, "Integer") for r in refs]
+
+    def set_integer(self, refs: list[int], values: list[int]) -> None:
+        self._set_parameters(refs, values, "Integer")
+
+    def get_boolean(self, refs: list[int]) -> list[bool]:
+        return [self._parameter(r, "Boolean") for r in refs]
+
+    def set_boolean(self, refs: list[int], values: list[bool]) -> None:
+        self._set_parameters(refs, values, "Boolean")
+
+    def get_string(self, refs: list[int]) -> list[str]:
+        return [self._parameter(r, "String") for r in refs]
+
+    def set_string(self, refs: list[int], values: list[str]) -> None:
+        self._set_parameters(refs, values, "String")
+
+    def _parameter(self, ref: int, kind: str) -> Any:
+        try:
+            self._port(ref, kind)
+            return self.parameters[ref - len(self.signals)] if ref >= len(self.signals) else self.signals[ref]
+        except BaseException as error:
+            self._fail(error)
+
+    def _port(self, ref: int, kind: str) -> Port:
+        ports = self.component.ports
+        if ref >= len(ports) or ports[ref].kind != kind:
+            raise Refusal(f"there is no {kind} variable with value reference {ref}. Read the model description again.")
+        return ports[ref]
+
+    def _set_parameters(self, refs: list[int], values: list[Any], kind: str) -> None:
+        try:
+            for ref, value in zip(refs, values):
+                self._set_parameter(self._port(ref, kind), ref, value)
+        except BaseException as error:
+            self._fail(error)
+
+    def _set_parameter(self, port: Port, ref: int, value: Any) -> None:
+        if port.causality == "output":
+            raise Refusal(f"`{port.name}` is an output and cannot be set.")
+        is_running = self.phase in ("running", "terminated")
+        if is_running and port.variability != "tunable":
+            raise Refusal(f"`{port.name}` is fixed and cannot be set during a run. Set it before, or reset the instance.")
+        self.parameters[ref - len(self.signals)] = value
+        if is_running:
+            self._check_parameters()
+            self.par = self._kernel_parameters()
+
+    # --- life ---
+
+    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+        self.start_time = start_time
+
+    def enter_initialization_mode(self) -> None:
+        self.phase = "initializing"
+
+    def exit_initialization_mode(self) -> None:
+        try:
+            self._initialize()
+            self.phase = "running"
+        except BaseException as error:
+            self._fail(error)
+
+    def terminate(self) -> None:
+        self.phase = "terminated"
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        try:
+            if self.phase != "running":
+                raise Refusal(f"a step in phase `{self.phase}`. Initialise the instance first, or reset it.")
+            if not 0.0 < step_size < math.inf:
+                raise Refusal(f"the communication step is {step_size!r} s. Give a positive one.")
+            end = current_time + step_size
+            if not self.period:
+                self._advance(end, step_size)
+            elif step_size == self.period and not self.elapsed:
+                self._advance(end, self.period)
+            else:
+                for k in range(self._samples_due(step_size) - 1, -1, -1):
+                    self._advance(end - k * self.period, self.period)
+            return True
+        except BaseException as error:
+            self._fail(error, current_time, step_size)
+
+    def _initialize(self) -> None:
+        self._check_parameters()
+        self.par = self._kernel_parameters()
+        self.period, self.elapsed = self._value("sample_time"), 0.0
+        self.state, outputs = self.kernel.initial(self._inputs(self.start_time, 0.0), self.par)
+        self._publish(outputs)
+
+    def _value(self, name: str) -> float:
+        return next((float(v) for p, v in zip(self.component.of("parameter"), self.parameters) if p.name == name), 0.0)
+
+    def _samples_due(self, step: float) -> int:
+        """How many samples fall due in this step; inputs are held within it."""
+        period = self.period
+        ratio = step / period if step >= period else period / step
+        if abs(ratio - round(ratio)) > TOLERANCE * ratio:
+            raise Refusal(
+                f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of `sample_time`"
+                f" = {period:.9g} s. Change one of them."
+            )
+        elapsed = self.elapsed + step
+        count = int(elapsed / period * (1.0 + TOLERANCE))
+        if count and abs(elapsed - count * period) > TOLERANCE * elapsed:
+            raise Refusal(
+                f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a sample."
+                f" Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a communication point."
+            )
+        self.elapsed = 0.0 if count else elapsed
+        return count
+
+    def _advance(self, time: float, dt: float) -> None:
+        self.state, outputs = self.kernel.step(self.state, self._inputs(time, dt), self.par)
+        self._publish(outputs)
+
+    def _inputs(self, time: float, dt: float) -> list[float]:
+        inputs = self.signals[: self.inputs]
+        total = sum(inputs)
+        if total - total != 0.0:  # infinite or NaN
+            self._refuse_non_finite(inputs, 0, "input", "Check the component that drives it")
+        return [time, dt, *inputs] if self.clock == 2 else [time, *inputs] if self.clock else inputs
+
+    def _publish(self, outputs: tuple[float, ...]) -> None:
+        total = sum(outputs)
+        if total - total != 0.0:
+            self._refuse_non_finite(outputs, self.inputs, "output", "Check the parameters, or reduce the step")
+        self.signals[self.inputs :] = outputs
+
+    def _refuse_non_finite(self, values: Any, first: int, what: str, advice: str) -> None:
+        names = [p.name for p, v in zip(self.component.ports[first:], values) if not math.isfinite(v)]
+        if names:
+            raise Refusal(f"{what} {', '.join(f'`{n}`' for n in names)} is not finite. {advice}.")
+
+    # --- parameters ---
+
+    def _check_parameters(self) -> None:
+        """Refuse all parameters that are out of range, at once."""
+        problems = []
+        for port, value in zip(self.component.of("parameter"), self.parameters):
+            if port.choices and value not in port.choices:
+                problems.append(f"`{port.name}` is `{value}`; expected one of {', '.join(port.choices)}")
+            elif port.kind in ("Real", "Integer") and not _is_in_range(port, value):
+                problems.append(f"`{port.name}` is {value!r}; expected {_range(port)}")
+        if problems:
+            raise Refusal(f"{'; '.join(problems)}. Correct the parameters.")
+
+    def _kernel_parameters(self) -> tuple[Any, ...]:
+        values: dict[str, Any] = {}
+        for port, value in zip(self.component.of("parameter"), self.parameters):
+            if port.columns:
+                values.update(self._tables(port, value))
+            else:
+                values[port.field] = float(port.choices.index(value) if port.choices else value)
+        return tuple(values[name] for name in self.kernel.PARAMETERS)
+
+    def _tables(self, port: Port, file: str) -> dict[str, list[float]]:
+        shipped = Path(self.resources or ".") / file
+        try:
+            tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
+        except (OSError, ValueError) as error:
+            raise Refusal(f"`{port.name}`: {error}") from error
+        return {f"{port.field}_{c.replace('integral:', 'integral_')}": t for c, t in zip(port.columns, tables)}
+
+    # --- saving the state: all of it ---
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return _copied(self, self.build)
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        if state["build"] != self.build:
+            error = Refusal(f"the saved state belongs to build {state['build']}, this is {self.build}. Save it again with this FMU.")
+            self._fail(error)
+        for name, value in state.items():
+            if name != "build":
+                setattr(self, name, _copy(value))
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+        return json.dumps(state).encode()
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        loaded: dict[str, Any] = json.loads(bytes(state).decode())
+        return loaded
+
+    # --- errors ---
+
+    def log(self, msg: str, status: Any = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
+        """Log a text.  On Linux our shim passes it as data; elsewhere pythonfmu's wrapper takes it as a printf format."""
+        super().log(msg if sys.platform.startswith("linux") else msg.replace("%", "%%"), status, category)
+
+    def _fail(self, error: BaseException, time: float | None = None, step: float | None = None) -> NoReturn:
+        """Log what happened and where, and let the call fail."""
+        if not getattr(error, "is_logged", False):
+            error.is_logged = True  # type: ignore[attr-defined]
+            where = f"`{self.instance_name}` ({self.component.name})"
+            where += "" if time is None else f", t = {time:.9g} s, step = {step:.9g} s"
+            self.log(f"{where}: {self._cause(error)}", Fmi2Status.error, "logStatusError")
+            for held in (self, type(self), self.log_queue):  # the wrapper drops these once too often after an exception
+                ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
+        raise error
+
+    def _cause(self, error: BaseException) -> str:
+        if isinstance(error, Refusal):
+            return str(error)
+        inputs = ", ".join(f"{p.name} = {v!r}" for p, v in zip(self.component.ports, self.signals[: self.inputs]))
+        text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
+        return f"{type(error).__name__}: {error}\ninputs: {inputs or 'none'}\n{text}"
+
+
+def _variable(port: Port) -> Any:
+    """The pythonfmu variable of a port; describe.py completes its XML."""
+    start = {} if port.causality == "output" else {"start": port.start}
+    initial = Fmi2Initial.calculated if port.causality == "output" else None
+    return KINDS[port.kind](
+        port.name,
+        causality=Fmi2Causality[port.causality],
+        variability=Fmi2Variability[port.variability],
+        description=port.description,
+        initial=initial,
+        getter=lambda: port.start,
+        **start,
+    )
+
+
+def _is_in_range(port: Port, value: float) -> bool:
+    low, high = -math.inf if port.min is None else port.min, math.inf if port.max is None else port.max
+    return math.isfinite(value) and low <= value <= high
+
+
+def _range(port: Port) -> str:
+    unit = "" if port.unit == "1" else f" {port.unit}"
+    low, high = "-inf" if port.min is None else f"{port.min:g}", "inf" if port.max is None else f"{port.max:g}"
+    return f"a finite number in [{low}, {high}]{unit}"
+
+
+SAVED = ("signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")
+
+
+def _copied(slave: Slave, build: str) -> dict[str, Any]:
+    return {"build": build, **{name: _copy(getattr(slave, name)) for name in SAVED}}
+
+
+def _copy(value: Any) -> Any:
+    """A copy that shares no list with the original, at most two levels deep."""
+    return [list(v) if isinstance(v, (list, tuple)) else v for v in value] if isinstance(value, (list, tuple)) else value
