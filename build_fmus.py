@@ -1,6 +1,6 @@
-"""Build and validate the FMU of every folder in fmus/ (or of those named) into build/fmus/.
+"""Build and validate the FMU of every folder in fmus/, or of those named, into build/fmus/.
 
-    python build_fmus.py [--out FOLDER] [NAME ...]
+python build_fmus.py [--out FOLDER] [NAME ...]
 """
 
 from __future__ import annotations
@@ -12,27 +12,23 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 
 
-def folders(names: list[str]) -> list[Path]:
-    """Component folders, all or those whose folder name is given."""
-    found = sorted(p.parent for p in (ROOT / "fmus").glob("*/component.py"))
-    unknown = sorted(set(names) - {p.name for p in found})
-    if unknown:
-        raise SystemExit(f"no component {', '.join(unknown)} in fmus/. There are: {', '.join(p.name for p in found)}.")
-    return [p for p in found if not names or p.name in names]
-
-
 def main(arguments: list[str] | None = None) -> int:
-    """Exit code: 0 if every FMU was built and is valid, 1 if not."""
+    """Exit code: 0 if every FMU was built and is valid, 1 if one is not, 2 for an unknown name."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="folder in fmus/")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="folder in fmus/, or name of an FMU")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "fmus", help="where to write them")
     options = parser.parse_args(arguments)
     from fmpy.validation import validate_fmu
 
-    from gapsense.fmi.package import build
+    from gapsense.fmi.package import build, find_components
 
+    try:
+        folders = find_components(ROOT / "fmus", options.names)
+    except FileNotFoundError as error:
+        print(error, file=sys.stderr)
+        return 2
     failures = 0
-    for folder in folders(options.names):
+    for folder in folders:
         path = build(folder, options.out)
         problems = validate_fmu(str(path))
         print(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {'valid' if not problems else 'INVALID'}")

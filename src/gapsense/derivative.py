@@ -8,38 +8,104 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.trace import BOOLEAN, Expr, TraceError, cos, sin, where
+from gapsense.emit import operands
+from gapsense.trace import BOOLEAN, Expr, TraceError, cos, select, sin, where
 
 _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost everywhere
 
 
-def derivative(y: Any, x: Expr, memo: dict[tuple[int, int], Any] | None = None) -> Any:
-    """dy/dx on the same graph (forward mode), for an input `x`; through `cond`, not through `loop`."""
+def derivative(
+    y: Any, x: Expr, memo: dict[tuple[int, int], Any] | None = None, held: frozenset[int] = frozenset()
+) -> Any:
+    """Derivative dy/dx on the same graph, in forward mode; through `cond`, not through `loop`.
+
+    Parameters
+    ----------
+    y : scalar
+        Traced value, or a constant.
+    x : Expr
+        Input, or a value on the way to `y`.
+    memo : dict, optional
+        Derivatives with respect to the same `x` found earlier.
+    held : frozenset of int, optional
+        Numbers (`Expr.id`) of other values that count as constants.
+
+    Returns
+    -------
+    scalar
+        0.0 where `y` does not depend on `x`.
+    """
+    if not isinstance(x, Expr):
+        raise TraceError(f"a derivative with respect to the constant {x!r}; it must be a traced value.")
     if y is x:
         return 1.0
-    if not isinstance(y, Expr) or y.op in _FLAT:
+    if not isinstance(y, Expr) or y.id < x.id or y.id in held:  # what was computed before x cannot depend on it
         return 0.0
     memo = {} if memo is None else memo
-    key = (id(x.tape.region), y.id)
+    key = (id(x.tape.region), y.id)  # in a branch, a derivative may use what is only known there
     if key not in memo:
-        memo[key] = _RULES[y.op](y, lambda a: derivative(a, x, memo))
+        memo[key] = _rule(y, x)(y, lambda a: derivative(a, x, memo, held))
     return memo[key]
 
 
-def _through_cond(y: Expr, d: Callable[[Any], Any]) -> Any:
-    holder = y.args[0]
-    if holder.op != "if":
+def jacobian(functions: Sequence[Any], variables: Sequence[Expr]) -> Any:
+    """Matrix of partial derivatives df/dx, an object array (len(functions), len(variables)).
+
+    The other variables count as constants, also if they were computed from each other; each must be a node of its own.
+    """
+    if len({id(x) for x in variables}) < len(variables):
         raise TraceError(
-            "a derivative through loop() is not supported. Unroll the loop or write the derivative by hand."
+            "two variables of jacobian() are the same traced value: their derivatives cannot be told apart."
         )
-    then, otherwise, *outs = holder.extra
-    for region, out in zip((then, otherwise), outs):
-        out.append(y.tape.inside(region, partial(d, out[y.extra])))
-    return y.tape.node("get", (holder,), len(outs[0]) - 1)
+    held = frozenset(x.id for x in variables if isinstance(x, Expr))
+    memos: list[dict[tuple[int, int], Any]] = [{} for _ in variables]
+    rows = [[derivative(f, x, memo, held) for x, memo in zip(variables, memos)] for f in functions]
+    return np.array(rows, dtype=object)
 
 
-_RULES: dict[str, Callable[[Expr, Callable[[Any], Any]], Any]] = {
-    "get": _through_cond,
+_Rule = Callable[[Expr, Callable[[Any], Any]], Any]
+
+
+def _rule(y: Expr, x: Expr) -> _Rule:
+    if y.op == "var":
+        is_constant = x.op == "var" and y.extra is x.extra  # another variable of the same loop
+    elif (y.op == "get" and y.args[0].op == "loop") or (y.op == "load" and y.args[0].op == "store"):
+        is_constant = not _depends(y, x)
+    else:
+        return _RULES[y.op]
+    if is_constant:
+        return _zero
+    what = "array memory" if y.op == "load" else "loop()"
+    raise TraceError(f"a derivative through {what} is not supported. Unroll it or write the derivative by hand.")
+
+
+def _zero(y: Expr, d: Callable[[Any], Any]) -> float:
+    return 0.0
+
+
+def _depends(y: Expr, x: Expr) -> bool:
+    pending, seen = [y], {y.id}
+    while pending:
+        node = pending.pop()
+        if node is x:
+            return True
+        for value, _ in operands(node, node.tape.root):
+            if isinstance(value, Expr) and value.id >= x.id and value.id not in seen:
+                seen.add(value.id)
+                pending.append(value)
+    return False
+
+
+def _through_branches(y: Expr, d: Callable[[Any], Any]) -> Any:
+    holder = y.args[0]
+    then, otherwise, outs = holder.extra
+    pair = [*outs.values()][y.extra]
+    return select(holder, *(y.tape.inside(region, partial(d, out)) for region, out in zip((then, otherwise), pair)))
+
+
+_RULES: dict[str, _Rule] = {
+    **dict.fromkeys(_FLAT, _zero),
+    "get": _through_branches,
     "+": lambda y, d: d(y.args[0]) + d(y.args[1]),
     "-": lambda y, d: d(y.args[0]) - d(y.args[1]),
     "neg": lambda y, d: -d(y.args[0]),
@@ -54,9 +120,3 @@ _RULES: dict[str, Callable[[Expr, Callable[[Any], Any]], Any]] = {
     "cos": lambda y, d: -d(y.args[0]) * sin(y.args[0]),
     "tanh": lambda y, d: d(y.args[0]) * (1.0 - y * y),
 }
-
-
-def jacobian(functions: Sequence[Any], variables: Sequence[Expr]) -> Any:
-    """Matrix of df/dx, an object array (len(functions), len(variables))."""
-    memos: list[dict[tuple[int, int], Any]] = [{} for _ in variables]
-    return np.array([[derivative(f, x, memo) for x, memo in zip(variables, memos)] for f in functions], dtype=object)

@@ -8,7 +8,7 @@ A kernel module defines named tuples `Parameters`, `State`, `Inputs`, `Outputs` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -17,16 +17,18 @@ from typing import Any
 import numpy as np
 
 from gapsense.emit import C, Graph, Numpy, Python
-from gapsense.records import fields, flat, names, record
-from gapsense.trace import Expr, Tape
+from gapsense.records import fields, flat, names, record, zeros
+from gapsense.trace import Expr, Tape, TraceError
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, type]) -> Graph:
-    """Graph of `function`, called with one symbolic record per argument; it returns one record or a tuple of records."""
+    """Graph of `function`, called with one symbolic record per argument; it returns a record or a tuple of records."""
     tape = Tape()
     symbols = {name: _symbols(tape, cls) for name, cls in arguments.items()}
     result = function(**{name: record(cls, symbols[name]) for name, cls in arguments.items()})
     results = [result] if hasattr(result, "_fields") else list(result)
+    for item in results:
+        _check_memory(function.__name__, item)
     return Graph(
         function.__name__,
         tape,
@@ -38,6 +40,23 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, type]) -> Graph:
 def _symbols(tape: Tape, cls: type) -> list[Expr]:
     kinds = {name: field.kind for name, field in fields(cls).items()}
     return [tape.node("in", (), kinds.get(entry, "scalar")) for entry in names(cls)]
+
+
+def _check_memory(name: str, result: Any) -> None:
+    """Array memory starts as zeros, and stays in its field."""
+    for (entry, field), item in zip(fields(type(result)).items(), result):
+        if field.kind == "memory" and not isinstance(item, Expr) and item != zeros(field.size):
+            raise TraceError(f"`{name}`: array memory `{entry}` must start as zeros({field.size}).")
+    memory = [root for item in result if (root := _memory(item)) is not None]
+    if [root.id for root in memory] != sorted({root.id for root in memory}):
+        raise TraceError(f"`{name}`: array memory must be returned in the field that it came from.")
+
+
+def _memory(item: Any) -> Expr | None:
+    """The input that array memory came from; None for a scalar."""
+    while isinstance(item, Expr) and item.op == "store":
+        item = item.args[0]
+    return item if isinstance(item, Expr) and item.extra == "memory" else None
 
 
 @dataclass(frozen=True)
@@ -62,15 +81,20 @@ class Kernel:
 
     def python(self) -> str:
         """Source of a stdlib-only module with `initial(inputs, par)` and `step(state, inputs, par)` on flat tuples."""
-        return "\n\n".join([Python.head, *(Python(g).source() for g in self.graphs)])
+        return "\n\n".join([f"# {self._origin}\n{Python.head}", *(Python(g).source() for g in self.graphs)])
 
     def numpy(self) -> str:
         """Source of a numpy module with the same functions over N runs; they take one more argument, `runs`."""
-        return "\n\n".join([Numpy.head, *(Numpy(g).source() for g in self.graphs)])
+        return "\n\n".join([f"# {self._origin}\n{Numpy.head}", *(Numpy(g).source() for g in self.graphs)])
 
     def c(self) -> str:
         """C99 source of `<name>_initial` and `<name>_step`."""
-        return "\n".join([C.head, *(C(g._replace(name=f"{self.name}_{g.name}")).source() for g in self.graphs)])
+        functions = [C(g._replace(name=f"{self.name}_{g.name}")).source() for g in self.graphs]
+        return "\n".join([f"/* {self._origin} */\n{C.head}", *functions])
+
+    @property
+    def _origin(self) -> str:
+        return f"Kernel `{self.name}`, generated from {self.module.__name__} by gapsense.emit; do not edit."
 
     @cached_property
     def scalar(self) -> Mapping[str, Any]:
@@ -94,14 +118,19 @@ class Kernel:
         return record(self.module.State, entries[0]), record(self.module.Outputs, entries[1])
 
     def step_batch(self, state: Any, inputs: Any, par: Any, runs: int) -> tuple[Any, Any]:
-        """Flat state and outputs of `runs` runs, arrays (runs,) or scalars that hold for all of them."""
+        """Flat state and outputs of `runs` runs, arrays (runs,) or scalars for all of them; memory changes in place."""
         with np.errstate(all="ignore"):  # both branches of a condition are computed, and one may be meaningless
-            return self.batch["step"](state, inputs, par, runs)  # type: ignore[no-any-return]
+            return self.batch["step"](_arrays(state), _arrays(inputs), _arrays(par), runs)  # type: ignore[no-any-return]
 
     def initial_batch(self, inputs: Any, par: Any, runs: int) -> tuple[Any, Any]:
         """As `step_batch`, at the start."""
         with np.errstate(all="ignore"):
-            return self.batch["initial"](inputs, par, runs)  # type: ignore[no-any-return]
+            return self.batch["initial"](_arrays(inputs), _arrays(par), runs)  # type: ignore[no-any-return]
+
+
+def _arrays(entries: Sequence[Any]) -> list[Any]:
+    """Plain numbers as arrays too: dividing two of them by zero in a branch that no run takes must not be an error."""
+    return [np.asarray(entry, dtype=float) for entry in entries]
 
 
 def _compiled(source: str, name: str) -> dict[str, Any]:

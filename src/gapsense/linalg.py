@@ -1,6 +1,7 @@
 """Small matrices of scalars, traced or not, and the only ways in which this project inverts a covariance.
 
-Arrays have dtype object: products then add up in a fixed order and give the same bits as generated code, which BLAS does not.
+Arrays have dtype object: products then add up in a fixed order and give the same bits as generated code, which BLAS
+does not.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.trace import where
+from gapsense.trace import sqrt, where
 
 
 def vector(items: Sequence[Any]) -> Any:
@@ -48,3 +49,8 @@ def gain(PH: Any, S: Any) -> Any:
     """Kalman gain PH / S of a scalar measurement; zero where S is zero: no information in this direction."""
     is_positive = S > 0.0
     return PH * where(is_positive, 1.0 / where(is_positive, S, 1.0), 0.0)
+
+
+def deviation(variance: Any) -> Any:
+    """Standard deviation; zero where rounding has made the variance negative."""
+    return sqrt(where(variance > 0.0, variance, 0.0))

@@ -1,14 +1,14 @@
 """Layout of the records that kernels take and return: named tuples of scalars, vectors, covariances, memory and tables.
 
-A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`.  `flat`
-and `record` turn a record into the flat sequence that generated code works on and back; of a covariance it holds the upper
-triangle.
+A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`.
+`flat` and `record` turn a record into the flat sequence that generated code works on and back; of a covariance it holds
+the upper triangle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
@@ -26,20 +26,30 @@ class Field(NamedTuple):
 
 Vector = partial(Field, "vector")  # (n,)
 Covariance = partial(Field, "covariance")  # (n, n), symmetric
-Memory = partial(Field, "memory")  # n values that `load` and `store` reach by index
+Memory = partial(Field, "memory")  # n values, zero at the start, that `load` and `store` reach by index
 Table = partial(Field, "table")  # a parameter of any length
 ARRAYS = ("memory", "table")
 
 
 def fields(cls: type) -> dict[str, Field]:
     """Name and layout of every field of a record class, in order."""
+    return _fields(cls)
+
+
+@cache
+def _fields(cls: Any) -> dict[str, Field]:
     hints = get_type_hints(cls, include_extras=True)
-    return {name: next(iter(getattr(hints[name], "__metadata__", ())), Field()) for name in cls._fields}  # type: ignore[attr-defined]
+    return {name: next(iter(getattr(hints[name], "__metadata__", ())), Field()) for name in cls._fields}
 
 
 def names(cls: type) -> list[str]:
     """Names of the flat entries of a record class: `r`, `x_0`, `P_01`, ..."""
-    return [entry for name, field in fields(cls).items() for entry in _entries(name, field)]
+    entries = [entry for name, field in fields(cls).items() for entry in _entries(name, field)]
+    if len(entries) != len(set(entries)):
+        raise ValueError(
+            f"`{cls.__name__}`: a scalar field is called like an entry of a vector or covariance; rename it."
+        )
+    return entries
 
 
 def _entries(name: str, field: Field) -> list[str]:
@@ -83,3 +93,25 @@ def _take(field: Field, rest: Iterator[Any]) -> Any:
             P[i, j] = P[j, i] = next(rest)
         return P
     return next(rest)
+
+
+def zeros(size: int) -> list[float]:
+    """Array memory of `size` zeros."""
+    return [0.0] * size
+
+
+def flatten(value: Any) -> list[Any]:
+    """Scalars of any nested structure of tuples, lists and arrays, in order."""
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return [scalar for item in value for scalar in flatten(item)]
+    return [value]
+
+
+def rebuild(like: Any, scalars: Iterator[Any]) -> Any:
+    """The structure of `like` filled with `scalars`."""
+    if isinstance(like, np.ndarray):
+        return np.array([*(rebuild(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
+    if isinstance(like, (tuple, list)):
+        items = [rebuild(item, scalars) for item in like]
+        return like._make(items) if hasattr(like, "_make") else type(like)(items)
+    return next(scalars)

@@ -1,12 +1,16 @@
 """Trace a kernel written as plain numpy code into an expression graph.
 
-A kernel runs on Python floats as it stands.  Run on `Expr` values (in numpy object arrays where it uses matrices) the same
-lines record what they compute: matrix products unroll, structural zeros and ones vanish, common subexpressions are shared.
-`emit.py` prints the graph as scalar Python, as numpy code over N runs, or as C99.  The order of operations is kept, so that
-source, scalar Python and C give the same bits (up to the sign of a zero, and as long as no operand is infinite or NaN).
+A kernel runs on Python floats as it stands.  Run on `Expr` values (in numpy object arrays where it uses matrices) the
+same lines record what they compute: matrix products unroll, structural zeros and ones vanish, common subexpressions are
+shared.  `emit.py` prints the graph as scalar Python, as numpy code over N runs, or as C99.  The order of operations is
+kept: source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
 
-Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`, `loop`);
-no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
+Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`,
+`loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
+
+An `Expr` is a node: operation and operands.  A `Region` lists the nodes of the function, of a branch or of a loop body;
+they may use those of enclosing regions.  `cond` and `loop` are nodes whose `extra` holds inner regions and what these
+return; `get` nodes pick one returned value each.
 """
 
 from __future__ import annotations
@@ -14,13 +18,19 @@ from __future__ import annotations
 import math
 import sys
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gapsense.records import flatten, rebuild
+from gapsense.records import zeros as zeros
+
 BOOLEAN = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "not")
 UNARY = ("sqrt", "log", "exp", "fabs", "floor", "sin", "cos", "tanh")
+ARITHMETIC = ("+", "-", "*", "/", "neg")
+_PASSED_OVER = (__file__, str(Path(np.__file__).parent))  # files that an error does not point at
 
 
 class TraceError(TypeError):
@@ -38,12 +48,12 @@ class Region:
 
 
 class Tape:
-    """One tracing run: the open regions and the count of nodes."""
+    """One tracing run: the open region and the count of nodes."""
 
     def __init__(self) -> None:
-        self.root = Region()
-        self.region = self.root
+        self.root = self.region = Region()
         self.count = 0
+        self.overwritten: set[int] = set()  # array memory as it was before a `store`
 
     def node(self, op: str, args: tuple[Any, ...], extra: Any = None) -> Expr:
         """Append a node that is not shared."""
@@ -73,17 +83,17 @@ class Tape:
             self.region = outer
 
 
-def _operator(operation: Callable[[Any, Any], Any], swapped: bool = False) -> Callable[[Expr, Any], Any]:
-    def method(self: Expr, other: Any) -> Any:
+def _operator(op: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
+    def method(self: Any, other: Any) -> Any:
         if isinstance(other, np.ndarray):
             return NotImplemented  # numpy then works element by element
-        return operation(other, self) if swapped else operation(self, other)
+        return _binary(op, other, self) if swapped else _binary(op, self, other)
 
     return method
 
 
 class Expr:
-    """A traced scalar: an operation on other scalars."""
+    """A traced scalar (or array memory): an operation on other scalars."""
 
     __slots__ = ("args", "extra", "id", "op", "tape")
 
@@ -92,47 +102,52 @@ class Expr:
         tape.count += 1
 
     __hash__ = object.__hash__
-    __add__ = __radd__ = _operator(lambda a, b: _add(a, b))
-    __sub__, __rsub__ = _operator(lambda a, b: _sub(a, b)), _operator(lambda a, b: _sub(a, b), swapped=True)
-    __mul__ = __rmul__ = _operator(lambda a, b: _mul(a, b))
-    __truediv__, __rtruediv__ = _operator(lambda a, b: _div(a, b)), _operator(lambda a, b: _div(a, b), swapped=True)
-    __lt__, __le__ = _operator(lambda a, b: _make("<", a, b)), _operator(lambda a, b: _make("<=", a, b))
-    __gt__, __ge__ = _operator(lambda a, b: _make(">", a, b)), _operator(lambda a, b: _make(">=", a, b))
-    __eq__ = _operator(lambda a, b: _make("==", a, b))  # type: ignore[assignment]
-    __ne__ = _operator(lambda a, b: _make("!=", a, b))  # type: ignore[assignment]
-    __and__ = __rand__ = _operator(lambda a, b: _logic("and", a, b))
-    __or__ = __ror__ = _operator(lambda a, b: _logic("or", a, b))
-
-    def __neg__(self) -> Expr:
-        return _make("neg", self)
+    __add__ = __radd__ = _operator("+")
+    __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
+    __mul__ = __rmul__ = _operator("*")
+    __truediv__, __rtruediv__ = _operator("/"), _operator("/", swapped=True)
+    __lt__, __le__, __gt__, __ge__ = map(_operator, BOOLEAN[:4])
+    __eq__, __ne__ = map(_operator, BOOLEAN[4:6])
+    __and__ = __rand__ = _operator("and")
+    __or__ = __ror__ = _operator("or")
+    __neg__ = lambda self: _make("neg", self)  # noqa: E731
+    __abs__ = lambda self: _make("fabs", self)  # noqa: E731
 
     def __pow__(self, exponent: Any) -> Any:
-        raise TraceError(
-            f"{_place()}: `**` is not traced, because C and Python round it differently. Use square(x) or x * x."
-        )
+        raise _error("`**` is not traced, because C and Python round it differently. Use square(x) or x * x.")
 
     def __bool__(self) -> bool:
-        raise TraceError(
-            f"{_place()}: `if`, `and`, `or` or `not` on a traced value. Use where(), cond(), loop(), & or |."
-        )
+        raise _error("`if`, `and`, `or` or `not` on a traced value. Use where(), cond(), loop(), & or |.")
 
-    def __float__(self) -> float:
-        raise TraceError(f"{_place()}: a traced value is turned into a float. Use the operations of gapsense.trace.")
+    def __float__(self) -> Any:
+        raise _error("a traced value is turned into a number or an index. Use the operations of gapsense.trace.")
+
+    __rpow__, __int__, __index__ = __pow__, __float__, __float__
 
 
-def _place() -> str:
-    """File, line and function of the kernel: the nearest caller that is neither this file nor numpy."""
-    frame = sys._getframe(2)
-    while frame.f_back and (
-        frame.f_code.co_filename == __file__ or "numpy" in frame.f_code.co_filename.split("site-packages")[-1]
-    ):
+def _error(message: str) -> TraceError:
+    """The error, with the place in the kernel: the nearest caller that is neither this file nor numpy."""
+    frame = sys._getframe(1)
+    while frame.f_back and frame.f_code.co_filename.startswith(_PASSED_OVER):
         frame = frame.f_back
-    return f"{frame.f_code.co_filename}:{frame.f_lineno}, in {frame.f_code.co_name}"
+    return TraceError(f"{frame.f_code.co_filename}:{frame.f_lineno}, in {frame.f_code.co_name}: {message}")
 
 
 def _key(value: Any) -> Any:
-    """What makes a scalar the same as another: its node, or its number with the sign of a zero."""
-    return value.id if isinstance(value, Expr) else (float(value), math.copysign(1.0, value))
+    """What makes a scalar the same as another: its node, or its number with type and sign of a zero."""
+    return value.id if isinstance(value, Expr) else (type(value) is bool, float(value), math.copysign(1.0, value))
+
+
+def _scalar(value: Any) -> Any:
+    """An operand: a node, a truth value or a float."""
+    if isinstance(value, Expr):
+        if value.id not in value.tape.overwritten:
+            return value
+        raise _error("array memory is used after a store(). Use what store() returned.")
+    try:
+        return bool(value) if isinstance(value, (bool, np.bool_)) else float(value)
+    except (TypeError, ValueError):
+        raise _error(f"a scalar is needed here, not `{type(value).__name__}`.") from None
 
 
 def is_traced(*values: Any) -> bool:
@@ -145,50 +160,44 @@ def _tape(*values: Any) -> Tape:
 
 
 def _make(op: str, *args: Any, extra: Any = None) -> Any:
-    return _tape(*args).shared(op, tuple(a if isinstance(a, Expr) else float(a) for a in args), extra)
+    if op in ARITHMETIC and any(isinstance(a, Expr) and a.op in BOOLEAN for a in args):
+        raise _error("arithmetic on a truth value. Use where(c, 1.0, 0.0).")
+    return _tape(*args).shared(op, tuple(map(_scalar, args)), extra)
 
 
 def _is(value: Any, number: float) -> bool:
     return not isinstance(value, Expr) and value == number
 
 
-def _commute(op: str, a: Any, b: Any) -> Expr:
-    return _make(op, b, a) if isinstance(a, Expr) and isinstance(b, Expr) and a.id > b.id else _make(op, a, b)
-
-
-def _add(a: Any, b: Any) -> Any:
-    return b if _is(a, 0.0) else a if _is(b, 0.0) else _commute("+", a, b)
-
-
-def _sub(a: Any, b: Any) -> Any:
-    return a if _is(b, 0.0) else _make("neg", b) if _is(a, 0.0) else _make("-", a, b)
-
-
-def _mul(a: Any, b: Any) -> Any:
-    for x, y in ((a, b), (b, a)):
-        if _is(x, 0.0):
-            return 0.0
-        if _is(x, 1.0) or _is(x, -1.0):
-            return y if x == 1.0 else _make("neg", y)
-    return _commute("*", a, b)
-
-
-def _div(a: Any, b: Any) -> Any:
-    return 0.0 if _is(a, 0.0) else a if _is(b, 1.0) else _make("/", a, b)
-
-
-def _logic(op: str, a: Any, b: Any) -> Any:
-    for x, y in ((a, b), (b, a)):
-        if not isinstance(x, Expr):
-            return y if bool(x) is (op == "and") else bool(x)
+def _binary(op: str, a: Any, b: Any) -> Any:
+    """`a op b`, without what a zero or a one makes superfluous; the operands of a sum or product in a fixed order."""
+    if op in ("and", "or"):
+        return _logic(op, a, b)
+    if (op == "+" and _is(a, 0.0)) or (op == "*" and _is(a, 1.0)):
+        return b
+    if (op in ("+", "-") and _is(b, 0.0)) or (op in ("*", "/") and _is(b, 1.0)):
+        return a
+    if (op in ("*", "/") and _is(a, 0.0)) or (op == "*" and _is(b, 0.0)):
+        return 0.0
+    if op == "*" and _is(b, -1.0):
+        a, b = b, a
+    if (op == "-" and _is(a, 0.0)) or (op == "*" and _is(a, -1.0)):
+        return _make("neg", b)
+    if op in ("+", "*") and is_traced(a) and is_traced(b) and a.id > b.id:
+        a, b = b, a
     return _make(op, a, b)
 
 
-def _unary(name: str) -> Callable[[Any], Any]:
-    evaluate = getattr(math, name)
+def _logic(op: str, a: Any, b: Any) -> Any:
+    constant, other = (b, a) if isinstance(a, Expr) else (a, b)
+    if isinstance(constant, Expr):
+        return _make(op, a, b)
+    return other if bool(constant) is (op == "and") else bool(constant)
 
+
+def _unary(name: str) -> Callable[[Any], Any]:
     def function(x: Any) -> Any:
-        return _make(name, x) if isinstance(x, Expr) else float(evaluate(x))
+        return _make(name, x) if isinstance(x, Expr) else float(getattr(math, name)(x))
 
     function.__name__, function.__doc__ = name, f"`{name}` of a scalar, traced or not."
     return function
@@ -209,9 +218,7 @@ def not_(c: Any) -> Any:
 
 def where(c: Any, a: Any, b: Any) -> Any:
     """`a` if `c` else `b`; both are computed, so both must be harmless."""
-    if a is b or not isinstance(c, Expr):
-        return a if a is b or c else b
-    return _make("where", c, a, b)
+    return _make("where", c, a, b) if isinstance(c, Expr) and a is not b else b if a is b or not c else a
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
@@ -220,27 +227,22 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 
 
 def load(array: Any, index: Any, shift: int = 0) -> Any:
-    """Element `index + shift` of a table or of array memory; `index` is a whole number."""
-    if isinstance(array, Expr):
-        return _make("load", array, index, extra=shift)
-    return array[int(index) + shift]
+    """Element `index + shift` of a table or of array memory; `index` is a whole number, and inside."""
+    if not isinstance(array, Expr):
+        return array[int(index) + shift]
+    return _make("load", array, index, extra=shift)
 
 
 def store(array: Any, index: Any, value: Any) -> Any:
-    """Array memory with element `index` set, in place.  Not inside `cond` or `loop`: send idle writes to a spare element."""
-    if isinstance(array, Expr):
-        if array.tape.region is not array.tape.root:
-            raise TraceError(
-                f"{_place()}: store() inside cond() or loop(). Store outside, with a spare index when idle."
-            )
-        return array.tape.node("store", (array, index, value))
-    array[int(index)] = value
-    return array
-
-
-def zeros(size: int) -> list[float]:
-    """Array memory of `size` zeros."""
-    return [0.0] * size
+    """Array memory with element `index` set in place.  Not in `cond` or `loop`: idle writes go to a spare element."""
+    if not isinstance(array, Expr):
+        array[int(index)] = value
+        return array
+    if array.tape.region is not array.tape.root:
+        raise _error("store() inside cond() or loop(). Store outside, with a spare index when idle.")
+    node = array.tape.node("store", tuple(map(_scalar, (array, index, value))))
+    array.tape.overwritten.add(array.id)
+    return node
 
 
 def locate(table: Any, x: Any) -> Any:
@@ -250,80 +252,49 @@ def locate(table: Any, x: Any) -> Any:
     return min(max(bisect_left(table, x) - 1, 0), len(table) - 2)
 
 
-def flatten(value: Any) -> list[Any]:
-    """Scalars of a nested structure of tuples, lists and arrays, in order."""
-    if isinstance(value, (tuple, list, np.ndarray)):
-        return [scalar for item in value for scalar in flatten(item)]
-    return [value]
-
-
-def rebuild(like: Any, scalars: Iterator[Any]) -> Any:
-    """The structure of `like` filled with `scalars`."""
-    if isinstance(like, np.ndarray):
-        return np.array([*(rebuild(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
-    if isinstance(like, (tuple, list)):
-        items = [rebuild(item, scalars) for item in like]
-        return like._make(items) if hasattr(like, "_make") else type(like)(items)
-    return next(scalars)
-
-
 def cond(c: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
     """`then()` if `c` else `otherwise()`, a real branch; both return the same structure of scalars."""
     if not isinstance(c, Expr):
         return then() if c else otherwise()
-    tape, regions, branches = c.tape, [], []
-    for function in (then, otherwise):
-        regions.append(Region(tape.region))
-        branches.append(tape.inside(regions[-1], function))
-    outs = [flatten(b) for b in branches]
-    if len(outs[0]) != len(outs[1]):
-        raise TraceError(
-            f"{_place()}: the branches of cond() return {len(outs[0])} and {len(outs[1])} values; they must match."
-        )
-    node = tape.node("if", (c,), (*regions, [], []))
-    for region in regions:
-        region.owner = node.id
-    merged: dict[Any, Any] = {}
+    tape = c.tape
+    regions = Region(tape.region), Region(tape.region)
+    results = [tape.inside(region, branch) for region, branch in zip(regions, (then, otherwise))]
+    a, b = ([_scalar(value) for value in flatten(result)] for result in results)
+    if len(a) != len(b):
+        raise _error(f"the branches of cond() return {len(a)} and {len(b)} values; they must match.")
+    node = tape.node("if", (c,), (*regions, {}))
+    regions[0].owner = regions[1].owner = node.id
+    return rebuild(results[0], iter([select(node, x, y) for x, y in zip(a, b)]))
 
-    def merge(a: Any, b: Any) -> Any:
-        key = _key(a), _key(b)
-        if key not in merged:
-            node.extra[2].append(a)
-            node.extra[3].append(b)
-            merged[key] = a if key[0] == key[1] else tape.node("get", (node,), len(node.extra[2]) - 1)
-        return merged[key]
 
-    return rebuild(branches[0], map(merge, *outs))
+def select(node: Expr, a: Any, b: Any) -> Any:
+    """Value that the `if` node takes from its branches: `a` from the first, `b` from the second."""
+    key = _key(a), _key(b)
+    if key[0] == key[1]:
+        return a
+    node.extra[2].setdefault(key, (a, b))
+    return node.tape.shared("get", (node,), [*node.extra[2]].index(key))
 
 
 def loop(limit: int, body: Callable[..., tuple[Any, Any]], state: Sequence[Any]) -> tuple[Any, ...]:
-    """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` is a flat sequence of scalars."""
-    start = tuple(state)
-    for _ in range(limit):
-        if is_traced(*start):
-            return _traced_loop(_tape(*start), limit, body, start)
-        new, stop = body(*start)
-        if is_traced(*new, stop):
-            return _traced_loop(_tape(*new, stop), limit, body, start)
-        start, limit = tuple(new), limit - 1
+    """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` is a flat row of scalars."""
+    state = tuple(state)
+    for done in range(limit):
+        new, stop = body(*state)  # traced, this leaves what is the same in every round before the loop
+        if is_traced(*state, *new, stop):
+            return _traced_loop(_tape(*state, *new, stop), limit - done, body, state)
+        state = tuple(new)
         if stop:
             break
-    return start
+    return state
 
 
-def _traced_loop(
-    tape: Tape, limit: int, body: Callable[..., tuple[Any, Any]], start: tuple[Any, ...]
-) -> tuple[Any, ...]:
+def _traced_loop(tape: Tape, limit: int, body: Callable[..., Any], start: tuple[Any, ...]) -> tuple[Any, ...]:
     region = Region(tape.region)
-
-    def trace_body() -> Any:
-        variables = tuple(tape.node("var", ()) for _ in start)
-        return variables, *body(*variables)
-
-    variables, new, stop = tape.inside(region, trace_body)
-    node = tape.node(
-        "loop",
-        tuple(s if isinstance(s, Expr) else float(s) for s in start),
-        (region, variables, tuple(new), stop, limit),
-    )
+    variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in start))
+    new, stop = tape.inside(region, lambda: body(*variables))
+    if len(new) != len(start):
+        raise _error(f"the body of loop() returns {len(new)} values for a state of {len(start)}; they must match.")
+    inner = (region, variables, tuple(map(_scalar, new)), _scalar(stop), limit)
+    node = tape.node("loop", tuple(map(_scalar, start)), inner)
     return tuple(tape.node("get", (node,), k) for k in range(len(start)))

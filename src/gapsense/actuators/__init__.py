@@ -1,0 +1,1 @@
+"""Reference models of actuators, and the physics they share."""

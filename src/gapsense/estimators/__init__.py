@@ -1,0 +1,1 @@
+"""Estimators: one algorithm per module, each a kernel."""

@@ -1,8 +1,9 @@
 """Integral estimator: flux linkage by integration, resistance recalculated at the start of each operation.
 
-Algorithm 2 of [SEMERA], with the reset before the first energised sample is added: in the printed order that sample would
-fall into the old operation.  With `offline` the resistance of an operation is known when it has ended; its samples are then
-published while the next operation goes on, each with its own time.
+Algorithm 2 of [SEMERA], with the reset before the first energised sample is added: in the printed order that sample
+would fall into the old operation.  With `offline` the resistance of an operation is known when it has ended; its
+samples are then published while the next operation goes on, each with its own time: at most `LENGTH` of them, and not
+more than the next operation has.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ class State(NamedTuple):
     half: Scalar  # half of the memory that is written: 0 or 1
     last_count: Scalar  # samples of the operation being replayed
     last_start: Scalar  # time of the sample before it [s]
+    before: Scalar  # current of the sample before the running operation [A]
+    last_before: Scalar  # current of the sample before the one being replayed [A]
     voltage_sums: Annotated[Array, Memory(2 * LENGTH + 1)]
     current_sums: Annotated[Array, Memory(2 * LENGTH + 1)]
     currents: Annotated[Array, Memory(2 * LENGTH + 1)]
@@ -68,9 +71,9 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
-    r, l, flux_linkage = par.prior_resistance, par.prior_inductance, par.prior_flux_linkage
+    r, l, flux_linkage, i = par.prior_resistance, par.prior_inductance, par.prior_flux_linkage, inputs.current
     memory = (zeros(2 * LENGTH + 1), zeros(2 * LENGTH + 1), zeros(2 * LENGTH + 1))
-    state = State(r, 0.0, 0.0, 0.0, inputs.current, inputs.voltage, inputs.time, 0.0, 0.0, inputs.time, *memory)
+    state = State(r, 0.0, 0.0, 0.0, i, inputs.voltage, inputs.time, 0.0, 0.0, inputs.time, i, i, *memory)
     return state, Outputs(r, l, flux_linkage, 0.0, 1.0 - par.offline, inputs.time)
 
 
@@ -91,24 +94,33 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     currents = store(state.currents, slot, i)
     last_count = where(is_edge, where(state.count < LENGTH, state.count, LENGTH), state.last_count)
     last_start = where(is_edge, state.start, state.last_start)
+    before = where(is_edge, state.current, state.before)
+    last_before = where(is_edge, state.before, state.last_before)
 
     online = _estimates(su, si, i, state.current, r, 1.0, inputs.time, par)
     is_replayed = count <= last_count
     k = where(is_replayed, (1.0 - half) * LENGTH + count - 1.0, SPARE)
     k_prev = where(is_replayed & (count > 1.0), k - 1.0, SPARE)
-    i_then, i_before = load(currents, k), where(count > 1.0, load(currents, k_prev), 0.0)
-    replayed = where(is_replayed, 1.0, 0.0)
     then = last_start + where(is_replayed, count, last_count) * dt
-    offline = _estimates(load(voltage_sums, k), load(current_sums, k), i_then, i_before, r, replayed, then, par)
+    offline = _estimates(
+        where(is_replayed, load(voltage_sums, k), 0.0),
+        where(is_replayed, load(current_sums, k), 0.0),
+        load(currents, k),
+        where(count > 1.0, load(currents, k_prev), last_before),
+        r,
+        where(is_replayed, 1.0, 0.0),
+        then,
+        par,
+    )
 
     is_offline = par.offline > 0.0
     outputs = Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
-    state = State(r, su, si, count, i, u, start, half, last_count, last_start, voltage_sums, current_sums, currents)
-    return state, outputs
+    scalars = (r, su, si, count, i, u, start, half, last_count, last_start, before, last_before)
+    return State(*scalars, voltage_sums, current_sums, currents), outputs
 
 
 def _mean_resistance(state: State, par: Parameters) -> Scalar:
-    """Ratio (47) of the ended operation; what it was before if the current cannot be told from noise: that ratio is 0/0."""
+    """Ratio (47) of the ended operation; the value before where the current is but noise: the ratio is 0/0 then."""
     band = par.gate_sigmas * par.noise_current * sqrt(state.count)
     is_known = fabs(state.current_sum) > band
     return where(is_known, state.voltage_sum / where(is_known, state.current_sum, 1.0), state.resistance)

@@ -1,17 +1,17 @@
 """SEMERA: resistance, inductance and flux linkage of a reluctance actuator from its voltage and current.
 
 Algorithm 1 of [SEMERA].  State x = (r_k, l_k, l_(k-1)); process: r constant, l linear in time; observation: backward
-difference of v = r i + d(l i)/dt.  It needs no model of the device.  Samples whose current cannot be told from noise are of
-low quality: the estimates then follow the expert rule (r held, l of the resting device).
+difference of v = r i + d(l i)/dt.  It needs no model of the device.  Samples whose current cannot be told from noise
+are of low quality: the estimates then follow the expert rule (r held, l of the resting device).
 """
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.linalg import diagonal, gain, identity, matrix, outer, symmetric, vector
+from gapsense.linalg import deviation, diagonal, gain, identity, matrix, outer, symmetric, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
-from gapsense.trace import cond, fabs, sqrt, square, where
+from gapsense.trace import cond, fabs, square, where
 
 
 class Parameters(NamedTuple):
@@ -86,7 +86,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     r = where(is_high, x[0], state.resistance)  # lines 14 and 15
     l = where(is_high, x[1], par.prior_inductance)
-    outputs = _outputs(inputs, par, r, l, where(is_high, 1.0, 0.0), P, innovation, sqrt(S))
+    outputs = _outputs(inputs, par, r, l, where(is_high, 1.0, 0.0), P, innovation, deviation(S))
 
     F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
     Q = diagonal([square(par.process_resistance_rate * dt), square(par.process_inductance_acceleration * dt * dt), 0.0])
@@ -128,8 +128,8 @@ def _outputs(
         inductance=l,
         flux_linkage=flux_linkage,
         quality=quality,
-        resistance_std=sqrt(P[0, 0]),
-        inductance_std=sqrt(P[1, 1]),
+        resistance_std=deviation(P[0, 0]),
+        inductance_std=deviation(P[1, 1]),
         innovation=innovation,
         innovation_std=innovation_std,
         flux=where(has_turns, flux_linkage / N, 0.0),

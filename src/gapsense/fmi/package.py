@@ -9,6 +9,7 @@ import shutil
 import sys
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from uuid import UUID
 from xml.etree import ElementTree
@@ -46,6 +47,18 @@ from .slave import Slave
 class {name}(Slave):
     component, kernel, build = table.COMPONENT, kernel, "{build}"
 '''
+
+
+def find_components(root: Path, names: Sequence[str] = ()) -> list[Path]:
+    """Component folders below `root`, all or those named (by folder or by FMU, in any case)."""
+    found = {p.parent.name: p.parent for p in sorted(root.glob("*/component.py"))}
+    if not found:
+        raise FileNotFoundError(f"{root}: no component in this folder. Run it in a checkout of Gapsense.")
+    known = {name.replace("_", "").lower(): folder for name, folder in found.items()}
+    unknown = [n for n in names if n.replace("_", "").lower() not in known]
+    if unknown:
+        raise FileNotFoundError(f"no component {', '.join(unknown)} in {root}. There are: {', '.join(found)}.")
+    return [known[n.replace("_", "").lower()] for n in names] if names else list(found.values())
 
 
 def load_component(folder: Path) -> Component:
@@ -99,7 +112,7 @@ def check_records(component: Component, kernel: Kernel) -> None:
 
 
 def _parameter_fields(field: str, columns: tuple[str, ...]) -> list[str]:
-    return [f"{field}_{c.replace('integral:', 'integral_')}" for c in columns] or [field]
+    return [f"{field}_{c.partition(':')[0]}" for c in columns] or [field]
 
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:

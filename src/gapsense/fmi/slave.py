@@ -241,7 +241,7 @@ class Slave(Fmi2Slave):
             tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
         except (OSError, ValueError) as error:
             raise Refusal(f"`{port.name}`: {error}") from error
-        return {f"{port.field}_{c.replace('integral:', 'integral_')}": t for c, t in zip(port.columns, tables)}
+        return {f"{port.field}_{c.partition(':')[0]}": t for c, t in zip(port.columns, tables)}
 
     # --- saving the state: all of it ---
 

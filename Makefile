@@ -1,0 +1,52 @@
+# make demo | test | fast | slow | bench: each sets up .venv and builds the FMUs first.  PYTHON=python3.12 chooses another Python.
+PYTHON ?= python3
+BIN := .venv/bin
+SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test fast lint types unit scenarios slow bench fmus clean
+
+demo: fmus
+	$(BIN)/gapsense run scenarios/semera_valve
+	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
+	$(BIN)/gapsense figure scenarios/semera_valve
+
+test: lint types fmus unit scenarios
+
+fast: fmus
+	$(BIN)/pytest -q -n 2 -m "not slow" -x
+
+lint: .venv/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/installed
+	$(BIN)/mypy
+
+unit: fmus
+	$(BIN)/pytest -q -n 2 -m "not slow"
+
+scenarios: fmus
+	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
+
+slow: fmus
+	$(BIN)/pytest -q -m slow
+
+bench: fmus
+	$(INSTALL) --editable '.[dev,peers]'
+	$(BIN)/python benchmarks/runner.py
+
+fmus: build/fmus/.built
+
+build/fmus/.built: .venv/installed $(SOURCES)
+	$(BIN)/python build_fmus.py
+	@touch $@
+
+.venv/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "$(PYTHON) is older than 3.10. Name another one: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(INSTALL) --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf .venv build results

@@ -1,0 +1,99 @@
+"""Magnetic equivalent circuit of one coil: gap laws, saturating core, current, force and energy.
+
+The laws are defined for every flux linkage and every gap, because a trial stage of an integrator may lie beyond
+saturation or slightly beyond a stop.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from gapsense.records import Array, Scalar
+from gapsense.trace import cond, fabs, load, locate, log, square, where
+
+MU_0 = 4e-7 * math.pi  # [H/m]
+SATURATED = 0.999  # |lambda| / lambda_sat from which the core reluctance stays constant
+SMALLEST_GAP = 1e-12  # below it there is no fringing [m]
+
+
+class Circuit(NamedTuple):
+    """Coil, gap and core; made once per step, outside the loops, so that its values are computed once."""
+
+    turns: Scalar  # N [1]
+    is_table: Scalar  # gap law from the table
+    is_fringing: Scalar  # gap law with fringing; the linear one if neither
+    slope: Scalar  # k_air of the linear law [1/(H m)]
+    unfringed: Scalar  # r0 = 1/(mu0 A), slope of the gap reluctance without fringing [1/(H m)]
+    fringing: Scalar  # k = 1/sqrt(A) [1/m]
+    window: Scalar  # 2 G, twice the length along which the fringing flux bulges [m]
+    table_gap: Array  # increasing [m]
+    table_reluctance: Array  # [1/H]
+    table_slope: Array  # [1/(H m)]
+    core_reluctance: Scalar  # R_iron0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+
+
+def gap_law(h: Scalar, c: Circuit) -> Any:
+    """Reluctance of the gap `h` [1/H], and its derivative by the gap [1/(H m)]."""
+    # the linear law comes last: over many runs at once the last branch is always computed, and the table may be empty
+    return cond(
+        c.is_table,
+        lambda: _table(h, c),
+        lambda: cond(c.is_fringing, lambda: fringing(h, c.unfringed, c.fringing, c.window), lambda: _linear(h, c)),
+    )
+
+
+def _linear(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
+    """First term of (50)."""
+    return c.slope * h, c.slope
+
+
+def fringing(h: Scalar, r0: Scalar, k: Scalar, window: Scalar) -> tuple[Scalar, Scalar]:
+    """R = r0 h / (1 + k h ln(2G/h)) and dR/dh = r0 (1 + k h) / (1 + k h ln(2G/h))^2, with `window` = 2G.
+
+    Continued by r0 h below zero, and above 2G, where the logarithm changes its sign.
+    """
+    has_fringes = (h > SMALLEST_GAP) & (h < window)
+    z = where(has_fringes, h, window)
+    widening = 1.0 + k * z * log(window / z)
+    return r0 * h / widening, r0 * where(has_fringes, 1.0 + k * z, 1.0) / (widening * widening)
+
+
+def _table(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
+    """Linear interpolation of both columns, and extrapolation at both ends."""
+    k = locate(c.table_gap, h)
+    left = load(c.table_gap, k)
+    t = (h - left) / (load(c.table_gap, k, 1) - left)
+    R, R_next = load(c.table_reluctance, k), load(c.table_reluctance, k, 1)
+    slope, slope_next = load(c.table_slope, k), load(c.table_slope, k, 1)
+    return R + t * (R_next - R), slope + t * (slope_next - slope)
+
+
+def core_law(lam: Scalar, c: Circuit) -> Scalar:
+    """Reluctance of the core by Froehlich and Kennelly [1/H], second term of (50).
+
+    From 0.999 of saturation it is constant: positive, continuous, and the law never comes near its pole.
+    """
+    x = fabs(lam) / c.core_saturation
+    return c.core_reluctance / where(x < SATURATED, 1.0 - x, 1.0 - SATURATED)
+
+
+def current(lam: Scalar, R: Scalar, c: Circuit) -> Scalar:
+    """Current [A] by Hopkinson's law, (49)."""
+    return lam / c.turns * R / c.turns
+
+
+def force(lam: Scalar, slope: Scalar, c: Circuit) -> Scalar:
+    """Magnetic force along the gap [N], (53): negative, it closes the gap."""
+    flux = lam / c.turns
+    return -0.5 * (flux * flux) * slope
+
+
+def energy(lam: Scalar, gap_reluctance: Scalar, c: Circuit) -> Scalar:
+    """Energy of the magnetic field [J], the integral of (49) over the flux linkage at a fixed gap."""
+    x = fabs(lam) / c.core_saturation
+    y = where(x < SATURATED, x, SATURATED)
+    saturable = -y - log(1.0 - y) + 0.5 * (square(x) - square(y)) / (1.0 - SATURATED)
+    core = square(c.core_saturation / c.turns) * c.core_reluctance * saturable
+    return 0.5 * square(lam / c.turns) * gap_reluctance + core

@@ -1,0 +1,75 @@
+"""Parameter sets of the actuators, and the gap table of [UKF]."""
+
+from __future__ import annotations
+
+import math
+
+from gapsense.actuators.magnetics import MU_0, fringing
+from gapsense.actuators.solenoid_valve import Parameters
+
+GAP_AREA = 1.75e-5  # A of the fringing law [m^2], papers.md on [UKF]
+GAP_WINDOW = 10e-3  # G [m]
+
+
+def fringing_table(
+    points: int = 19, largest: float = 0.9e-3, area: float = GAP_AREA, window: float = GAP_WINDOW
+) -> tuple[list[float], list[float], list[float]]:
+    """Gaps from 0 to `largest` [m], reluctances [1/H] and their derivatives [1/(H m)] of the fringing law.
+
+    [UKF] has 19 points, from a finite-element model that is not printed; this law stands in for it.
+    """
+    gaps = [largest * k / (points - 1) for k in range(points)]
+    laws = [fringing(h, 1.0 / (MU_0 * area), 1.0 / math.sqrt(area), 2.0 * window) for h in gaps]
+    return gaps, [R for R, _ in laws], [slope for _, slope in laws]
+
+
+_GAPS, _RELUCTANCES, _SLOPES = fringing_table()
+
+# The solenoid valve of [SEMERA] Table I.  Its resistance is not printed: Table III's 1.5 ohm is |r - 77.5 ohm|.
+VALVE = Parameters(
+    coil_resistance=76.0,
+    coil_turns=1200.0,
+    gap_law=0.0,
+    gap_slope=2.7e10,
+    gap_area=GAP_AREA,
+    gap_window=GAP_WINDOW,
+    gap_file_gap=_GAPS,
+    gap_file_reluctance=_RELUCTANCES,
+    gap_file_slope=_SLOPES,
+    core_reluctance=3.25e6,
+    core_saturation=0.024,
+    mover_mass=1.6e-3,
+    spring_stiffness=37.0,
+    spring_rest=22.5e-3,
+    damping=0.4,
+    stop_lower=0.0,
+    stop_upper=0.9e-3,
+    initial_position=0.9e-3,
+    micro_step=12.5e-6,
+)
+
+# INVENTED: [SEMERA] prints only the filter parameters of its relay (Table V: 1560 ohm, 1 H).  These are plausible
+# values of a power relay that is operated at 30 V.  Its armature is pivoted and reflected to the pole face, 12 mm from
+# the pivot: the mass is J/r^2 with J = 2.0e-7 kg m^2 (an armature of about 4 g), stiffness and damping are those about
+# the pivot divided by r^2.  Coil of 8000 turns on a core of 4 mm diameter that saturates at 1.6 T; the gap slope is
+# 1/(mu0 A) of a pole face of 4.2 mm diameter; 0.05 mm of residual gap keep the armature from sticking.
+_RELAY_AREA = 1.385e-5
+_RELAY_GAPS, _RELAY_RELUCTANCES, _RELAY_SLOPES = fringing_table(area=_RELAY_AREA)
+RELAY = VALVE._replace(
+    coil_resistance=1560.0,
+    coil_turns=8000.0,
+    gap_slope=5.74e10,
+    gap_area=_RELAY_AREA,
+    gap_file_gap=_RELAY_GAPS,
+    gap_file_reluctance=_RELAY_RELUCTANCES,
+    gap_file_slope=_RELAY_SLOPES,
+    core_reluctance=2.0e7,
+    core_saturation=0.16,
+    mover_mass=1.4e-3,
+    spring_stiffness=200.0,
+    spring_rest=1.25e-3,
+    damping=0.2,
+    stop_lower=0.05e-3,
+    stop_upper=0.8e-3,
+    initial_position=0.8e-3,
+)

@@ -1,0 +1,270 @@
+"""Solenoid valve with magnetic saturation, the plant of [SEMERA] Section III-A.
+
+Flux linkage, position and velocity are integrated in micro-steps; the current is an algebraic output.  Contact and
+release are located inside the micro-step.  The voltage is held during the communication step.  `micro_step` must
+resolve the motion (12.5 us are ample for a mover that travels for a millisecond); where the flux is faster, steps are shortened
+by themselves.  Table lookups have kinks and limit the accuracy to about 1e-7 of the flux linkage, and their two columns
+agree only as well as the table is fine: the energy balance of a table closes no better than that.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+
+from gapsense.actuators import magnetics, motion
+from gapsense.actuators.magnetics import MU_0, Circuit
+from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
+from gapsense.integrate import crossing, rk4
+from gapsense.records import Array, Scalar, Table
+from gapsense.trace import clip, cond, floor, loop, not_, sqrt, square, where
+
+MICRO_STEPS = 10_000_000  # at most, per communication step
+FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux errors below 1e-9 where the core saturates
+REFINEMENT = 256.0  # a micro-step is shortened at most so many times, enough for tenfold overvoltage
+
+
+class Parameters(NamedTuple):
+    """Table I, the other gap laws and the micro-step."""
+
+    coil_resistance: Scalar  # r [ohm]
+    coil_turns: Scalar  # N [1]
+    gap_law: Scalar  # 0: linear, 1: fringing, 2: table
+    gap_slope: Scalar  # k_air, linear law [1/(H m)]
+    gap_area: Scalar  # A, fringing law [m^2]
+    gap_window: Scalar  # G, fringing law [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing, at least two [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # [1/H]
+    gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
+    core_reluctance: Scalar  # R_iron0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_s [N/m]
+    spring_rest: Scalar  # h_s [m]
+    damping: Scalar  # c [N s/m]
+    stop_lower: Scalar  # h_min [m]
+    stop_upper: Scalar  # h_max [m]
+    initial_position: Scalar  # [m]
+    micro_step: Scalar  # longest step of the integrator [s]
+
+
+class State(NamedTuple):
+    """What is carried from step to step."""
+
+    flux_linkage: Scalar  # lambda [Wb]
+    position: Scalar  # h, the gap [m]
+    velocity: Scalar  # [m/s]
+    mode: Scalar  # 1: smallest gap, 2: moving, 3: largest gap
+    dissipated_energy: Scalar  # copper, damping and impacts, since the start [J]
+    supplied_energy: Scalar  # integral of u i since the start [J]
+
+
+class Inputs(NamedTuple):
+    """Voltage, and the communication step that ends at `time`."""
+
+    time: Scalar  # [s]
+    dt: Scalar  # [s]
+    voltage: Scalar  # u, held during the step [V]
+
+
+class Outputs(NamedTuple):
+    """Values at the end of the step."""
+
+    current: Scalar
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    inductance: Scalar  # apparent, lambda / i = N^2 / R
+    force: Scalar  # magnetic, negative: it closes the gap
+    mode: Scalar
+    contact: Scalar  # 1 on a stop, else 0
+    dissipated_energy: Scalar
+    stored_energy: Scalar  # magnetic, elastic and kinetic
+    supplied_energy: Scalar
+
+
+class Valve(NamedTuple):
+    """Constants of a step."""
+
+    resistance: Scalar
+    voltage: Scalar
+    circuit: Circuit
+    mover: Mover
+    micro_step: Scalar  # length of the equal micro-steps [s]
+    open_square: Scalar  # R_open R_iron0, the share of the largest gap in the rate of the flux [1/H^2]
+    rate_scale: Scalar  # N^2 R_iron0 [1/H]
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest without flux, inside the stops."""
+    valve = _valve(inputs, par)
+    h = clip(par.initial_position, par.stop_lower, par.stop_upper)
+    mode = motion.leaving(motion.resting_mode(h, valve.mover), motion.spring_force(h, valve.mover))
+    state = State(0.0, h, 0.0, mode, 0.0, 0.0)
+    return state, _outputs(state, valve)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One communication step of equal micro-steps, shortened where the mover meets or leaves a stop.
+
+    A step of no length changes nothing.
+    """
+    valve = _valve(inputs, par)
+    start = (inputs.dt, state.flux_linkage, state.position, state.velocity, state.mode, state.dissipated_energy, 0.0)
+    _, lam, h, v, mode, dissipated, charge = loop(MICRO_STEPS, partial(_micro_step, valve), start)
+    state = State(lam, h, v, mode, dissipated, state.supplied_energy + inputs.voltage * charge)
+    return state, _outputs(state, valve)
+
+
+def _valve(inputs: Inputs, par: Parameters) -> Valve:
+    count = -floor(1e-6 - inputs.dt / par.micro_step)  # rounded up, save for rounding errors of the quotient
+    circuit = Circuit(
+        turns=par.coil_turns,
+        is_table=par.gap_law > 1.5,
+        is_fringing=par.gap_law > 0.5,
+        slope=par.gap_slope,
+        unfringed=1.0 / (MU_0 * par.gap_area),
+        fringing=1.0 / sqrt(par.gap_area),
+        window=2.0 * par.gap_window,
+        table_gap=par.gap_file_gap,
+        table_reluctance=par.gap_file_reluctance,
+        table_slope=par.gap_file_slope,
+        core_reluctance=par.core_reluctance,
+        core_saturation=par.core_saturation,
+    )
+    mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
+    open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
+    return Valve(
+        resistance=par.coil_resistance,
+        voltage=inputs.voltage,
+        circuit=circuit,
+        mover=mover,
+        micro_step=inputs.dt / where(count > 1.0, count, 1.0),
+        open_square=open_reluctance * par.core_reluctance,
+        rate_scale=par.core_reluctance * square(par.coil_turns),
+    )
+
+
+def _micro_step(
+    valve: Valve, left: Scalar, lam: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
+) -> tuple[Any, Any]:
+    """One step of the loop; `left` is what is left of the communication step [s], `sums` are losses and charge."""
+    is_last = left < 1.000001 * valve.micro_step  # not by rounding errors one more
+    dt = _limited(valve, where(is_last, left, valve.micro_step), lam)
+    dt, lam, h, v, mode, losses, charge = cond(
+        mode == MOVING,
+        lambda: _move(valve, dt, lam, h, v),
+        lambda: _rest(valve, dt, lam, h, mode),
+    )
+    left = left - dt
+    return (left, lam, h, v, mode, sums[0] + losses, sums[1] + charge), not_(left > 0.0)
+
+
+def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
+    """Step `dt`, or less where the core saturates.
+
+    By (51) with (50) the flux has the rate r/N^2 (R_air + R_iron^2 / R_iron0) [1/s], which grows a hundredfold in
+    saturation; the explicit method would lose its accuracy there, and far in saturation its stability.  Beyond the
+    limit of shortening, the constant reluctance of the core above 0.999 of saturation keeps the flux bounded.
+    """
+    rate = valve.resistance * (valve.open_square + square(magnetics.core_law(lam, valve.circuit)))  # times the scale
+
+    def shortened() -> Scalar:
+        fine, finest = FINENESS * valve.rate_scale / rate, valve.micro_step / REFINEMENT
+        longest = where(fine < finest, finest, fine)
+        return where(dt < longest, dt, longest)
+
+    return cond(rate * dt > FINENESS * valve.rate_scale, shortened, lambda: dt)
+
+
+def _move(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, v: Scalar) -> Any:
+    """Step of the moving mover, up to the contact if there is one."""
+    mover = valve.mover
+
+    def after(length: Scalar) -> Any:
+        return rk4(partial(_moving_rates, valve), (lam, h, v), length)
+
+    y, (losses, charge) = after(dt)
+    is_below = y[1] < mover.lower
+
+    def land() -> Any:
+        def distance(length: Scalar) -> Scalar:
+            return motion.clearance(after(length)[0][1], is_below, mover)
+
+        ends = (motion.clearance(h, is_below, mover), motion.clearance(y[1], is_below, mover))
+        length = crossing(distance, dt, *ends)
+        (lam_then, _, v_then), (losses, charge) = after(length)
+        stop = where(is_below, mover.lower, mover.upper)
+        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, lam_then, stop))
+        return length, lam_then, stop, 0.0, mode, losses + motion.kinetic_energy(v_then, mover), charge
+
+    return cond(is_below | (y[1] > mover.upper), land, lambda: (dt, *y, MOVING, losses, charge))
+
+
+def _rest(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, mode: Scalar) -> Any:
+    """Step on a stop, of the flux only, up to the release if there is one."""
+    gap_reluctance, slope = magnetics.gap_law(h, valve.circuit)
+    spring = motion.spring_force(h, valve.mover)
+
+    def after(length: Scalar) -> Any:
+        return rk4(partial(_resting_rates, valve, gap_reluctance), (lam,), length)
+
+    def hold(lam: Scalar) -> Scalar:
+        return -motion.inward(mode, magnetics.force(lam, slope, valve.circuit) + spring)
+
+    (lam_next,), (losses, charge) = after(dt)
+    held = hold(lam_next)
+
+    def release() -> Any:
+        length = crossing(lambda length: hold(after(length)[0][0]), dt, hold(lam), held)
+        (lam_then,), (losses, charge) = after(length)
+        return length, lam_then, h, 0.0, MOVING, losses, charge
+
+    return cond(held < 0.0, release, lambda: (dt, lam_next, h, 0.0, mode, losses, charge))
+
+
+def _moving_rates(valve: Valve, y: Any) -> Any:
+    """(51) and (52); integrands: losses in copper and damper [W], and the current [A]."""
+    lam, h, v = y
+    c, mover = valve.circuit, valve.mover
+    gap_reluctance, slope = magnetics.gap_law(h, c)
+    i = magnetics.current(lam, gap_reluctance + magnetics.core_law(lam, c), c)
+    drop = valve.resistance * i
+    drag = mover.damping * v
+    acceleration = (magnetics.force(lam, slope, c) + motion.spring_force(h, mover) - drag) / mover.mass
+    return (valve.voltage - drop, v, acceleration), (drop * i + drag * v, i)
+
+
+def _resting_rates(valve: Valve, gap_reluctance: Scalar, y: Any) -> Any:
+    """(51) at a fixed gap; integrands as above."""
+    c = valve.circuit
+    i = magnetics.current(y[0], gap_reluctance + magnetics.core_law(y[0], c), c)
+    drop = valve.resistance * i
+    return (valve.voltage - drop,), (drop * i, i)
+
+
+def _net_force(valve: Valve, lam: Scalar, h: Scalar) -> Scalar:
+    """Force on the mover at rest [N], (52)."""
+    _, slope = magnetics.gap_law(h, valve.circuit)
+    return magnetics.force(lam, slope, valve.circuit) + motion.spring_force(h, valve.mover)
+
+
+def _outputs(state: State, valve: Valve) -> Outputs:
+    lam, h, v, mode, dissipated, supplied = state
+    c, mover = valve.circuit, valve.mover
+    gap_reluctance, slope = magnetics.gap_law(h, c)
+    R = gap_reluctance + magnetics.core_law(lam, c)
+    mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(v, mover)
+    return Outputs(
+        current=magnetics.current(lam, R, c),
+        position=h,
+        velocity=v,
+        flux_linkage=lam,
+        inductance=square(c.turns) / R,
+        force=magnetics.force(lam, slope, c),
+        mode=mode,
+        contact=where(mode == MOVING, 0.0, 1.0),
+        dissipated_energy=dissipated,
+        stored_energy=magnetics.energy(lam, gap_reluctance, c) + mechanical,
+        supplied_energy=supplied,
+    )

@@ -1,0 +1,85 @@
+"""Integration of small systems of scalars, and the place inside a step where something happens.
+
+Both work on traced scalars as on floats.  A quadrature (an energy, a charge) is integrated with the stages of the
+states but is never fed back into them, so it costs no more than its integrand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+from gapsense.records import Scalar
+from gapsense.trace import loop, where
+
+Scalars: TypeAlias = Sequence[Any]
+Rate: TypeAlias = Callable[[Scalars], tuple[Scalars, Scalars]]  # y -> dy/dt, integrands
+
+TRIALS = 60  # bisections alone would bring a bracket to the last bit
+CLOSENESS = 1e-10  # width of the final bracket, relative to the first
+
+
+def rk4(rate: Rate, y: Scalars, dt: Scalar) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """States after `dt`, and the integrals of the integrands over `dt`; classical Runge-Kutta method of order 4.
+
+    Notes
+    -----
+    Explicit: stable up to about 2.7 time constants per step, accurate to 1e-9 below about a twentieth of one.
+    """
+    half = 0.5 * dt
+    k1, q1 = rate(y)
+    k2, q2 = rate(_along(y, k1, half))
+    k3, q3 = rate(_along(y, k2, half))
+    k4, q4 = rate(_along(y, k3, dt))
+    sixth = dt / 6.0
+    integrals = tuple(_weighted(*stages) * sixth for stages in zip(q1, q2, q3, q4))
+    return _along(y, [_weighted(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals
+
+
+def _along(y: Scalars, k: Scalars, dt: Scalar) -> tuple[Any, ...]:
+    return tuple(a + dt * b for a, b in zip(y, k))
+
+
+def _weighted(k1: Scalar, k2: Scalar, k3: Scalar, k4: Scalar) -> Scalar:
+    return k1 + 2.0 * (k2 + k3) + k4
+
+
+def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, at_end: Scalar) -> Scalar:
+    """First known length in (0, `end`] at which `value` is negative; 0 if it is negative at the start.
+
+    Parameters
+    ----------
+    value : callable
+        Continuous function of the length, for instance a distance after a step of that length.
+    end : float
+        Length at which it is negative.
+    at_start, at_end : float
+        Its values at 0 and at `end`.
+
+    Notes
+    -----
+    Regula falsi with the Illinois rule, and a bisection where that does not fall inside the bracket.  It returns the
+    end of the bracket that lies beyond the crossing: a step of that length has certainly crossed.
+    """
+    width = CLOSENESS * end
+
+    def shrink(low: Scalar, at_low: Scalar, high: Scalar, at_high: Scalar, side: Scalar) -> tuple[Any, Any]:
+        slope = at_low - at_high
+        secant = high + at_high * (high - low) / where(slope > 0.0, slope, 1.0)
+        trial = where((secant > low) & (secant < high), secant, 0.5 * (low + high))
+        found = value(trial)
+        is_beyond = found < 0.0
+        # Illinois: an end that stays for the second time counts half, or it would stay for ever
+        kept_low = where(side > 0.0, 0.5 * at_low, at_low)
+        kept_high = where(side < 0.0, 0.5 * at_high, at_high)
+        new_low, new_high = where(is_beyond, low, trial), where(is_beyond, trial, high)
+        state = (
+            new_low,
+            where(is_beyond, kept_low, found),
+            new_high,
+            where(is_beyond, found, kept_high),
+            where(is_beyond, 1.0, -1.0),
+        )
+        return state, new_high - new_low <= width
+
+    return where(at_start < 0.0, 0.0, loop(TRIALS, shrink, (0.0, at_start, end, at_end, 0.0))[2])

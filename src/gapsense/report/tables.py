@@ -1,0 +1,101 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from rich import box
+from rich.table import Table
+
+from gapsense.cosim import Measured, Outcome, Result, Scenario, Sweep
+from gapsense.fmi.ports import Component
+
+PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"))
+
+
+def quantity(value: float, unit: str) -> str:
+    """Four digits with an SI prefix, as the papers print: `4.199 mOhm`."""
+    if unit in ("", "1") or value != value:
+        return f"{value:.4g}"
+    factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), PREFIXES[-1] if value else PREFIXES[0])
+    return f"{value / factor:.4g} {prefix}{unit}"
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k == 0 else "right")
+    return table
+
+
+def _grouped(measured: Iterable[Measured]) -> Iterator[tuple[str, list[Measured]]]:
+    groups: dict[str, list[Measured]] = {}
+    for m in measured:
+        groups.setdefault(m.table, []).append(m)
+    yield from groups.items()
+
+
+def metrics(result: Result) -> list[Table]:
+    """Metrics of a run, grouped as the scenario says, beside published values."""
+    made = []
+    for title, group in _grouped(result.metrics.values()):
+        table = _table(title or "Metrics", "metric", "published", "this run", "bounds")
+        for m in group:
+            bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
+            table.add_row(m.label, _published(m), quantity(m.value, m.unit), bounds, style=None if m.passed else "red")
+        made.append(table)
+    return made
+
+
+def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
+    """Median and 5-95 % range of each metric beside the published value and the run with the scenario's own seed."""
+    quantiles = swept.quantiles()
+    groups: dict[str, Table] = {}
+    for metric in scenario.metrics:
+        title = f"{metric.table or 'Metrics'}, {len(swept.indices)} seeds"
+        if title not in groups:
+            groups[title] = _table(title, "metric", "published", "first seed", "median", "5 %", "95 %")
+        unit = swept.units.get(metric.name, "")
+        low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
+        published = "" if metric.published is None else quantity(metric.published, unit)
+        first = quantity(float(swept.metrics[metric.name][0]), unit)
+        groups[title].add_row(metric.label, published, first, median, low, high)
+    return list(groups.values())
+
+
+def _published(measured: Measured) -> str:
+    return "" if measured.published is None else quantity(measured.published, measured.unit)
+
+
+def timing(result: Result) -> Table:
+    """Time of each component, and the whole run against real time."""
+    title = f"{result.wall:.3f} s for {result.times[-1] - result.times[0]:.4g} s: real-time factor {result.realtime_factor:.3g}"
+    table = _table(title, "component", "steps", "us per step", "share")
+    for name, t in result.timing.items():
+        table.add_row(name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
+    return table
+
+
+def components(found: Sequence[Component], built: set[str]) -> Table:
+    """Components and what they do."""
+    table = _table("Components", "name", "built", "inputs", "outputs", "what it is")
+    table.columns[-1].justify = "left"
+    for c in found:
+        table.add_row(c.name, "yes" if c.name in built else "no", str(len(c.of("input"))), str(len(c.of("output"))), c.description)
+    return table
+
+
+def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
+    """Scenarios and their variants."""
+    table = _table("Scenarios", "folder", "variants", "what it is")
+    table.columns[1].justify = table.columns[2].justify = "left"
+    for folder, scenario in found:
+        table.add_row(str(folder.relative_to(root)), ", ".join(scenario.variants) or "-", scenario.title)
+    return table
+
+
+def outcome(tested: Outcome) -> str:
+    """One line for a scenario that passed, one more for each failure."""
+    head = f"{'passed' if tested.passed else 'FAILED'}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
+    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])

@@ -1,0 +1,116 @@
+"""Sensor: voltage and current as a data-acquisition system sees them, and the mode from a contact.
+
+Each sample of voltage and current goes through gain and offset error, noise, saturation, quantisation, in this order:
+errors and noise arise in the analogue part; the converter then clips what it gets and codes it last, so that every
+output is a code of the converter.  (If the range is no multiple of the resolution, the outermost code lies up to half a
+step outside it.)  A lost sample leaves all outputs as they were.
+
+The draws of a sample are always the same: voltage noise, current noise, loss.  Switching one of them on or off, or
+changing its size, leaves the others bit for bit as they were.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.random import normal, seeded, uniform
+from gapsense.records import Array, Scalar, Vector
+from gapsense.trace import clip, floor, where
+
+LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
+
+
+class Parameters(NamedTuple):
+    """Errors of the two channels and the source of the mode."""
+
+    sample_time: Scalar  # sampling period; the shell calls `step` once for each [s]
+    seed: Scalar  # whole number from 0 to 2^31 - 1
+    gain_error_voltage: Scalar  # relative: 0.01 reads 1 % too much [1]
+    gain_error_current: Scalar  # [1]
+    offset_voltage: Scalar  # reading at 0 V [V]
+    offset_current: Scalar  # reading at 0 A [A]
+    noise_voltage: Scalar  # standard deviation [V]
+    noise_current: Scalar  # standard deviation [A]
+    resolution_voltage: Scalar  # step of the converter; 0: none [V]
+    resolution_current: Scalar  # step of the converter; 0: none [A]
+    range_voltage: Scalar  # readings saturate at +- this; 0: never [V]
+    range_current: Scalar  # readings saturate at +- this; 0: never [A]
+    dropout_probability: Scalar  # of losing a sample [1]
+    contact_source: Scalar  # 0: the mode is the input; 1: it is found from the position
+    contact_lower: Scalar  # below this position the armature counts as at its lower stop [m]
+    contact_upper: Scalar  # above this position it counts as at its upper stop [m]
+    contact_hysteresis: Scalar  # way back past a threshold before the contact opens [m]
+
+
+class State(NamedTuple):
+    """The generator and the last reading."""
+
+    generator: Annotated[Array, Vector(6)]
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+    mode: Scalar
+
+
+class Inputs(NamedTuple):
+    """True values at the sample."""
+
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+    position: Scalar  # [m]
+    mode: Scalar
+
+
+class Outputs(NamedTuple):
+    """Reading, held until the next sample."""
+
+    voltage_measured: Scalar  # [V]
+    current_measured: Scalar  # [A]
+    mode_measured: Scalar  # 1 lower stop, 2 moving, 3 upper stop, or what the input says
+    dropout: Scalar  # 1 if this sample was lost, else 0
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """First sample at once; it is never lost, since there is no earlier reading to hold."""
+    state = _sampled(State(seeded(par.seed), 0.0, 0.0, MOVING), inputs, par)
+    return state, Outputs(state.voltage, state.current, state.mode, 0.0)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample."""
+    new = _sampled(state, inputs, par)
+    generator, u = uniform(new.generator)
+    is_lost = u < par.dropout_probability
+    voltage, current, mode = (where(is_lost, old, fresh) for old, fresh in zip(state[1:], new[1:]))
+    return State(generator, voltage, current, mode), Outputs(voltage, current, mode, where(is_lost, 1.0, 0.0))
+
+
+def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
+    """State with a new reading."""
+    generator, z_voltage = normal(state.generator)
+    generator, z_current = normal(generator)
+    voltage = inputs.voltage * (1.0 + par.gain_error_voltage) + par.offset_voltage + par.noise_voltage * z_voltage
+    current = inputs.current * (1.0 + par.gain_error_current) + par.offset_current + par.noise_current * z_current
+    return State(
+        generator,
+        _converted(voltage, par.range_voltage, par.resolution_voltage),
+        _converted(current, par.range_current, par.resolution_current),
+        where(par.contact_source > 0.5, _mode(inputs.position, state.mode, par), inputs.mode),
+    )
+
+
+def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:
+    """Saturation at +-`limit`, then mid-tread rounding to a multiple of `q`: zero is a code, ties go up."""
+    x = where(limit > 0.0, clip(x, -limit, limit), x)
+    has_steps = q > 0.0
+    q = where(has_steps, q, 1.0)
+    return where(has_steps, floor(x / q + 0.5) * q, x)
+
+
+def _mode(position: Scalar, mode: Scalar, par: Parameters) -> Scalar:
+    """Mode by thresholds: a contact closes past its threshold, opens `contact_hysteresis` beyond; the lower one wins."""
+    lower = par.contact_lower + where(mode == LOWER, par.contact_hysteresis, 0.0)
+    upper = par.contact_upper - where(mode == UPPER, par.contact_hysteresis, 0.0)
+    # an open contact closes only past its threshold, a closed one stays closed on its opening point
+    is_lower = (position < lower) | ((mode == LOWER) & (position <= lower))
+    is_upper = (position > upper) | ((mode == UPPER) & (position >= upper))
+    return where(is_lower, LOWER, where(is_upper, UPPER, MOVING))

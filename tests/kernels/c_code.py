@@ -1,0 +1,67 @@
+"""A kernel built as C by gcc and called through ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gapsense.emit import C, Graph
+from gapsense.kernel import Kernel
+from gapsense.records import fields, names
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
+
+
+def build(source: str, folder: Path, single: bool = False) -> ctypes.CDLL:
+    """Shared library of a C source."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "code.c"
+    path.write_text(source)
+    library = folder / ("single.so" if single else "double.so")
+    command = ["gcc", *FLAGS, *(["-DSINGLE"] if single else []), str(path), "-o", str(library), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(library))
+
+
+def build_graph(graph: Graph, folder: Path) -> ctypes.CDLL:
+    return build(f"{C.head}\n{C(graph).source()}", folder)
+
+
+class CKernel:
+    """`initial` and `step` of a kernel in C; it keeps its own state and array memory."""
+
+    def __init__(self, kernel: Kernel, folder: Path, single: bool = False) -> None:
+        self.kernel, self.real = kernel, np.float32 if single else np.float64
+        self.library = build(kernel.c(), folder, single)
+        state = fields(kernel.module.State)
+        self.memory = [np.zeros(f.size, self.real) for f in state.values() if f.kind == "memory"]
+        self.state = self._scalars(kernel.module.State)
+        self.outputs = self._scalars(kernel.module.Outputs)
+
+    def _scalars(self, cls: type) -> np.ndarray:
+        arrays = [key for key, f in fields(cls).items() if f.kind in ("memory", "table")]
+        return np.zeros(len(names(cls)) - len(arrays), self.real)
+
+    def call(self, function: str, inputs: Any, par: Any) -> None:
+        """Call `initial` or `step` in place: the state in is the state out."""
+        scalars = [v for v in par if not isinstance(v, list)]
+        tables = [np.array(v, self.real) for v in par if isinstance(v, list)]
+        sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
+        given = [np.array(values, self.real) for values in (list(inputs), scalars)]
+        getattr(self.library, f"{self.kernel.name}_{function}")(
+            _address(self.state), _addresses(self.memory), _address(given[0]), _address(given[1]),
+            _addresses(tables), sizes, _address(self.state), _address(self.outputs),
+        )
+
+
+def _address(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _addresses(arrays: list[np.ndarray]) -> Any:
+    return (ctypes.c_void_p * max(1, len(arrays)))(*(a.ctypes.data for a in arrays))

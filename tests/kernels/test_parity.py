@@ -1,0 +1,142 @@
+"""One source, four uses: source on floats, generated Python, C and numpy compute the same."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from c_code import CKernel
+from kernel_cases import (
+    covariance_diagonal, disturbed, input_sequence, is_estimator, kernel, kernel_modules, parameters,
+)
+
+from gapsense.records import fields, flat
+
+SEQUENCES, LENGTH, RUNS = 8, 50, 8
+MODULES = kernel_modules()
+ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN
+
+
+def scalars(record: Any) -> list[float]:
+    """Flat entries without array memory."""
+    return [float(v) for v in flat(record) if not isinstance(v, list)]
+
+
+def memory(record: Any) -> list[list[float]]:
+    return [v for v in flat(record) if isinstance(v, list)]
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal bits but for the sign of a zero; NaN equals NaN."""
+    return bool(np.array_equal(np.asarray(a, float), np.asarray(b, float), equal_nan=True))
+
+
+def differing(record: Any, found: Any) -> list[str]:
+    return [f"{v!r} != {w!r}" for v, w in zip(scalars(record), found) if not same(v, w)]
+
+
+def attempt(function: Any, *args: Any) -> Any:
+    try:
+        return function(*args)
+    except ERRORS as error:
+        return error
+
+
+def test_kernels_are_found() -> None:
+    assert {"gapsense.estimators.semera", "gapsense.estimators.integral"} <= set(MODULES)
+
+
+@pytest.fixture(params=MODULES)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def test_source_python_and_c_agree_bit_for_bit(name: str, tmp_path: Path) -> None:
+    k, c = kernel(name), CKernel(kernel(name), tmp_path)
+    compared = 0
+    for seed in range(SEQUENCES):
+        rng = random.Random(seed)
+        par = parameters(name, rng)
+        inputs = list(input_sequence(name, rng, LENGTH + 1))
+        state, outputs = k.module.initial(inputs[0], par)
+        state_py, outputs_py = k.initial(inputs[0], par)
+        c.call("initial", inputs[0], par)
+        assert same(scalars(state), scalars(state_py)) and same(scalars(state), c.state)
+        assert same(scalars(outputs), scalars(outputs_py)) and same(scalars(outputs), c.outputs)
+        for given in inputs[1:]:
+            if rng.random() < 0.1:
+                state = disturbed(state, rng)
+                state_py = _copied(state, state_py)
+                c.state[:] = scalars(state)
+            found = attempt(k.module.step, state, given, par)
+            found_py = attempt(k.step, state_py, given, par)
+            if isinstance(found, Exception) or isinstance(found_py, Exception):
+                assert type(found) is type(found_py), f"source: {found!r}, generated Python: {found_py!r}"
+                break
+            c.call("step", given, par)
+            (state, outputs), (state_py, outputs_py) = found, found_py
+            assert same(scalars(outputs), scalars(outputs_py)), differing(outputs, scalars(outputs_py))
+            assert same(scalars(state), scalars(state_py)), differing(state, scalars(state_py))
+            assert same(scalars(outputs), c.outputs), differing(outputs, c.outputs)
+            assert same(scalars(state), c.state), differing(state, c.state)
+            compared += 1
+        for a, b, d in zip(memory(state), memory(state_py), c.memory):
+            assert same(a, b) and same(a, d)
+    assert compared >= 0.75 * SEQUENCES * LENGTH, f"only {compared} steps could be compared"
+
+
+def _copied(state: Any, own: Any) -> Any:
+    """`state`, with the array memory of `own`."""
+    kept = {key: getattr(own, key) for key, field in fields(type(state)).items() if field.kind == "memory"}
+    return state._replace(**kept)
+
+
+def test_scalar_python_has_plain_floats_only(name: str) -> None:
+    rng = random.Random(1)
+    k, par = kernel(name), parameters(name, rng)
+    inputs = list(input_sequence(name, rng, 5, degenerate=False))
+    state, outputs = k.initial(inputs[0], par)
+    for given in inputs[1:]:
+        state, outputs = k.step(state, given, par)
+        kinds = {type(v) for v in [*flat(state), *flat(outputs)] if not isinstance(v, list)}
+        assert kinds <= {float, int, bool}, kinds
+
+
+def test_numpy_batch_equals_scalar(name: str) -> None:
+    k = kernel(name)
+    rngs = [random.Random(100 + run) for run in range(RUNS)]
+    pars = [parameters(name, rng) for rng in rngs]
+    inputs = list(zip(*(input_sequence(name, rng, 26, degenerate=False) for rng in rngs)))
+    stacked = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*pars)]
+    many = [k.initial(given, par) for given, par in zip(inputs[0], pars)]
+    state, outputs = k.initial_batch([np.array(v) for v in zip(*inputs[0])], stacked, RUNS)
+    for given in inputs[1:]:
+        many = [k.step(s, i, p) for (s, _), i, p in zip(many, given, pars)]
+        state, outputs = k.step_batch(state, [np.array(v) for v in zip(*given)], stacked, RUNS)
+        expected = np.array([scalars(o) for _, o in many]).T
+        for row, found, entry in zip(expected, outputs, k.module.Outputs._fields):
+            scale = np.maximum(np.abs(row), 1e-3 * np.abs(row).max())
+            assert np.all(np.abs(found - row) <= 1e-12 * scale), f"{entry}: {found} != {row}"
+
+
+def test_single_precision_c_stays_finite(name: str, tmp_path: Path) -> None:
+    k, c = kernel(name), CKernel(kernel(name), tmp_path, single=True)
+    for seed in range(SEQUENCES):
+        rng = random.Random(200 + seed)
+        par = parameters(name, rng)
+        inputs = list(input_sequence(name, rng, 201, degenerate=False))
+        c.call("initial", inputs[0], par)
+        for given in inputs[1:]:
+            c.call("step", given, par)
+            assert np.all(np.isfinite(c.state)) and np.all(np.isfinite(c.outputs)), (given, c.state, c.outputs)
+            if is_estimator(name):
+                assert np.all(c.state[covariance_diagonal(name)] >= 0.0), c.state
+
+
+def test_generated_code_names_its_source(name: str) -> None:
+    k = kernel(name)
+    for text in (k.python(), k.numpy(), k.c()):
+        assert k.module.__name__ in text.splitlines()[0]
