@@ -17,7 +17,9 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.getbasetemp() / "fmus"
     done = subprocess.run(
         [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(out)],
-        capture_output=True, text=True, env={**__import__("os").environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True,
+        text=True,
+        env={**__import__("os").environ, "PYTHONPATH": str(ROOT / "src")},
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return out

@@ -10,7 +10,13 @@ COMPONENT = Component(
     ports=(
         input_("enable", "1", "0.5 or less: both outputs are 0 V", start=1.0),
         input_("reference", "V", "Mean voltage that the PWM gives, held during the step", nominal=30.0),
-        output("voltage", "V", "At the end of the step; on an edge, just before it", nominal=30.0, feedthrough=("enable", "reference")),
+        output(
+            "voltage",
+            "V",
+            "At the end of the step; on an edge, just before it",
+            nominal=30.0,
+            feedthrough=("enable", "reference"),
+        ),
         output("voltage_mean", "V", "Mean over the step, exact", nominal=30.0, feedthrough=("enable", "reference")),
         choice("waveform", "What is generated", ("square", "step", "table", "pwm")),
         parameter("square.amplitude", "V", "Height above square.low", 30.0),

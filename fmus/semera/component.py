@@ -6,7 +6,7 @@ BOTH = ("voltage", "current")
 
 COMPONENT = Component(
     name="Semera",
-    description="SEMERA: resistance, inductance and flux linkage of a reluctance actuator from coil voltage and current",
+    description="SEMERA: resistance, inductance and flux linkage from the coil's voltage and current",
     kernel="gapsense.estimators.semera",
     step_size=50e-6,
     ports=(
@@ -15,9 +15,13 @@ COMPONENT = Component(
         output("resistance", "Ohm", "Estimated coil resistance", nominal=76.0, feedthrough=BOTH),
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
-        output("quality", "1", "1: current outside the noise band; 0: estimates follow the expert rule", feedthrough=BOTH),
+        output(
+            "quality", "1", "1: current outside the noise band; 0: estimates follow the expert rule", feedthrough=BOTH
+        ),
         output("resistance_std", "Ohm", "Standard deviation of the resistance in the filter", feedthrough=BOTH),
-        output("inductance_std", "H", "Standard deviation of the inductance in the filter", nominal=0.01, feedthrough=BOTH),
+        output(
+            "inductance_std", "H", "Standard deviation of the inductance in the filter", nominal=0.01, feedthrough=BOTH
+        ),
         output("innovation", "V", "Measured minus predicted voltage", feedthrough=BOTH),
         output("innovation_std", "V", "Standard deviation expected of the innovation", feedthrough=BOTH),
         output("flux", "Wb", "Estimated flux; 0 while coil.turns is 0", nominal=2e-5, feedthrough=BOTH),
@@ -31,7 +35,9 @@ COMPONENT = Component(
         parameter("process.inductance_acceleration", "H/s2", "Standard deviation of d2l/dt2", 1e8, min=0.0),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 15e-3, min=0.0),
         parameter("noise.current", "A", "Standard deviation of the current noise", 1e-3, min=0.0),
-        parameter("gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0),
+        parameter(
+            "gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
+        ),
         option("gate.update", "Low-quality samples update the filter, as in the paper", True),
         parameter("coil.turns", "1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0),
     ),

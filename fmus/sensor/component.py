@@ -4,7 +4,7 @@ from gapsense.fmi.ports import Component, choice, fixed, input_, output, paramet
 
 COMPONENT = Component(
     name="Sensor",
-    description="Sensor chain: gain, offset, noise, saturation, quantisation, sample and hold, dropouts; contact detection",
+    description="Sensor chain: errors, noise, saturation, quantisation, sample and hold, dropouts; contact detection",
     kernel="gapsense.sensor.sensor",
     step_size=50e-6,
     ports=(

@@ -75,18 +75,27 @@ def checkout() -> Path:
     here = Path.cwd()
     found = next((p for p in (here, *here.parents) if (p / "build_fmus.py").is_file() and (p / "fmus").is_dir()), None)
     if found is None:
-        raise FileNotFoundError(f"{here}: neither here nor above is a checkout of Gapsense (fmus/, build_fmus.py). Change there.")
+        raise FileNotFoundError(
+            f"{here}: neither here nor above is a checkout of Gapsense (fmus/, build_fmus.py). Change there."
+        )
     return found
 
 
 @app.command()
 def build(
-    names: Annotated[list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
+    ] = None,
     to: Annotated[Path | None, typer.Option("--out", help="Where to write them", show_default="build/fmus")] = None,
 ) -> None:
     """Build and validate the FMUs of the components in fmus/."""
     with reported():
-        command = [sys.executable, str(checkout() / "build_fmus.py"), *(names or []), *(["--out", str(to)] if to else [])]
+        command = [
+            sys.executable,
+            str(checkout() / "build_fmus.py"),
+            *(names or []),
+            *(["--out", str(to)] if to else []),
+        ]
         raise typer.Exit(subprocess.run(command).returncode)
 
 
@@ -170,14 +179,18 @@ def figure(
     scenario: Scenario,
     variant: Variant = None,
     fmus: Fmus = None,
-    to: Annotated[Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png")] = None,
+    to: Annotated[
+        Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png")
+    ] = None,
 ) -> None:
     """Run a scenario and draw its figure."""
     from gapsense.report import figures
 
     with reported(), bar("running") as progress:
         result = cosim.run(scenario, variant, fmus, progress=progress)
-        file = figures.save(figures.draw(result, cosim.load(scenario, variant).figure), to or Path("results") / f"{stem(result)}.png")
+        file = figures.save(
+            figures.draw(result, cosim.load(scenario, variant).figure), to or Path("results") / f"{stem(result)}.png"
+        )
     out.print(f"{file} written.", markup=False)
 
 
@@ -213,7 +226,9 @@ def baseline(
 
 
 @app.command()
-def observability(scenario: Scenario = Path("scenarios/semera_valve"), variant: Variant = None, fmus: Fmus = None) -> None:
+def observability(
+    scenario: Scenario = Path("scenarios/semera_valve"), variant: Variant = None, fmus: Fmus = None
+) -> None:
     """Observability of the SEMERA filter along a scenario: ranks (31)-(35), (39) and the count per sample."""
     from gapsense.studies import observability_report
 

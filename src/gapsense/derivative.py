@@ -36,7 +36,7 @@ def derivative(
         0.0 where `y` does not depend on `x`.
     """
     if not isinstance(x, Expr):
-        raise TraceError(f"a derivative with respect to the constant {x!r}; it must be a traced value.")
+        raise TraceError(f"a derivative by the constant {x!r}. Use a traced value; a loop() must also start from one.")
     if y is x:
         return 1.0
     if not isinstance(y, Expr) or y.id < x.id or y.id in held:  # what was computed before x cannot depend on it

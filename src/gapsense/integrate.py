@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from gapsense.records import Scalar
-from gapsense.trace import loop, where
+from gapsense.trace import clip, loop, where
 
 Scalars: TypeAlias = Sequence[Any]
 Rate: TypeAlias = Callable[[Scalars], tuple[Scalars, Scalars]]  # y -> dy/dt, integrands
 
-TRIALS = 60  # bisections alone would bring a bracket to the last bit
+TRIALS = 60  # about 10 are needed
 CLOSENESS = 1e-10  # width of the final bracket, relative to the first
 
 
@@ -58,15 +58,16 @@ def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, a
 
     Notes
     -----
-    Regula falsi with the Illinois rule, and a bisection where that does not fall inside the bracket.  It returns the
-    end of the bracket that lies beyond the crossing: a step of that length has certainly crossed.
+    Regula falsi with the Illinois rule.  Trials keep half the final width away from the ends of the bracket, so that an
+    end which is the zero itself closes it at once.  The end beyond the crossing is returned: a step of that length has
+    certainly crossed.  A value that is flatter than a parabola at its zero is found late or not at all (`end`).
     """
     width = CLOSENESS * end
 
     def shrink(low: Scalar, at_low: Scalar, high: Scalar, at_high: Scalar, side: Scalar) -> tuple[Any, Any]:
         slope = at_low - at_high
         secant = high + at_high * (high - low) / where(slope > 0.0, slope, 1.0)
-        trial = where((secant > low) & (secant < high), secant, 0.5 * (low + high))
+        trial = clip(secant, low + 0.5 * width, high - 0.5 * width)
         found = value(trial)
         is_beyond = found < 0.0
         # Illinois: an end that stays for the second time counts half, or it would stay for ever

@@ -45,7 +45,9 @@ def _symbols(tape: Tape, cls: type) -> list[Expr]:
 def _check_memory(name: str, result: Any) -> None:
     """Array memory starts as zeros, and stays in its field."""
     for (entry, field), item in zip(fields(type(result)).items(), result):
-        if field.kind == "memory" and not isinstance(item, Expr) and item != zeros(field.size):
+        if field.kind != "memory" or isinstance(item, Expr):
+            continue
+        if any(isinstance(value, Expr) for value in item) or item != zeros(field.size):
             raise TraceError(f"`{name}`: array memory `{entry}` must start as zeros({field.size}).")
     memory = [root for item in result if (root := _memory(item)) is not None]
     if [root.id for root in memory] != sorted({root.id for root in memory}):

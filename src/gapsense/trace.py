@@ -280,7 +280,7 @@ def loop(limit: int, body: Callable[..., tuple[Any, Any]], state: Sequence[Any])
     """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` is a flat row of scalars."""
     state = tuple(state)
     for done in range(limit):
-        new, stop = body(*state)  # traced, this leaves what is the same in every round before the loop
+        new, stop = (state, False) if is_traced(*state) else body(*state)
         if is_traced(*state, *new, stop):
             return _traced_loop(_tape(*state, *new, stop), limit - done, body, state)
         state = tuple(new)

@@ -2,9 +2,9 @@
 
 Flux linkage, position and velocity are integrated in micro-steps; the current is an algebraic output.  Contact and
 release are located inside the micro-step.  The voltage is held during the communication step.  `micro_step` must
-resolve the motion (12.5 us are ample for a mover that travels for a millisecond); where the flux is faster, steps are shortened
-by themselves.  Table lookups have kinks and limit the accuracy to about 1e-7 of the flux linkage, and their two columns
-agree only as well as the table is fine: the energy balance of a table closes no better than that.
+resolve the motion (12.5 us are ample for a mover that travels for a millisecond); where the flux is faster, steps are
+shortened by themselves.  Table lookups have kinks and limit the accuracy to about 1e-7 of the flux linkage, and their
+two columns agree only as well as the table is fine: the energy balance of a table closes no better than that.
 """
 
 from __future__ import annotations
@@ -151,9 +151,10 @@ def _micro_step(
     """One step of the loop; `left` is what is left of the communication step [s], `sums` are losses and charge."""
     is_last = left < 1.000001 * valve.micro_step  # not by rounding errors one more
     dt = _limited(valve, where(is_last, left, valve.micro_step), lam)
+    is_moving = mode == MOVING
     dt, lam, h, v, mode, losses, charge = cond(
-        mode == MOVING,
-        lambda: _move(valve, dt, lam, h, v),
+        is_moving,
+        lambda: _move(valve, dt, lam, h, v, is_moving),
         lambda: _rest(valve, dt, lam, h, mode),
     )
     left = left - dt
@@ -177,7 +178,7 @@ def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
     return cond(rate * dt > FINENESS * valve.rate_scale, shortened, lambda: dt)
 
 
-def _move(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, v: Scalar) -> Any:
+def _move(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, v: Scalar, is_moving: Scalar) -> Any:
     """Step of the moving mover, up to the contact if there is one."""
     mover = valve.mover
 
@@ -198,7 +199,9 @@ def _move(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, v: Scalar) -> Any:
         mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, lam_then, stop))
         return length, lam_then, stop, 0.0, mode, losses + motion.kinetic_energy(v_then, mover), charge
 
-    return cond(is_below | (y[1] > mover.upper), land, lambda: (dt, *y, MOVING, losses, charge))
+    # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
+    is_beyond = is_moving & (is_below | (y[1] > mover.upper))
+    return cond(is_beyond, land, lambda: (dt, *y, MOVING, losses, charge))
 
 
 def _rest(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, mode: Scalar) -> Any:

@@ -1,0 +1,43 @@
+"""Scenarios: read, check, run, measure, compare. Knows FMU files and model descriptions, never our components.
+
+>>> from gapsense.cosim import run
+>>> result = run("scenarios/semera_valve")  # doctest: +SKIP
+>>> print(result.metrics["semera_resistance_rmse"])  # doctest: +SKIP
+"""
+
+from gapsense.cosim.compare import compare
+from gapsense.cosim.junit import write_junit
+from gapsense.cosim.load import load
+from gapsense.cosim.master import Master
+from gapsense.cosim.metrics import Measured
+from gapsense.cosim.problems import FmuError, ScenarioError
+from gapsense.cosim.record import Result, read_result
+from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
+from gapsense.cosim.run import check, prepare, run, run_once
+from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sweep import Sweep, sweep
+
+__all__ = [
+    "FmuError",
+    "Master",
+    "Measured",
+    "Outcome",
+    "Result",
+    "Scenario",
+    "ScenarioError",
+    "Sweep",
+    "Update",
+    "check",
+    "compare",
+    "find_scenarios",
+    "load",
+    "prepare",
+    "read_result",
+    "run",
+    "run_once",
+    "sweep",
+    "test_scenario",
+    "test_scenarios",
+    "update_baseline",
+    "write_junit",
+]

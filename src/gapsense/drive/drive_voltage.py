@@ -18,7 +18,7 @@ from gapsense.records import Array, Scalar, Table
 from gapsense.trace import clip, cond, fabs, floor, load, locate, where
 
 SQUARE, STEP, TABLE, PWM = 0.0, 1.0, 2.0, 3.0
-ALWAYS = -1e300  # phase at which a wave without a beginning begins
+ALWAYS = -1e30  # phase at which a wave without a beginning begins
 
 
 class Parameters(NamedTuple):

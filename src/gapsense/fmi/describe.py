@@ -18,7 +18,7 @@ IDENTITY = {
 
 
 def complete(root: Element, component: Component, guid: str, version: str) -> Element:
-    """Add to pythonfmu's `modelDescription.xml` what importers check.  No build time: equal sources give equal bytes."""
+    """Add to pythonfmu's `modelDescription.xml` what importers check; no build time: equal sources, equal bytes."""
     root.attrib.pop("generationDateAndTime", None)
     root.attrib.update(IDENTITY, guid=guid, version=version)
     _add_units(root, component)
@@ -34,7 +34,7 @@ def complete(root: Element, component: Component, guid: str, version: str) -> El
 def text(root: Element) -> bytes:
     """The XML file."""
     indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8") + b"\n"
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, "unicode")}\n'.encode()
 
 
 def _add_units(root: Element, component: Component) -> None:
@@ -77,7 +77,9 @@ def _set_structure(root: Element, component: Component) -> None:
     for tag, more in (("Outputs", []), ("InitialUnknowns", parameters)):
         node = SubElement(structure, tag)
         for port in component.of("output"):
-            SubElement(node, "Unknown", index=index[port.name], dependencies=_indices(index, (*port.feedthrough, *more)))
+            SubElement(
+                node, "Unknown", index=index[port.name], dependencies=_indices(index, (*port.feedthrough, *more))
+            )
 
 
 def _indices(index: dict[str, str], names: Iterable[str]) -> str:

@@ -32,11 +32,11 @@ FLAGS = {
 }
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a ZIP can hold
 
-SCRIPT = '''from {package} import {name}
+SCRIPT = """from {package} import {name}
 from {package}.slave import HELD
 
 HELD.append(globals())
-'''
+"""
 
 ENTRY = '''"""{name}: {description}.  Generated; see documentation/index.html."""
 
@@ -65,7 +65,9 @@ def load_component(folder: Path) -> Component:
     """The `COMPONENT` of `folder/component.py`."""
     spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
     if spec is None or spec.loader is None or not (folder / "component.py").is_file():
-        raise FileNotFoundError(f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv.")
+        raise FileNotFoundError(
+            f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv."
+        )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     component: Component = module.COMPONENT
@@ -108,7 +110,9 @@ def check_records(component: Component, kernel: Kernel) -> None:
             have, ports = sorted(have), sorted(ports)
         if have != ports:
             odd = sorted(set(have) ^ set(ports)) or "their order"
-            raise ValueError(f"{component.name}: {record} of {component.kernel} and the port table differ in {odd}. Make them equal.")
+            raise ValueError(
+                f"{component.name}: {record} of {component.kernel} and the port table differ in {odd}. Make them equal."
+            )
 
 
 def _parameter_fields(field: str, columns: tuple[str, ...]) -> list[str]:
@@ -120,14 +124,17 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     names = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
     constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
-    table = f'"""The port table."""\n\nfrom .ports import Component, Port\n\nCOMPONENT = {component._replace(ports=())!r}._replace(\n    ports=(\n{ports}    )\n)\n'
+    table = (
+        '"""The port table."""\n\nfrom .ports import Component, Port\n\n'
+        f"COMPONENT = {component._replace(ports=())!r}._replace(\n    ports=(\n{ports}    )\n)\n"
+    )
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
     title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
 
 
 def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, folder: Path) -> Path:
-    """What pythonfmu makes of the generated class; the names carry the build, so that no two FMUs can mix up their modules."""
+    """What pythonfmu makes of the generated class; names carry the build, so that no two FMUs mix up their modules."""
     package = work / f"_gapsense_{component.name.lower()}_{build}"
     package.mkdir()
     about = {"name": component.name, "description": component.description, "package": package.name, "build": build}
@@ -136,7 +143,9 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
     script = work / f"{component.name}_{build}.py"
     script.write_text(SCRIPT.format(**about), encoding="utf-8")
     resources = [Path(shutil.copy2(folder / name, work)) for name in component.resources]
-    sys.path.insert(0, str(work))  # pythonfmu imports the script from here, and instantiates it for the model description
+    sys.path.insert(
+        0, str(work)
+    )  # pythonfmu imports the script from here, and instantiates it for the model description
     try:
         return Path(FmuBuilder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
     finally:

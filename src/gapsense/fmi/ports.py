@@ -1,7 +1,7 @@
 """The port table: everything that a component says about its interface, once.
 
-The model description, the documentation page, the tests and the shell in the FMU read it.  Standard library only, because a
-copy travels in every FMU.
+The model description, the documentation page, the tests and the shell in the FMU read it.  Standard library only:
+a copy travels in every FMU.
 """
 
 from __future__ import annotations
@@ -93,5 +93,5 @@ def choice(name: str, description: str, choices: tuple[str, ...]) -> Port:
 
 
 def table(name: str, description: str, columns: tuple[str, ...], start: str) -> Port:
-    """A String parameter that names a CSV file; a relative path is looked up in the FMU's resources, then in the working folder."""
+    """A String parameter that names a CSV file, in the FMU's resources or else from the working folder on."""
     return Port(name, "parameter", "1", description, start, kind="String", variability="fixed", columns=columns)

@@ -22,14 +22,16 @@ from .tables import read_table
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
 TOLERANCE = 1e-9  # relative, on times: hosts round
-HELD: list[dict[str, Any]] = []  # the script's globals: pythonfmu's wrapper drops one reference too many at each instantiation
+HELD: list[
+    dict[str, Any]
+] = []  # the script's globals: pythonfmu's wrapper drops one reference too many at each instantiation
 
 
 class Refusal(ValueError):
     """The host or the user asked for something that cannot be done; the message says what to do."""
 
 
-class Slave(Fmi2Slave):
+class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     """Base of the generated class, which sets `component`, `kernel` and `build` (a hash of interface and sources)."""
 
     component: Component
@@ -120,7 +122,9 @@ class Slave(Fmi2Slave):
             raise Refusal(f"`{port.name}` is an output and cannot be set.")
         is_running = self.phase in ("running", "terminated")
         if is_running and port.variability != "tunable":
-            raise Refusal(f"`{port.name}` is fixed and cannot be set during a run. Set it before, or reset the instance.")
+            raise Refusal(
+                f"`{port.name}` is fixed and cannot be set during a run. Set it before, or reset the instance."
+            )
         self.parameters[ref - len(self.signals)] = value
         if is_running:
             self._check_parameters()
@@ -128,7 +132,9 @@ class Slave(Fmi2Slave):
 
     # --- life ---
 
-    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         self.start_time = start_time
 
     def enter_initialization_mode(self) -> None:
@@ -178,15 +184,16 @@ class Slave(Fmi2Slave):
         ratio = step / period if step >= period else period / step
         if abs(ratio - round(ratio)) > TOLERANCE * ratio:
             raise Refusal(
-                f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of `sample_time`"
-                f" = {period:.9g} s. Change one of them."
+                f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of"
+                f" `sample_time` = {period:.9g} s. Change one of them."
             )
         elapsed = self.elapsed + step
         count = int(elapsed / period * (1.0 + TOLERANCE))
         if count and abs(elapsed - count * period) > TOLERANCE * elapsed:
             raise Refusal(
-                f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a sample."
-                f" Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a communication point."
+                f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a"
+                f" sample. Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a"
+                " communication point."
             )
         self.elapsed = 0.0 if count else elapsed
         return count
@@ -250,7 +257,9 @@ class Slave(Fmi2Slave):
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         if state["build"] != self.build:
-            error = Refusal(f"the saved state belongs to build {state['build']}, this is {self.build}. Save it again with this FMU.")
+            error = Refusal(
+                f"the saved state belongs to build {state['build']}, this is {self.build}. Save it again with this FMU."
+            )
             self._fail(error)
         for name, value in state.items():
             if name != "build":
@@ -268,7 +277,7 @@ class Slave(Fmi2Slave):
     # --- errors ---
 
     def log(self, msg: str, status: Any = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
-        """Log a text.  On Linux our shim passes it as data; elsewhere pythonfmu's wrapper takes it as a printf format."""
+        """Log a text.  On Linux our shim passes it as data; elsewhere pythonfmu's wrapper takes it as a format."""
         super().log(msg if sys.platform.startswith("linux") else msg.replace("%", "%%"), status, category)
 
     def _fail(self, error: BaseException, time: float | None = None, step: float | None = None) -> NoReturn:
@@ -325,4 +334,6 @@ def _copied(slave: Slave, build: str) -> dict[str, Any]:
 
 def _copy(value: Any) -> Any:
     """A copy that shares no list with the original, at most two levels deep."""
-    return [list(v) if isinstance(v, (list, tuple)) else v for v in value] if isinstance(value, (list, tuple)) else value
+    return (
+        [list(v) if isinstance(v, (list, tuple)) else v for v in value] if isinstance(value, (list, tuple)) else value
+    )

@@ -9,12 +9,12 @@ from pathlib import Path
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
-    """Columns of a CSV file with a header; the first must not decrease, and a column `integral:y` is the integral of `y` over it.
+    """Columns of a CSV file with a header; the first must not decrease; `integral:y` is the integral of `y` over it.
 
     Raises
     ------
     ValueError
-        With all problems of the file: missing columns, cells that are no finite numbers, too few rows, rows out of order.
+        With all problems of the file: missing columns, cells without a finite number, too few rows, rows out of order.
     """
     if not path.is_file():
         raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {', '.join(columns)}.")
@@ -24,11 +24,15 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     header = [cell.strip() for cell in rows[0]] if rows else []
     missing = [c for c in read if c not in header]
     if missing:
-        raise ValueError(f"{path.name}: column {', '.join(missing)} is missing; the header has {', '.join(header) or 'nothing'}.")
+        raise ValueError(
+            f"{path.name}: column {', '.join(missing)} is missing; the header has {', '.join(header) or 'nothing'}."
+        )
     problems: list[str] = []
     data = {c: [_number(row, header.index(c), c, n, problems) for n, row in enumerate(rows[1:], 2)] for c in read}
     xs = data[read[0]]
-    problems += [f"row {n}: `{read[0]}` decreases from {a:g} to {b:g}" for n, (a, b) in enumerate(zip(xs, xs[1:]), 3) if b < a]
+    problems += [
+        f"row {n}: `{read[0]}` decreases from {a:g} to {b:g}" for n, (a, b) in enumerate(zip(xs, xs[1:]), 3) if b < a
+    ]
     if len(xs) < 2 or not xs[-1] > xs[0]:
         problems.append(f"{len(xs)} rows, but at least 2 with different `{read[0]}` are needed")
     if problems:

@@ -20,7 +20,9 @@ TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#
 def draw(result: Result, kind: str) -> Figure:
     """The figure of a run: that of its scenario's `figure`, or all recorded signals stacked by unit."""
     if kind not in FIGURES:
-        raise ValueError(f"the scenario asks for figure `{kind}`; there are {', '.join(FIGURES)}. Correct its key `figure`.")
+        raise ValueError(
+            f"the scenario asks for figure `{kind}`; there are {', '.join(FIGURES)}. Correct its key `figure`."
+        )
     return FIGURES[kind](result)
 
 
@@ -51,7 +53,15 @@ def stack(title: str, labels: list[str], heights: list[float] | None = None) -> 
 
 def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None = None, **style: Any) -> None:
     """A held signal: a step at each communication point."""
-    axis.plot(1e3 * times, values, color=color, label=label, linewidth=style.pop("linewidth", 1.0), drawstyle="steps-post", **style)
+    axis.plot(
+        1e3 * times,
+        values,
+        color=color,
+        label=label,
+        linewidth=style.pop("linewidth", 1.0),
+        drawstyle="steps-post",
+        **style,
+    )
 
 
 def display(unit: str) -> tuple[str, float]:

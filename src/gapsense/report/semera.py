@@ -11,7 +11,7 @@ from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
 from gapsense.studies.observability import steps_since_observable
 
-LABELS = ["voltage / V", "current / mA", "r / Ohm", "l / mH", "flux l. / mWb", "SNR u / dB", "SNR i / dB", "steps"]
+LABELS = ["voltage / V", "current / mA", "r / Ohm", "l / mH", "flux linkage\n/ mWb", "SNR u / dB", "SNR i / dB", "steps since\nobservable"]
 
 
 def figure(result: Result) -> Figure:
@@ -21,7 +21,10 @@ def figure(result: Result) -> Figure:
     t = result.times[rows]
     measurements(axes[0], axes[1], result, t, rows)
     estimates(axes[2:5], result, t, rows)
-    for axis, name, truth in ((axes[5], "sensor.voltage_measured", "drive.voltage"), (axes[6], "sensor.current_measured", "valve.current")):
+    for axis, name, truth in (
+        (axes[5], "sensor.voltage_measured", "drive.voltage"),
+        (axes[6], "sensor.current_measured", "valve.current"),
+    ):
         measured = result[name][rows]
         axis.plot(1e3 * t, snr(measured, measured - result[truth][rows]), ".", color=FAINT, markersize=2)
     line(axes[7], t, steps_since_observable(result["valve.current"][rows], t[1] - t[0]), TRUE)
@@ -41,18 +44,30 @@ def measurements(voltage: Any, current: Any, result: Result, t: Vector, rows: An
 def estimates(axes: Any, result: Result, t: Vector, rows: Any) -> None:
     """Resistance, inductance and flux linkage: truth, SEMERA, integral, and offline integral at its own times."""
     resistance = np.full(t.size, float(result.parameters["valve.coil.resistance"]))
-    truths = {"resistance": resistance, "inductance": result["valve.inductance"][rows], "flux_linkage": result["valve.flux_linkage"][rows]}
+    truths = {
+        "resistance": resistance,
+        "inductance": result["valve.inductance"][rows],
+        "flux_linkage": result["valve.flux_linkage"][rows],
+    }
     factors = {"resistance": 1.0, "inductance": 1e3, "flux_linkage": 1e3}
     order = np.argsort(result["offline.published_time"][rows], kind="stable")
     order = order[result["offline.published"][rows][order] > 0.5]
     for axis, (name, truth) in zip(axes, truths.items()):
-        line(axis, result["offline.published_time"][rows][order], factors[name] * result[f"offline.{name}"][rows][order], THIRD, "offline integral")
+        line(
+            axis,
+            result["offline.published_time"][rows][order],
+            factors[name] * result[f"offline.{name}"][rows][order],
+            THIRD,
+            "offline integral",
+        )
         line(axis, t, factors[name] * result[f"integral.{name}"][rows], SECOND, "integral")
         line(axis, t, factors[name] * result[f"semera.{name}"][rows], FIRST, "SEMERA")
         line(axis, t, factors[name] * truth, TRUE, "true", linestyle="--")
     legend(axes[1])
     low, high = 1e3 * truths["inductance"].min(), 1e3 * truths["inductance"].max()
-    axes[1].set_ylim(low - 0.5 * (high - low), high + 0.7 * (high - low))  # the integral estimate leaves the paper's figure too
+    axes[1].set_ylim(
+        low - 0.5 * (high - low), high + 0.7 * (high - low)
+    )  # the integral estimate leaves the paper's figure too
 
 
 def snr(signal: Vector, noise: Vector) -> Vector:

@@ -70,7 +70,8 @@ def _published(measured: Measured) -> str:
 
 def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
-    title = f"{result.wall:.3f} s for {result.times[-1] - result.times[0]:.4g} s: real-time factor {result.realtime_factor:.3g}"
+    span = result.times[-1] - result.times[0]
+    title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
     table = _table(title, "component", "steps", "us per step", "share")
     for name, t in result.timing.items():
         table.add_row(name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
@@ -82,7 +83,9 @@ def components(found: Sequence[Component], built: set[str]) -> Table:
     table = _table("Components", "name", "built", "inputs", "outputs", "what it is")
     table.columns[-1].justify = "left"
     for c in found:
-        table.add_row(c.name, "yes" if c.name in built else "no", str(len(c.of("input"))), str(len(c.of("output"))), c.description)
+        table.add_row(
+            c.name, "yes" if c.name in built else "no", str(len(c.of("input"))), str(len(c.of("output"))), c.description
+        )
     return table
 
 
@@ -97,5 +100,6 @@ def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
 
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
-    head = f"{'passed' if tested.passed else 'FAILED'}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
+    word = "passed" if tested.passed else "FAILED"
+    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
     return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])

@@ -107,7 +107,7 @@ def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:
 
 
 def _mode(position: Scalar, mode: Scalar, par: Parameters) -> Scalar:
-    """Mode by thresholds: a contact closes past its threshold, opens `contact_hysteresis` beyond; the lower one wins."""
+    """Mode by thresholds: a contact closes past its threshold, opens `contact_hysteresis` beyond; the lower wins."""
     lower = par.contact_lower + where(mode == LOWER, par.contact_hysteresis, 0.0)
     upper = par.contact_upper - where(mode == UPPER, par.contact_hysteresis, 0.0)
     # an open contact closes only past its threshold, a closed one stays closed on its opening point

@@ -1,0 +1,101 @@
+"""Parameters, seeds and step sizes of one component against its model description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gapsense.cosim.descriptions import NUMERIC, Description, Variable
+from gapsense.cosim.problems import suggest
+from gapsense.cosim.scenario import Component, Experiment
+from gapsense.cosim.tables import Value, found, is_integer, is_number
+
+LARGEST = 2**31 - 1  # of an fmi2Integer
+
+
+def check_values(component: Component, description: Description) -> Iterator[str]:
+    """Problems with the parameter values of a component, wherever they were given."""
+    for name, value in component.values.items():
+        problem = value_problem(name, value, description)
+        if problem:
+            yield f"components.{component.name} (from {component.origin[name]}): {problem}"
+
+
+def value_problem(name: str, value: Value, description: Description) -> str | None:
+    """What is wrong with setting a variable to a value, or None."""
+    variable = description.variables.get(name)
+    if variable is None:
+        return f"unknown parameter `{name}`. {suggest(name, [v.name for v in description.parameters])}"
+    if variable.causality != "parameter":
+        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy(variable)}"
+    if not has_type(value, variable.type):
+        return f"`{name}` is {found(value)}, a value of type {variable.type} is expected. Correct the value."
+    if variable.type in NUMERIC and not within(float(value), variable):
+        return f"`{name}` is {value}, {limits(variable)} expected. Correct the value."
+    return None
+
+
+def remedy(variable: Variable) -> str:
+    """What to do about a value given for something that is no parameter."""
+    return "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
+
+
+def has_type(value: Value, kind: str) -> bool:
+    """True if a TOML value may be given to a variable of this FMI type; a Real takes whole numbers too."""
+    if kind == "Real":
+        return is_number(value)
+    if kind == "String":
+        return isinstance(value, str)
+    return isinstance(value, bool) if kind == "Boolean" else is_integer(value)
+
+
+def check_seeds(component: Component, description: Description, seed: int) -> Iterator[str]:
+    """Problems with the seed of a component."""
+    place = f"seeds.{component.name}"
+    variable = description.variables.get("seed")
+    if variable is None or variable.type != "Integer" or variable.causality != "parameter":
+        yield f"{place}: the FMU `{description.name}` has no Integer parameter `seed`. Remove the entry."
+    elif "seed" in component.values:
+        yield f"{place}: `seed` is also given in {component.origin['seed']}. Keep one."
+    elif not within(float(seed), variable):
+        yield f"{place}: {seed} found, {limits(variable)} expected. Correct the value."
+
+
+def check_grid(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
+    """Problems of a component's step with the experiment and with the sample time of its FMU."""
+    place = f"components.{component.name}"
+    if component.offset + component.step > experiment.count:
+        yield (
+            f"{place}: its first step ends after {component.offset + component.step} base steps, "
+            f"the run has {experiment.count}. Reduce `step` or `offset`, or run longer."
+        )
+    variable = description.variables.get("sample_time")
+    value = component.values.get("sample_time", None if variable is None else variable.start)
+    if variable is None or not is_number(value):
+        return
+    step, sample = component.step * experiment.base_step, float(value or 0.0)
+    if sample > 0.0 and not (is_whole(step / sample) or is_whole(sample / step)):
+        yield (
+            f"{place}: its step is {step:.9g} s and `sample_time` is {sample:.9g} s; one must be a whole multiple of "
+            "the other. Change `step`, `base_step` or `sample_time`."
+        )
+
+
+def is_whole(ratio: float) -> bool:
+    """True for a whole number of at least 1, within 1e-9."""
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * round(ratio)
+
+
+def within(value: float, variable: Variable) -> bool:
+    """True if a value lies within the limits of a variable, and of the type of FMI integers."""
+    if variable.type != "Real" and abs(value) > LARGEST:
+        return False
+    return (variable.min is None or value >= variable.min) and (variable.max is None or value <= variable.max)
+
+
+def limits(variable: Variable) -> str:
+    """Limits of a variable as messages name them."""
+    integer = variable.type != "Real"
+    low = variable.min if variable.min is not None or not integer else -LARGEST
+    high = variable.max if variable.max is not None or not integer else LARGEST
+    unit = f" {variable.unit}" if variable.unit else ""
+    return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"

@@ -1,0 +1,128 @@
+"""Compare a result with its baseline: `|value - reference| <= atol + rtol * nominal`, per signal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim.files import read_columns
+from gapsense.cosim.problems import listing
+from gapsense.cosim.record import Result
+from gapsense.cosim.scenario import Baseline, Tolerance
+from gapsense.cosim.signals import matching
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A row at which a signal differs from its baseline."""
+
+    time: float
+    value: float
+    reference: float
+
+    def __str__(self) -> str:
+        return f"t = {self.time:.9g} s: {self.value:.9g} instead of {self.reference:.9g}"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A signal outside its tolerance: at how many rows, first where, and worst where."""
+
+    signal: str
+    unit: str
+    allowed: float
+    failing: int
+    rows: int
+    first: Point
+    worst: Point
+
+    def __str__(self) -> str:
+        return (
+            f"{self.signal}{f' [{self.unit}]' if self.unit else ''}: {self.failing} of {self.rows} rows differ from "
+            f"the baseline by more than {self.allowed:.3g}; first {self.first}; worst {self.worst}"
+        )
+
+
+def selected(result: Result, baseline: Baseline) -> list[str]:
+    """Signals that the baseline covers."""
+    return list(result.signals) if baseline.signals is None else matching(baseline.signals, result.signals)
+
+
+def compare(result: Result, baseline: Baseline) -> list[str]:
+    """Everything in which a result differs from its baseline.
+
+    Parameters
+    ----------
+    result : Result
+        Complete.
+    baseline : Baseline
+        Whose file exists.
+
+    Returns
+    -------
+    list of str
+        Differences, one sentence each; empty if the result is as before.
+    """
+    try:
+        columns = read_columns(baseline.file)
+    except (OSError, ValueError) as error:
+        return [f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."]
+    times = columns.pop("time", np.empty(0))
+    problem = other_times(result, times)
+    if problem:
+        return [problem]
+    names = selected(result, baseline)
+    problems = other_signals(names, columns)
+    return problems + [str(d) for d in differences(result, baseline, columns, [n for n in names if n in columns])]
+
+
+def other_times(result: Result, times: Vector) -> str:
+    """Sentence on a baseline with other rows than the result, or nothing."""
+    if times.size != result.times.size:
+        return f"the baseline has {times.size} rows, the run has {result.times.size}. Update the baseline."
+    apart = np.abs(times - result.times) > 1e-9 * result.base_step
+    if not apart.any():
+        return ""
+    row = int(np.argmax(apart))
+    return f"row {row} of the baseline is at {times[row]:.9g} s, of the run at {result.times[row]:.9g} s. Update it."
+
+
+def other_signals(names: list[str], columns: Mapping[str, Vector]) -> list[str]:
+    """Sentences on signals that only the run or only the baseline has."""
+    new = [name for name in names if name not in columns]
+    gone = [name for name in columns if name not in names]
+    problems = [f"not in the baseline: {listing(new)}. Update the baseline."] if new else []
+    return problems + ([f"only in the baseline: {listing(gone)}. Record them or update the baseline."] if gone else [])
+
+
+def differences(
+    result: Result, baseline: Baseline, columns: Mapping[str, Vector], names: list[str]
+) -> list[Difference]:
+    """Signals outside their tolerance."""
+    found = (difference(result, name, columns[name], tolerance_of(name, baseline)) for name in names)
+    return [item for item in found if item is not None]
+
+
+def tolerance_of(name: str, baseline: Baseline) -> Tolerance:
+    """Tolerance of a signal: that of the first pattern that matches it, or else the general one."""
+    own = (tolerance for pattern, tolerance in baseline.tolerances.items() if fnmatchcase(name, pattern))
+    return next(own, baseline.tolerance)
+
+
+def difference(result: Result, name: str, reference: Vector, tolerance: Tolerance) -> Difference | None:
+    """How a signal differs from its reference, or None if it does not; NaN differs from everything."""
+    values, signal = result.signals[name], result.about[name]
+    allowed = tolerance.atol + tolerance.rtol * signal.nominal
+    error = np.abs(values - reference)
+    failing = ~(error <= allowed)
+    if not failing.any():
+        return None
+    rows = int(np.argmax(failing)), int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+    first, worst = (Point(float(result.times[r]), float(values[r]), float(reference[r])) for r in rows)
+    return Difference(name, signal.unit, allowed, int(failing.sum()), values.size, first, worst)

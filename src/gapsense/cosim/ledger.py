@@ -1,0 +1,55 @@
+"""Lines of JSON, one per finished run, that survive being killed at any moment."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+Entry = dict[str, Any]
+
+
+class Ledger:
+    """Entries of one sweep in a file that may hold those of others too; a file of None keeps nothing."""
+
+    def __init__(self, file: Path | None, key: str) -> None:
+        self.file, self.key = file, key
+
+    def read(self) -> dict[int, Entry]:
+        """Entries with this key by run index; a line torn by a kill is skipped."""
+        if self.file is None or not self.file.is_file():
+            return {}
+        lines = self.file.read_text(encoding="utf-8", errors="replace").splitlines()
+        entries = [entry for entry in map(parsed, lines) if entry.get("key") == self.key]
+        return {entry["index"]: entry for entry in entries}
+
+    def append(self, entry: Entry) -> None:
+        """Add one entry and see it on the disk."""
+        if self.file is None:
+            return
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        line = json.dumps({"key": self.key, **entry})
+        with self.file.open("ab+") as file:
+            file.write(("" if is_complete(file.tell(), self.file) else "\n").encode())
+            file.write(f"{line}\n".encode())
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def is_complete(size: int, path: Path) -> bool:
+    """True if a file of this size is empty or ends with a line end."""
+    if size == 0:
+        return True
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) == b"\n"
+
+
+def parsed(line: str) -> Entry:
+    """Entry of a line, empty if it is none."""
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return {}
+    return entry if isinstance(entry, dict) and isinstance(entry.get("index"), int) else {}

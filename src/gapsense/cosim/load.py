@@ -1,0 +1,263 @@
+"""Read a scenario file into records, noting every problem of the file and its parameter sets."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
+from gapsense.cosim.parameters import flat_values, is_file, read_parameters
+from gapsense.cosim.problems import ScenarioError, suggest
+from gapsense.cosim.scenario import METHODS, Component, Connection, Experiment, Port, Scenario
+from gapsense.cosim.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A scenario as far as it could be read, the problems met, and the sections they are in."""
+
+    scenario: Scenario | None
+    problems: list[str]
+    broken: frozenset[str] = frozenset()
+
+
+def load(path: str | Path, variant: str | None = None) -> Scenario:
+    """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
+
+    Parameters
+    ----------
+    path : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Name of a variant in the file.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ScenarioError
+        With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
+    """
+    draft = read_draft(path, variant)
+    if draft.problems or draft.scenario is None:
+        raise ScenarioError(draft.problems)
+    return draft.scenario
+
+
+def read_draft(path: str | Path, variant: str | None = None) -> Draft:
+    """Scenario as far as it can be read, with the problems found."""
+    file = scenario_file(path)
+    problems: list[str] = []
+    data = read_toml(file, problems)
+    if data is None:
+        return Draft(None, problems)
+    chosen = with_variant(data, variant, file, problems)
+    if chosen is None:
+        return Draft(None, problems)
+    reader = Reader(file, variant, Table(chosen, file.name, "", problems))
+    return Draft(reader.scenario(), problems, frozenset(reader.broken))
+
+
+def scenario_file(path: str | Path) -> Path:
+    """The scenario file itself, also if its folder is given."""
+    path = Path(path)
+    return path / "scenario.toml" if path.is_dir() else path
+
+
+def with_variant(data: dict[str, Any], variant: str | None, file: Path, problems: list[str]) -> dict[str, Any] | None:
+    """Content of the file with a variant laid over it, or None if there is no such variant."""
+    if variant is None:
+        return data
+    variants = data.get("variants")
+    if not isinstance(variants, dict) or not isinstance(variants.get(variant), dict):
+        known = variants if isinstance(variants, dict) else {}
+        problems.append(f"{file.name}: there is no variant `{variant}`. {suggest(variant, known)}")
+        return None
+    return merged({k: v for k, v in data.items() if k != "variants"}, variants[variant]) | {"variants": variants}
+
+
+class Reader:
+    """Reads the sections of one scenario file; `broken` holds the sections with problems."""
+
+    def __init__(self, path: Path, variant: str | None, table: Table) -> None:
+        self.path, self.variant, self.table = path, variant, table
+        self.broken: set[str] = set()
+        self.files: list[Path] = [path]
+
+    def scenario(self) -> Scenario:
+        """All sections, in the order in which the format describes them."""
+        table = self.table
+        experiment = self.section("experiment", self.experiment)
+        components = self.section("components", self.components)
+        scenario = Scenario(
+            path=self.path,
+            title=table.take("title", TEXT, "", required=True),
+            description=table.take("description", TEXT, ""),
+            variant=self.variant,
+            experiment=experiment,
+            components=components,
+            connections=self.section("connections", self.connections),
+            inputs=self.section("inputs", self.inputs),
+            seeds=self.section("seeds", self.seeds),
+            record=self.section("record", lambda: read_record(table)),
+            metrics=self.section("metrics", lambda: read_metrics(table)),
+            baseline=self.section("baseline", lambda: read_baseline(table, self.path, self.variant)),
+            variants=self.section("variants", self.variants),
+            tested=self.tested(),
+            files=tuple(dict.fromkeys(self.files)),
+        )
+        table.finish()
+        return scenario
+
+    def section(self, name: str, read: Any) -> Any:
+        """What `read` returns; the section counts as broken if it notes a problem."""
+        before = len(self.table.problems)
+        value = read()
+        if len(self.table.problems) > before:
+            self.broken.add(name)
+        return value
+
+    def experiment(self) -> Experiment:
+        """Time grid; a whole number of base steps must fit between start and stop."""
+        table = self.table.table("experiment")
+        start = table.take("start", NUMBER, 0.0)
+        stop = table.take("stop", NUMBER, required=True)
+        base = table.take("base_step", POSITIVE, required=True)
+        method = table.choice("method", METHODS, "gauss-seidel")
+        pace = table.take("pace", POSITIVE)
+        table.finish()
+        if stop is None or base is None:
+            return NO_EXPERIMENT
+        return grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
+
+    def components(self) -> dict[str, Component]:
+        """Components by name, in the order of the file."""
+        table = self.table.table("components")
+        if not table.data:
+            table.note("", "there is no component. Add a table `[components.<name>]`.")
+        names = [name for name in table.data if self.is_name(table, name)]
+        return {name: self.component(table.table(name), name) for name in names}
+
+    def is_name(self, table: Table, name: str) -> bool:
+        """True if a component may be called so; signals are written `component.variable`."""
+        if NAME.fullmatch(name):
+            return True
+        table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
+        return False
+
+    def component(self, table: Table, name: str) -> Component:
+        """One component with the values of its parameter sets; later sets win, `set` wins over all."""
+        values: dict[str, Value] = {}
+        origin: dict[str, str] = {}
+        for file in table.take("parameters", TEXTS, []):
+            path = self.path.parent / file
+            self.files.append(path)
+            self.add(values, origin, read_parameters(path, table.problems), path.name)
+        inline = table.table("set")
+        self.add(values, origin, flat_values(inline, self.path.parent), inline.where())
+        component = Component(
+            name=name,
+            fmu=table.take("fmu", TEXT, "", required=True),
+            step=table.take("step", COUNT, 1),
+            offset=table.take("offset", INDEX, 0),
+            values=values,
+            origin=origin,
+        )
+        table.finish()
+        return component
+
+    def add(self, values: dict[str, Value], origin: dict[str, str], new: dict[str, Value], place: str) -> None:
+        """Lay new values over the old, keeping where each came from and which files they name."""
+        values.update(new)
+        origin.update(dict.fromkeys(new, place))
+        self.files.extend(Path(str(value)) for name, value in new.items() if is_file(name, value))
+
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections, in the order of the file."""
+        items = self.table.take("connections", TABLES, [])
+        read = [self.connection(self.table.child(item, f"connections[{index}]")) for index, item in enumerate(items)]
+        return tuple(connection for connection in read if connection is not None)
+
+    def connection(self, table: Table) -> Connection | None:
+        """One connection, or None if it lacks an end."""
+        source, target = port(table, "from"), port(table, "to")
+        factor = table.take("factor", NUMBER)
+        bias = table.take("bias", NUMBER)
+        unit = table.take("unit", TEXT)
+        table.finish()
+        return Connection(source, target, factor, bias, unit) if source and target else None
+
+    def inputs(self) -> dict[Port, float]:
+        """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
+        table = self.table.table("inputs")
+        out: dict[Port, float] = {}
+        for name, value in flat_values(table, self.path.parent).items():
+            end = split(table, name, name)
+            if not NUMBER.accepts(value):
+                table.note(name, f"{NUMBER.name} is expected. Correct the value.")
+            elif end:
+                out[end] = float(value)
+        return out
+
+    def seeds(self) -> dict[str, int]:
+        """Seed of each random component."""
+        table = self.table.table("seeds")
+        return {name: table.take(name, INDEX, 0) for name in table.data}
+
+    def variants(self) -> dict[str, str]:
+        """Description of each variant; their content is read only when one is chosen."""
+        table = self.table.table("variants")
+        out: dict[str, str] = {}
+        for name in table.data:
+            item = table.table(name)
+            out[name] = item.take("description", TEXT, "")
+            if "variants" in item.data:
+                item.note("variants", "a variant cannot contain variants. Write it beside the others.")
+        return out
+
+    def tested(self) -> tuple[str, ...]:
+        """Variants with metrics or a baseline of their own."""
+        data = self.table.data.get("variants", {})
+        items = {k: v for k, v in data.items() if isinstance(v, dict)} if isinstance(data, dict) else {}
+        folder = self.path.parent
+        return tuple(
+            name
+            for name, item in items.items()
+            if "metrics" in item or "baseline" in item or (folder / f"baseline.{name}.csv").is_file()
+        )
+
+
+def grid(table: Table, start: float, stop: float, base: float, method: str, pace: float | None) -> Experiment | None:
+    """The time grid, or None if the run is not a whole number of base steps."""
+    count = round((stop - start) / base)
+    slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
+    if count >= 1 and abs(start + count * base - stop) <= slack:
+        return Experiment(start, stop, base, count, method, pace)
+    table.note(
+        "",
+        f"the run from {start:.9g} s to {stop:.9g} s is {(stop - start) / base:.9g} steps of {base:.9g} s, "
+        "and must be a whole number of at least 1. Change `stop` or `base_step`.",
+    )
+    return None
+
+
+def port(table: Table, key: str) -> Port | None:
+    """The port that `key` names, or None."""
+    name = table.take(key, TEXT, required=True)
+    return None if name is None else split(table, key, name)
+
+
+def split(table: Table, key: str, name: str) -> Port | None:
+    """`component.variable` cut at its first dot."""
+    component, _, variable = name.partition(".")
+    if component and variable:
+        return Port(component, variable)
+    table.note(key, f"`{name}` found, `component.variable` expected. Correct the name.")
+    return None

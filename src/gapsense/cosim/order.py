@@ -1,0 +1,109 @@
+"""Execution order of the components: that of the connections, with loops cut where there is no direct feedthrough."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.scenario import Connection
+
+
+@dataclass(frozen=True)
+class Order:
+    """Components in the order in which they step, and the connections that carry the value of one step before."""
+
+    names: tuple[str, ...]
+    delayed: tuple[Connection, ...] = ()
+
+
+class FeedthroughCycleError(ValueError):
+    """Every input on this loop has direct feedthrough, so no order avoids an algebraic loop."""
+
+    def __init__(self, cycle: Sequence[Connection]) -> None:
+        self.cycle = tuple(cycle)
+        super().__init__(
+            f"algebraic loop through {', '.join(map(str, cycle))}: every input on it has direct feedthrough. "
+            "Break it with a component without feedthrough, such as a delay or a lag."
+        )
+
+
+def execution_order(
+    names: Sequence[str], connections: Sequence[Connection], descriptions: Mapping[str, Description]
+) -> Order:
+    """Order in which every component follows those that drive it, as far as there are no loops.
+
+    In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these
+    inputs then carry the value of one step before. Among equals the order of the file decides.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Components in the order of the file.
+    connections : sequence of Connection
+        Between variables that exist.
+    descriptions : mapping
+        Model description of each component.
+
+    Returns
+    -------
+    Order
+
+    Raises
+    ------
+    FeedthroughCycleError
+        If a loop has nothing but direct feedthrough.
+    """
+    left, done, delayed = list(names), [], []
+    while left:
+        edges = [c for c in connections if {c.source.component, c.target.component} <= set(left)]
+        direct = [c for c in edges if c.target.variable in descriptions[c.target.component].direct_inputs]
+        chosen = first_free(left, edges) or first_cut(left, edges, direct)
+        if chosen is None:
+            raise FeedthroughCycleError(find_cycle(left, direct))
+        delayed += [c for c in edges if c.target.component == chosen]
+        left.remove(chosen)
+        done.append(chosen)
+    return Order(tuple(done), tuple(delayed))
+
+
+def first_free(left: Sequence[str], edges: Sequence[Connection]) -> str | None:
+    """First component that nothing left over drives."""
+    driven = {c.target.component for c in edges}
+    return next((name for name in left if name not in driven), None)
+
+
+def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:
+    """First component of a loop that nothing outside it drives, all of whose waiting inputs lack feedthrough."""
+    waiting = {c.target.component for c in direct}
+    ahead = {name: reached(name, edges) for name in left}
+    behind = {name: {other for other in left if name in ahead[other]} for name in left}
+    return next((name for name in left if name not in waiting and behind[name] <= ahead[name]), None)
+
+
+def reached(name: str, edges: Collection[Connection]) -> set[str]:
+    """Components that a component drives, directly or through others."""
+    seen: set[str] = set()
+    fresh = {name}
+    while fresh:
+        fresh = {c.target.component for c in edges if c.source.component in fresh} - seen
+        seen |= fresh
+    return seen
+
+
+def find_cycle(left: Sequence[str], direct: Sequence[Connection]) -> list[Connection]:
+    """A loop of direct feedthrough, found by walking against the connections until a component comes twice."""
+    on_cycle = next(name for name in left if name in reached(name, direct))
+    path: list[Connection] = []
+    seen: list[str] = []
+    while on_cycle not in seen:
+        seen.append(on_cycle)
+        path.append(next(c for c in direct if c.target.component == on_cycle and closes(c, direct)))
+        on_cycle = path[-1].source.component
+    return path[seen.index(on_cycle) :][::-1]
+
+
+def closes(connection: Connection, direct: Sequence[Connection]) -> bool:
+    """True if the connection lies on a loop of direct feedthrough."""
+    source, target = connection.source.component, connection.target.component
+    return source == target or source in reached(target, direct)

@@ -1,0 +1,148 @@
+"""A component inside the master: its share of the common buffer, and the raw calls that move it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from gapsense.cosim.descriptions import Variable
+from gapsense.cosim.instance import WARNING, Instance
+from gapsense.cosim.problems import FmuError
+from gapsense.cosim.scenario import Component, Connection, Port
+
+Stepper = Callable[[float], str]
+GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
+NOT_FINITE = "not finite"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each Real input and output lies in the common buffer; those of a component lie side by side."""
+
+    variables: Mapping[Port, Variable]
+
+    @cached_property
+    def index(self) -> dict[Port, int]:
+        """Place in the buffer of each port."""
+        return {port: index for index, port in enumerate(self.variables)}
+
+    def of(self, component: str, causality: str) -> list[Port]:
+        """Inputs or outputs of a component, in the order of the buffer."""
+        return [p for p, v in self.variables.items() if p.component == component and v.causality == causality]
+
+
+class Exchange(NamedTuple):
+    """One call that moves Real values, with its arguments ready as ctypes objects."""
+
+    entry: Callable[..., int]
+    pointer: Any
+    references: Any
+    count: Any
+    values: Any
+
+
+def nothing(*_: object) -> int:
+    """Stands for the entry point where there are no values to move."""
+    return 0
+
+
+class Part:
+    """One component of a run: connections into it, exchange with the buffer, and its step."""
+
+    def __init__(self, component: Component, instance: Instance, buffer: array[float], places: Layout) -> None:
+        self.component, self.instance, self.buffer, self.places = component, instance, buffer, places
+        self.outputs = places.of(component.name, "output")
+        self.plain: list[tuple[int, int]] = []
+        self.scaled: list[tuple[int, int, float, float]] = []
+        self.set_inputs = self.exchange(SET, places.of(component.name, "input"))
+        self.get_outputs = self.exchange(GET, self.outputs)
+        self.status = 0
+
+    def exchange(self, function: str, ports: list[Port]) -> Exchange:
+        """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
+        first = self.places.index[ports[0]] if ports else 0
+        references = (ctypes.c_uint * len(ports))(*(self.places.variables[port].reference for port in ports))
+        values = (ctypes.c_double * len(ports)).from_buffer(self.buffer, 8 * first)
+        entry = self.instance.function(function) if ports else nothing
+        return Exchange(entry, self.instance.pointer, references, ctypes.c_size_t(len(ports)), values)
+
+    def connect(self, connection: Connection) -> None:
+        """Let an input follow an output from now on."""
+        target, source = self.places.index[connection.target], self.places.index[connection.source]
+        if connection.converts:
+            factor = 1.0 if connection.factor is None else connection.factor
+            self.scaled.append((target, source, factor, connection.bias or 0.0))
+        else:
+            self.plain.append((target, source))
+
+    def taker(self) -> Callable[[], str]:
+        """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
+        buffer, plain, scaled = self.buffer, tuple(self.plain), tuple(self.scaled)
+        entry, pointer, references, count, values = self.set_inputs
+
+        def take() -> str:
+            for target, source in plain:
+                buffer[target] = buffer[source]
+            for target, source, factor, bias in scaled:
+                buffer[target] = factor * buffer[source] + bias
+            status = entry(pointer, references, count, values)
+            return self.checked(status, SET) if status > WARNING else ""
+
+        return take
+
+    def read_outputs(self) -> str:
+        """Read the outputs into the buffer; what failed, or nothing."""
+        entry, *arguments = self.get_outputs
+        failed = self.checked(entry(*arguments), GET)
+        return failed or ("" if all(map(math.isfinite, self.values())) else NOT_FINITE)
+
+    def values(self) -> memoryview:
+        """The outputs in the buffer."""
+        first = self.places.index[self.outputs[0]] if self.outputs else 0
+        return memoryview(self.buffer)[first : first + len(self.outputs)]
+
+    def checked(self, status: int, function: str) -> str:
+        """Nothing for a good status; otherwise the function's name, and the status is kept for the message."""
+        self.status = status
+        return function if status > WARNING else ""
+
+    def stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
+        """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
+
+        Whatever is not the FMU's own time here is the cost of the master, hence closures with local names and
+        prebuilt arguments instead of methods. For Gauss-Seidel the inputs are taken first.
+        """
+        take = self.taker() if takes_inputs and self.set_inputs.values else None
+        do_step, time = self.instance.function(STEP), ctypes.c_double()
+        duration, keep = ctypes.c_double(self.component.step * base_step), ctypes.c_int(1)
+        get, pointer, references, count, values = self.get_outputs
+        outputs, is_finite, warning = self.values(), math.isfinite, WARNING
+
+        def step(start: float) -> str:
+            if take:
+                failed = take()
+                if failed:
+                    return failed
+            time.value = start
+            status = do_step(pointer, time, duration, keep)
+            if status > warning:
+                return self.checked(status, STEP)
+            status = get(pointer, references, count, values)
+            if status > warning:
+                return self.checked(status, GET)
+            return "" if is_finite(sum(outputs)) or all(map(is_finite, outputs)) else NOT_FINITE
+
+        return step
+
+    def failure(self, what: str, time: float, index: int) -> FmuError:
+        """Error for what a step returned."""
+        if what != NOT_FINITE:
+            return self.instance.failure(what, self.status, time, index)
+        bad = [f"`{p.variable}` is {v}" for p, v in zip(self.outputs, self.values()) if not math.isfinite(v)]
+        cause = f"output {', '.join(bad)}. Look at its inputs and parameters{self.instance.said()}."
+        return FmuError(self.component.name, cause, time=time, step=index, log=self.instance.log())

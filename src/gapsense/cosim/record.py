@@ -1,0 +1,236 @@
+"""Results: recorded signals with everything needed to understand them, as arrays and as files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim.files import read_columns, read_json, write_atomically, write_columns, write_json
+from gapsense.cosim.metrics import Measured
+from gapsense.cosim.problems import suggest
+from gapsense.cosim.tables import Value
+
+FORMAT = "gapsense result 1"
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Unit, nominal value and causality of a recorded signal, from the model description."""
+
+    unit: str
+    nominal: float
+    causality: str
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall time of a component: setting inputs, stepping and reading outputs, over all its steps."""
+
+    seconds: float
+    calls: int
+
+    @property
+    def microseconds(self) -> float:
+        """Time per component-step [us]."""
+        return 1e6 * self.seconds / self.calls if self.calls else 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """What was run and how: enough to repeat it, and to tell it from another.
+
+    Attributes
+    ----------
+    components : mapping
+        For each component its FMU, GUID, version, hash, step and offset.
+    order, delayed : tuple of str
+        Execution order, and the connections that carry the value of one step before.
+    files, versions : mapping
+        Hashes of the scenario's files; versions of the software.
+    overruns, lag : int, float
+        Late base steps of a run with a pace, and the worst lateness [s].
+    """
+
+    title: str
+    scenario: str
+    variant: str | None
+    method: str
+    start: float
+    stop: float
+    base_step: float
+    decimation: int
+    seeds: Mapping[str, int]
+    components: Mapping[str, Mapping[str, Any]]
+    order: tuple[str, ...]
+    delayed: tuple[str, ...]
+    files: Mapping[str, str]
+    versions: Mapping[str, str]
+    overruns: int = 0
+    lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Result:
+    """Recorded signals of a run, complete or interrupted.
+
+    Attributes
+    ----------
+    times : array
+        Times of the rows [s].
+    signals : mapping
+        Recorded values by `component.variable`; also `result["valve.position"]`.
+    about : mapping
+        Unit, nominal value and causality of each signal.
+    parameters : mapping
+        Parameters of all components by `component.parameter`, as read back from the FMUs.
+    metrics : mapping
+        Metrics of the scenario; empty for a run that did not reach its end.
+    timing : mapping
+        Wall time of each component.
+    wall : float
+        Wall time of the run, without loading the FMUs [s].
+    interrupted : bool
+        True if the run was stopped before its end; the rows up to there are valid.
+    failure : str
+        Why a component failed, if one did; the rows up to there are valid.
+    messages : tuple
+        Messages logged by components, each as (component, status, text).
+    """
+
+    run: Run
+    times: Vector
+    signals: Mapping[str, Vector]
+    about: Mapping[str, Signal]
+    parameters: Mapping[str, Value]
+    timing: Mapping[str, Timing]
+    wall: float
+    interrupted: bool = False
+    failure: str = ""
+    metrics: Mapping[str, Measured] = field(default_factory=dict)
+    messages: tuple[tuple[str, int, str], ...] = ()
+
+    def __getitem__(self, name: str) -> Vector:
+        if name not in self.signals:
+            raise KeyError(f"`{name}` was not recorded. {suggest(name, self.signals)}")
+        return self.signals[name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each signal; empty where the FMU states none."""
+        return {name: signal.unit for name, signal in self.about.items()}
+
+    @property
+    def base_step(self) -> float:
+        """Base step [s]."""
+        return self.run.base_step
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of wall time."""
+        span = float(self.times[-1] - self.times[0]) if self.times.size else 0.0
+        return span / self.wall if self.wall > 0.0 else 0.0
+
+    def stepped(self, signal: str) -> npt.NDArray[np.bool_]:
+        """Rows at which the component of a signal has just stepped; the initial value is not one of them."""
+        component = self.run.components[signal.partition(".")[0]]
+        since = np.arange(self.times.size) * self.run.decimation - int(component["offset"])
+        has_stepped: npt.NDArray[np.bool_] = (since > 0) & (since % int(component["step"]) == 0)
+        return has_stepped
+
+    def save(self, path: str | Path) -> Path:
+        """Write `path` (CSV) and its side-car of the same name (JSON); each appears complete or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            Name of the CSV file; its folder is made if there is none.
+
+        Returns
+        -------
+        Path
+            The CSV file.
+        """
+        path = Path(path).with_suffix(".csv")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path.with_suffix(".json"), lambda file: write_json(file, self.sidecar()))
+        write_atomically(path, lambda file: write_columns(file, {"time": self.times, **self.signals}))
+        return path
+
+    def sidecar(self) -> dict[str, Any]:
+        """Everything but the signals, as JSON takes it."""
+        return {
+            "format": FORMAT,
+            "interrupted": self.interrupted,
+            "failure": self.failure,
+            "rows": int(self.times.size),
+            "run": asdict(self.run),
+            "signals": {name: asdict(signal) for name, signal in self.about.items()},
+            "parameters": dict(self.parameters),
+            "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
+            "timing": {name: asdict(timing) for name, timing in self.timing.items()},
+            "wall": self.wall,
+            "realtime_factor": self.realtime_factor,
+            "messages": [list(message) for message in self.messages],
+        }
+
+
+Measure = Callable[[Result], Mapping[str, float]]
+
+
+def read_result(path: str | Path) -> Result:
+    """Result that was saved as `path` and its side-car.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV file.
+
+    Returns
+    -------
+    Result
+        Equal to the one saved, bit for bit.
+    """
+    path = Path(path)
+    data = read_json(path.with_suffix(".json"))
+    columns = read_columns(path)
+    about = data["run"]
+    about["order"], about["delayed"] = tuple(about["order"]), tuple(about["delayed"])
+    return Result(
+        run=Run(**about),
+        times=columns.pop("time"),
+        signals=columns,
+        about={name: Signal(**item) for name, item in data["signals"].items()},
+        parameters=data["parameters"],
+        timing={name: Timing(**item) for name, item in data["timing"].items()},
+        wall=data["wall"],
+        interrupted=data["interrupted"],
+        failure=data["failure"],
+        metrics={name: read_measured(item) for name, item in data["metrics"].items()},
+        messages=tuple((name, status, text) for name, status, text in data["messages"]),
+    )
+
+
+def written_measured(measured: Measured) -> dict[str, Any]:
+    """JSON form of a metric; JSON has no number for NaN and infinity, so these are texts."""
+    item = asdict(measured)
+    bounds = None if measured.bounds is None else [plain(limit) for limit in measured.bounds]
+    return {**item, "value": plain(measured.value), "bounds": bounds}
+
+
+def plain(value: float) -> float | str:
+    """The number itself if it is finite, otherwise its name."""
+    return value if math.isfinite(value) else str(value)
+
+
+def read_measured(item: dict[str, Any]) -> Measured:
+    """Metric from its JSON form."""
+    bounds = item["bounds"]
+    span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
+    return Measured(**{**item, "value": float(item["value"]), "bounds": span})

@@ -1,0 +1,191 @@
+"""Regression test of scenarios: run, hold metrics against their bounds and trajectories against their baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+from gapsense.cosim.compare import compare, selected
+from gapsense.cosim.files import write_atomically, write_columns
+from gapsense.cosim.load import load, read_draft, scenario_file
+from gapsense.cosim.problems import FmuError, ScenarioError
+from gapsense.cosim.record import Result
+from gapsense.cosim.run import run
+from gapsense.cosim.scenario import Scenario
+
+Report = Callable[["Outcome"], None]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was held against what is expected; `failure` says what is wrong, empty if nothing."""
+
+    name: str
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What testing one scenario, or one variant of it, showed."""
+
+    scenario: str
+    path: Path
+    variant: str | None
+    checks: tuple[Check, ...]
+    seconds: float
+    result: Result | None = field(default=None, repr=False)
+
+    @property
+    def failures(self) -> list[Check]:
+        """The checks that failed."""
+        return [check for check in self.checks if check.failure]
+
+    @property
+    def passed(self) -> bool:
+        """True if every check passed."""
+        return not self.failures
+
+    @property
+    def interrupted(self) -> bool:
+        """True if the run was ended by Ctrl-C."""
+        return self.result is not None and self.result.interrupted
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a new baseline changes; `written` tells whether it was written."""
+
+    file: Path
+    changes: tuple[str, ...]
+    written: bool
+
+    def __str__(self) -> str:
+        if not self.changes:
+            return f"{self.file}: nothing changes."
+        end = "Written." if self.written else "Not written."
+        return "\n".join([f"{self.file}:", *(f"  {change}" for change in self.changes), end])
+
+
+def find_scenarios(folder: str | Path) -> list[Path]:
+    """Scenario files in a folder and the folders below it, sorted; a scenario file stands for itself."""
+    folder = Path(folder)
+    if folder.is_file():
+        return [folder]
+    files = sorted(folder.rglob("scenario.toml"))
+    if not files:
+        raise ScenarioError([f"{folder}: there is no `scenario.toml` in this folder or below. Correct the path."])
+    return files
+
+
+def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: Report | None = None) -> list[Outcome]:
+    """Test every scenario in a folder, and each of its variants that has metrics or a baseline of its own.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder with scenarios at any depth, or one scenario file.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+    report : callable, optional
+        Called with each outcome as it comes.
+
+    Returns
+    -------
+    list of Outcome
+        In the order run; it ends early after a Ctrl-C.
+    """
+    outcomes = []
+    for path in find_scenarios(folder):
+        for variant in variants_to_test(path):
+            outcomes.append(test_scenario(path, variant, fmus))
+            if report:
+                report(outcomes[-1])
+            if outcomes[-1].interrupted:
+                return outcomes
+    return outcomes
+
+
+test_scenarios.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
+
+
+def variants_to_test(path: Path) -> Iterator[str | None]:
+    """The scenario as it is (None), then its tested variants."""
+    yield None
+    scenario = read_draft(path).scenario
+    yield from scenario.tested if scenario else ()
+
+
+def test_scenario(path: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Outcome:
+    """Run one scenario and check it; whatever goes wrong is in the outcome, nothing is raised."""
+    path, begin = scenario_file(path), perf_counter()
+    folder = path.resolve().parent.name
+    name = f"{folder}[{variant}]" if variant else folder
+    try:
+        scenario = load(path, variant)
+        result = run(path, variant, fmus)
+    except (ScenarioError, FmuError) as error:
+        return Outcome(name, path, variant, (Check("run", str(error)),), perf_counter() - begin)
+    return Outcome(name, path, variant, tuple(checks(scenario, result)), perf_counter() - begin, result)
+
+
+test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
+
+
+def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
+    """The run itself, every metric with bounds, and the baseline."""
+    if result.interrupted:
+        yield Check("run", f"interrupted at t = {result.times[-1]:.9g} s.")
+        return
+    yield Check("run")
+    for name, measured in result.metrics.items():
+        yield Check(f"metric {name}", "" if measured.passed else f"{measured}: outside its bounds.")
+    yield from baseline_check(scenario, result)
+
+
+def baseline_check(scenario: Scenario, result: Result) -> Iterator[Check]:
+    """The baseline, if the scenario declares one or its file exists."""
+    baseline = scenario.baseline
+    if baseline.file.is_file():
+        yield Check("baseline", "\n".join(compare(result, baseline)))
+    elif baseline.declared:
+        yield Check("baseline", f"there is no file `{baseline.file}`. Write it by an explicit update of the baseline.")
+
+
+def update_baseline(
+    scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None, write: bool = False
+) -> Update:
+    """Run a scenario and say what a new baseline would change; write it only if told to.
+
+    Parameters
+    ----------
+    scenario : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Variant of the scenario.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+    write : bool
+        Write the new baseline if anything changes.
+
+    Returns
+    -------
+    Update
+    """
+    read, result = load(scenario, variant), run(scenario, variant, fmus)
+    if result.interrupted:
+        return Update(read.baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False)
+    changes = baseline_changes(read, result)
+    if write and changes:
+        columns = {"time": result.times, **{name: result.signals[name] for name in selected(result, read.baseline)}}
+        write_atomically(read.baseline.file, lambda file: write_columns(file, columns))
+    return Update(read.baseline.file, changes, write and bool(changes))
+
+
+def baseline_changes(scenario: Scenario, result: Result) -> tuple[str, ...]:
+    """What a baseline from this result changes."""
+    names = selected(result, scenario.baseline)
+    if not scenario.baseline.file.is_file():
+        return (f"new: {len(names)} signals, {result.times.size} rows.",)
+    return tuple(compare(result, scenario.baseline))

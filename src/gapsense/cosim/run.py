@@ -1,0 +1,246 @@
+"""Run a scenario: from its file to a result, with everything checked on the way."""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any
+
+import numpy as np
+
+from gapsense.cosim.check import check_scenario, read_descriptions
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.files import sha256
+from gapsense.cosim.load import read_draft, scenario_file
+from gapsense.cosim.master import Master, Progress, Recording
+from gapsense.cosim.metrics import evaluate
+from gapsense.cosim.problems import ScenarioError
+from gapsense.cosim.record import Result, Run, Signal, Timing
+from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.signals import recorded_signals
+
+FMU_FOLDER = Path("build", "fmus")
+
+
+def run(
+    scenario: str | Path,
+    variant: str | None = None,
+    fmus: str | Path | None = None,
+    seed_shift: int = 0,
+    progress: Progress | None = None,
+) -> Result:
+    """Run a scenario and measure its metrics.
+
+    Parameters
+    ----------
+    scenario : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Variant of the scenario.
+    fmus : str or Path, optional
+        Folder of the FMUs; by default `build/fmus` in a folder above the scenario, or below the working directory.
+    seed_shift : int
+        Added to every seed of the scenario.
+    progress : callable, optional
+        Called now and then with base steps done and base steps in all.
+
+    Returns
+    -------
+    Result
+        Complete, or after Ctrl-C up to there and marked `interrupted`.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario or its FMUs are wrong, with all problems found.
+    FmuError
+        If a component fails; `result` of the error holds what was recorded before.
+    """
+    read, descriptions = prepare(scenario, variant, fmus)
+    with Master(read, descriptions) as master:
+        return run_once(master, seed_shift, progress)
+
+
+def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+    """Problems of a scenario, found without running it.
+
+    Parameters
+    ----------
+    scenario : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Variant to check; by default the scenario as it is and then every variant.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+
+    Returns
+    -------
+    list of str
+        One sentence each with file, place, what was found, what was expected and what to do; empty if all is well.
+    """
+    problems, read = inspect(scenario, variant, fmus)[:2]
+    if variant is None and read is not None:
+        for name in read.variants:
+            more = [f"variant {name}: {p}" for p in inspect(scenario, name, fmus)[0] if p not in problems]
+            problems = problems + more
+    return problems
+
+
+def prepare(
+    scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None
+) -> tuple[Scenario, dict[str, Description]]:
+    """Scenario and model descriptions, checked; raises ScenarioError with all problems of both."""
+    problems, read, descriptions = inspect(scenario, variant, fmus)
+    if problems or read is None:
+        raise ScenarioError(problems)
+    return read, descriptions
+
+
+def inspect(
+    scenario: str | Path, variant: str | None, fmus: str | Path | None
+) -> tuple[list[str], Scenario | None, dict[str, Description]]:
+    """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions."""
+    draft = read_draft(scenario, variant)
+    if draft.scenario is None:
+        return draft.problems, None, {}
+    problems = list(draft.problems)
+    folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(scenario))
+    descriptions = read_descriptions(draft.scenario, folder, problems)
+    problems += check_scenario(draft.scenario, descriptions, draft.broken)
+    return problems, draft.scenario, descriptions
+
+
+def find_fmus(scenario: Path) -> Path:
+    """Folder `build/fmus` in a folder above the scenario, or else below the working directory."""
+    above = (folder / FMU_FOLDER for folder in scenario.resolve().parents)
+    return next((folder for folder in above if folder.is_dir()), FMU_FOLDER)
+
+
+def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = None) -> Result:
+    """One run of a loaded scenario; raises FmuError with the partial result if a component fails."""
+    scenario = master.scenario
+    seeds = {name: seed + seed_shift for name, seed in scenario.seeds.items()}
+    names = list(recorded_signals(scenario, master.descriptions))
+    index = {str(port): place for port, place in master.places.index.items()}
+    with Interrupt() as interrupt:
+        recording = master.run([index[name] for name in names], seeds, progress, interrupt.happened)
+    result = to_result(master, names, seeds, recording)
+    if recording.error is not None:
+        recording.error.result = replace(result, failure=str(recording.error))
+        raise recording.error
+    return result if result.interrupted else replace(result, metrics=evaluate(scenario.metrics, result))
+
+
+def to_result(master: Master, names: list[str], seeds: Mapping[str, int], recording: Recording) -> Result:
+    """Result of a recording, without metrics."""
+    scenario, known = master.scenario, recorded_signals(master.scenario, master.descriptions)
+    decimation, experiment = scenario.record.decimation, scenario.experiment
+    data = recording.data[: recording.rows].T.copy()
+    return Result(
+        run=about(master, seeds, recording),
+        times=np.array([experiment.time(row * decimation) for row in range(recording.rows)]),
+        signals=dict(zip(names, data)),
+        about={n: Signal(known[n].unit or "", known[n].nominal, known[n].causality) for n in names},
+        parameters={f"{c}.{p}": v for c, values in recording.parameters.items() for p, v in values.items()},
+        timing={name: Timing(recording.seconds[name], recording.calls[name]) for name in recording.seconds},
+        wall=recording.wall,
+        interrupted=recording.interrupted,
+        messages=tuple((c, m.status, m.text) for c, messages in recording.messages.items() for m in messages),
+    )
+
+
+def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run:
+    """What was run and how."""
+    scenario, experiment = master.scenario, master.scenario.experiment
+    return Run(
+        title=scenario.title,
+        scenario=scenario.name,
+        variant=scenario.variant,
+        method=experiment.method,
+        start=experiment.start,
+        stop=experiment.stop,
+        base_step=experiment.base_step,
+        decimation=scenario.record.decimation,
+        seeds=dict(seeds),
+        components={name: component_facts(master, name) for name in scenario.components},
+        order=master.order.names,
+        delayed=tuple(str(connection) for connection in master.order.delayed),
+        files=file_hashes(scenario),
+        versions=versions(),
+        overruns=recording.overruns,
+        lag=recording.lag,
+    )
+
+
+def file_hashes(scenario: Scenario) -> dict[str, str]:
+    """Hash of each file of a scenario, by its path from the scenario's folder."""
+    folder = scenario.path.parent.resolve()
+    return {Path(os.path.relpath(file.resolve(), folder)).as_posix(): sha256(file) for file in scenario.files}
+
+
+def component_facts(master: Master, name: str) -> dict[str, Any]:
+    """FMU and grid of a component."""
+    component, description = master.scenario.components[name], master.descriptions[name]
+    return {
+        "fmu": description.path.name,
+        "guid": description.guid,
+        "version": description.version,
+        "sha256": description.sha256,
+        "step": component.step,
+        "offset": component.offset,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed the result."""
+    return {
+        **{package: installed(package) for package in ("gapsense", "fmpy", "numpy")},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+
+
+def installed(package: str) -> str:
+    """Version of an installed package."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+class Interrupt:
+    """Turns Ctrl-C into a question the master asks between steps; a second Ctrl-C interrupts at once.
+
+    A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter. Outside the main
+    thread Python delivers no signals, and nothing is changed.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.previous: Any = None
+
+    def __enter__(self) -> Interrupt:
+        if threading.current_thread() is threading.main_thread():
+            self.previous = signal.signal(signal.SIGINT, self.note)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self.previous is not None:
+            signal.signal(signal.SIGINT, self.previous)
+
+    def note(self, number: int, frame: FrameType | None) -> None:
+        """Remember the first Ctrl-C, raise the second."""
+        self.count += 1
+        if self.count > 1:
+            raise KeyboardInterrupt
+
+    def happened(self) -> bool:
+        """True after a Ctrl-C."""
+        return self.count > 0

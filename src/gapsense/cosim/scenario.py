@@ -1,0 +1,164 @@
+"""What a scenario says, as records. `load.py` reads them from a file, `check.py` holds them against the FMUs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from gapsense.cosim.tables import Value
+
+METHODS = ("gauss-seidel", "jacobi")
+
+
+class Port(NamedTuple):
+    """A variable of a component, written `component.variable` (the variable may itself contain dots)."""
+
+    component: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Time grid `start + k * base_step` [s], k from 0 to `count`, and how values are exchanged on it.
+
+    Attributes
+    ----------
+    pace : float or None
+        Simulated seconds per second of wall time; None runs as fast as possible.
+    """
+
+    start: float
+    stop: float
+    base_step: float
+    count: int
+    method: str = "gauss-seidel"
+    pace: float | None = None
+
+    def time(self, index: int) -> float:
+        """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
+        return self.start + index * self.base_step
+
+
+@dataclass(frozen=True)
+class Component:
+    """One FMU instance: `step` and `offset` count base steps, `values` are its parameters with their `origin`."""
+
+    name: str
+    fmu: str
+    step: int = 1
+    offset: int = 0
+    values: Mapping[str, Value] = field(default_factory=dict)
+    origin: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Connection:
+    """`target` receives `factor * source + bias`; `unit` is the unit after that conversion, if stated."""
+
+    source: Port
+    target: Port
+    factor: float | None = None
+    bias: float | None = None
+    unit: str | None = None
+
+    @property
+    def converts(self) -> bool:
+        """True if the connection states a conversion, and so may join different units."""
+        return self.factor is not None or self.bias is not None
+
+    def __str__(self) -> str:
+        return f"{self.source} -> {self.target}"
+
+
+@dataclass(frozen=True)
+class Record:
+    """Patterns of the signals to record, at every `decimation`-th base step."""
+
+    signals: tuple[str, ...] = ("*",)
+    decimation: int = 1
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number computed from the samples of a recorded signal with `after < t < before` [s], and where it must lie.
+
+    Attributes
+    ----------
+    where : str or None
+        Signal that is 0 at samples to leave out.
+    time : str or None
+        Signal with the time that a sample is about [s], for what is published later; it decides on `after` and
+        `before`, and at which row a reference signal is taken.
+    """
+
+    name: str
+    kind: str
+    signal: str
+    reference: str | float | None = None
+    after: float | None = None
+    before: float | None = None
+    where: str | None = None
+    time: str | None = None
+    bounds: tuple[float, float] | None = None
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Allowed difference to the baseline: `atol + rtol * nominal`."""
+
+    rtol: float = 1e-9
+    atol: float = 0.0
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Reference trajectory: its file, the patterns compared, the tolerance and its exceptions by pattern."""
+
+    file: Path
+    signals: tuple[str, ...] | None = None
+    tolerance: Tolerance = Tolerance()
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    declared: bool = False
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A co-simulation as its file describes it, with one variant applied.
+
+    Attributes
+    ----------
+    variants : mapping
+        Description of each variant of the file, by name.
+    files : tuple of Path
+        The scenario file, its parameter sets and the files named by parameters, all of which decide the result.
+    tested : tuple of str
+        Variants that state metrics or a baseline of their own, or whose baseline file exists.
+    """
+
+    path: Path
+    title: str
+    description: str
+    variant: str | None
+    experiment: Experiment
+    components: Mapping[str, Component]
+    connections: tuple[Connection, ...]
+    inputs: Mapping[Port, float]
+    seeds: Mapping[str, int]
+    record: Record
+    metrics: tuple[Metric, ...]
+    baseline: Baseline
+    variants: Mapping[str, str]
+    tested: tuple[str, ...]
+    files: tuple[Path, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario's folder, with the variant in brackets."""
+        folder = self.path.resolve().parent.name
+        return f"{folder}[{self.variant}]" if self.variant else folder

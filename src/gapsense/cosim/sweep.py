@@ -1,0 +1,221 @@
+"""Run a scenario over many seeds in worker processes; what has been computed once is never computed again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim.files import sha256, write_atomically, write_columns
+from gapsense.cosim.ledger import Entry, Ledger
+from gapsense.cosim.problems import ScenarioError
+from gapsense.cosim.process import WorkerProcess
+from gapsense.cosim.record import Measure
+from gapsense.cosim.run import file_hashes, find_fmus, installed, prepare
+from gapsense.cosim.scenario import Scenario
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Metrics over the runs of a sweep.
+
+    Attributes
+    ----------
+    indices : tuple of int
+        Runs that succeeded: run i adds i to every seed of the scenario.
+    metrics : mapping
+        Values by metric, one for each of `indices`; NaN where a metric had no samples.
+    errors : mapping
+        What went wrong in the runs that failed.
+    computed : int
+        Runs done now; the others were known already.
+    interrupted : bool
+        True if Ctrl-C ended it; start it again to go on.
+    """
+
+    indices: tuple[int, ...]
+    metrics: Mapping[str, npt.NDArray[np.float64]]
+    errors: Mapping[int, str]
+    computed: int
+    interrupted: bool
+    file: Path | None
+
+    def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
+        """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
+        return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
+
+
+def sweep(
+    scenario: str | Path,
+    seeds: int,
+    variant: str | None = None,
+    workers: int = 2,
+    out: str | Path | None = None,
+    fmus: str | Path | None = None,
+    measure: Measure | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run a scenario with `seeds` different seeds and collect its metrics.
+
+    Parameters
+    ----------
+    scenario : str or Path
+        Scenario file, or its folder; it must have `[seeds]`.
+    seeds : int
+        Number of runs.
+    variant : str, optional
+        Variant of the scenario.
+    workers : int
+        Processes; the numbers do not depend on it.
+    out : str or Path, optional
+        Folder for `<scenario>.jsonl`, one line per run as soon as it is done, and `<scenario>.csv` at the end. If
+        runs of the same scenario, FMUs and seed are in it already, they are taken from there.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+    measure : callable, optional
+        Further metrics of a result: a function at the top level of a module, which the workers import.
+    progress : callable, optional
+        Called after each run with runs done and runs in all.
+
+    Returns
+    -------
+    Sweep
+    """
+    read, descriptions = prepare(scenario, variant, fmus)
+    refuse_senseless(read, seeds, workers)
+    folder = Path(fmus) if fmus is not None else find_fmus(read.path)
+    task = {
+        "scenario": str(read.path.resolve()),
+        "variant": variant,
+        "fmus": str(folder.resolve()),
+        "measure": None if measure is None else importable_name(measure),
+    }
+    hashes = {name: description.sha256 for name, description in descriptions.items()}
+    ledger = Ledger(None if out is None else Path(out) / f"{file_stem(read)}.jsonl", key(read, hashes, measure))
+    known = {index: entry for index, entry in ledger.read().items() if index < seeds and "metrics" in entry}
+    job = Job(task, measure, [index for index in range(seeds) if index not in known], workers)
+    interrupted = job.run(known, ledger, seeds, progress)
+    result = collect(known, job.computed, interrupted, ledger.file)
+    if ledger.file is not None and not interrupted:
+        save_table(result, ledger.file.with_suffix(".csv"))
+    return result
+
+
+def refuse_senseless(scenario: Scenario, seeds: int, workers: int) -> None:
+    """Raise ScenarioError for a sweep that makes no sense."""
+    problems = []
+    if seeds < 1 or workers < 1:
+        problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
+    if not scenario.seeds:
+        problems.append(f"{scenario.path.name}, seeds: a sweep varies seeds, and there are none. Add `[seeds]`.")
+    if problems:
+        raise ScenarioError(problems)
+
+
+def file_stem(scenario: Scenario) -> str:
+    """Name of the sweep's files, without suffix."""
+    folder = scenario.path.resolve().parent.name
+    return f"{folder}.{scenario.variant}" if scenario.variant else folder
+
+
+def importable_name(measure: Measure) -> str:
+    """`module:function`, under which a worker finds the function."""
+    module, name = measure.__module__, measure.__qualname__
+    if module == "__main__" or "<" in name or "." in name:
+        raise ValueError(f"`{name}` of `{module}`: workers cannot import it. Put it at the top level of a module.")
+    return f"{module}:{name}"
+
+
+def key(scenario: Scenario, fmus: Mapping[str, str], measure: Measure | None) -> str:
+    """Hash of all that decides the metrics of a run, besides its seed."""
+    source = None if measure is None else str(sys.modules[measure.__module__].__file__)
+    facts = {
+        "files": file_hashes(scenario),
+        "variant": scenario.variant,
+        "fmus": dict(fmus),
+        "measure": None if measure is None or source is None else [importable_name(measure), sha256(Path(source))],
+        "gapsense": installed("gapsense"),
+    }
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+class Job:
+    """The runs still to do, and the processes that do them."""
+
+    def __init__(self, task: Mapping[str, Any], measure: Measure | None, pending: Sequence[int], workers: int) -> None:
+        self.pending, self.computed = deque(pending), 0
+        self.answers: Queue[Entry | BaseException] = Queue()
+        self.processes = [WorkerProcess(task, measure) for _ in range(min(workers, len(pending)))]
+
+    def run(self, known: dict[int, Entry], ledger: Ledger, total: int, progress: Progress | None) -> bool:
+        """Do all runs, adding them to `known` and the ledger; true if interrupted."""
+        left = len(self.pending)
+        threads = [Thread(target=self.feed, args=(process,), daemon=True) for process in self.processes]
+        try:
+            for thread in threads:
+                thread.start()
+            for _ in range(left):
+                if progress:
+                    progress(total - left + self.computed, total)
+                self.keep(self.answers.get(), known, ledger)
+            if progress:
+                progress(total, total)
+        except KeyboardInterrupt:
+            return True
+        finally:
+            self.pending.clear()
+            for process in self.processes:
+                process.close()
+        return False
+
+    def feed(self, process: WorkerProcess) -> None:
+        """Give one process run after run until none is left."""
+        try:
+            process.start()
+            while self.pending:
+                self.answers.put(process.ask(self.pending.popleft()))
+        except IndexError:
+            return  # another thread took the last one
+        except Exception as error:  # handed to the main thread, which raises it
+            self.answers.put(error)
+
+    def keep(self, answer: Entry | BaseException, known: dict[int, Entry], ledger: Ledger) -> None:
+        """Write down an answer; raise what is an error of the whole sweep."""
+        if isinstance(answer, BaseException):
+            raise answer
+        known[answer["index"]] = answer
+        ledger.append(answer)
+        self.computed += 1
+
+
+def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file: Path | None) -> Sweep:
+    """Sweep from its entries, in the order of the seeds whatever the order in which they were computed."""
+    good = {index: entries[index]["metrics"] for index in sorted(entries) if "metrics" in entries[index]}
+    names = dict.fromkeys(name for metrics in good.values() for name in metrics)
+    columns = {name: np.array([number(metrics.get(name)) for metrics in good.values()]) for name in names}
+    errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
+    return Sweep(tuple(good), columns, errors, computed, interrupted, file)
+
+
+def number(value: float | None) -> float:
+    """NaN for none."""
+    return math.nan if value is None else value
+
+
+def save_table(result: Sweep, path: Path) -> None:
+    """CSV with one row per run."""
+    columns = {"run": np.array(result.indices, dtype=np.float64), **result.metrics}
+    write_atomically(path, lambda file: write_columns(file, columns))

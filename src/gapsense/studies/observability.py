@@ -1,0 +1,144 @@
+"""Observability of the model behind SEMERA, [SEMERA] Section II-B: which currents let its state be estimated.
+
+The state is (r, l_k, l_(k-1)), and the output matrix depends on the current.  A window of samples k .. k+n makes the
+state at k observable if the matrix (30) has rank 3.  It has not for a linear current (35), and neither for one that
+decays to zero exponentially, i_(k+j) = q^j i_k: its rows are q^j times rows that are linear in j.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+TOLERANCE = 1e-9
+
+
+def observability_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any]:
+    """Observability matrices of all windows of `n + 1` samples.
+
+    Row j is C_(k+j) F^j with C of (28) and F^j of (34); for n = 2 this is (31).  [SEMERA, eqs. (30)-(31), (33)-(34)]
+
+    Parameters
+    ----------
+    current : (m,) array
+        True current [A]; an object array of fractions gives exact matrices.
+    dt : float
+        Sampling period [s].
+    n : int
+        Length of the window in steps.
+
+    Returns
+    -------
+    (m - n - 1, n + 1, 3) array
+        Entry [w] belongs to the window that starts at k = w + 1, because (28) needs the current of k - 1.
+    """
+    i, before, j = _windows(current, n)
+    rows = (i, ((j + 1) * i - j * before) / dt, ((j - 1) * before - j * i) / dt)
+    return np.stack(rows, axis=-1)
+
+
+def flux_state_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any]:
+    """As `observability_matrix`, with the flux linkages instead of the inductances in the state.
+
+    Row j is (i_(k+j), 1/dt, -1/dt): the last two columns are proportional, so that the rank is never above 2.
+    [SEMERA, eqs. (36)-(39)]
+    """
+    i, _, _ = _windows(current, n)
+    one = i * 0 + 1
+    return np.stack((i, one / dt, -one / dt), axis=-1)
+
+
+def determinant(current: ArrayLike, dt: Any) -> NDArray[Any]:
+    """Determinant of the matrices for n = 2, as the polynomial (32) [A^3/s^2]; array (m - 3,)."""
+    i = np.asarray(current)
+    i_before, i0, i1, i2 = i[:-3], i[1:-2], i[2:-1], i[3:]
+    squares = 2 * i_before * i1 * i1 + 2 * i0 * i0 * i2
+    mixed = i0 * i0 * i1 + i0 * i1 * i1 + i_before * i0 * i2 + i_before * i1 * i2
+    return np.asarray((squares - mixed) / (dt * dt))
+
+
+def rank(matrices: ArrayLike, dt: float, tolerance: float = TOLERANCE) -> NDArray[np.int_]:
+    """Rank of observability matrices, after scaling.
+
+    Parameters
+    ----------
+    matrices : (..., n + 1, 3) array
+        From `observability_matrix` or `flux_state_matrix`.
+    dt : float
+        Sampling period [s].
+    tolerance : float
+        A singular value counts if it is above `tolerance` times the largest one.
+
+    Notes
+    -----
+    The rank of a matrix of measured or simulated numbers depends on units and on the tolerance.  Here the inductances
+    are expressed as l/dt, in ohm like r, which makes all columns currents; the largest entry is then made 1, which
+    changes no ratio.  What is left of the third singular value is of the order of the relative second difference of
+    the current: about (dt/tau)^2 = 1e-3 where the current of a valve starts to rise, 1e-16 by rounding where it is
+    steady.  The default of 1e-9 lies between these; a coarser one tells less of the rise observable.  It is a bound for
+    exact currents, as in [SEMERA]: against measurement noise, far more information is needed than for rank 3.
+    """
+    scaled = _scaled(matrices, dt)
+    values = np.linalg.svd(scaled, compute_uv=False)
+    largest = values.max(axis=-1, keepdims=True)
+    return np.asarray(np.sum(values > tolerance * largest, axis=-1))
+
+
+def steps_since_observable(current: ArrayLike, dt: float, tolerance: float = TOLERANCE) -> NDArray[np.float64]:
+    """Number of steps since the last observable state, for every sample: the last plot of Fig. 3.
+
+    At sample k it is the smallest n for which the samples k-n .. k, or the first of them, make the state at k-n
+    observable.
+
+    Parameters
+    ----------
+    current : (m,) array
+        True current [A].
+    dt : float
+        Sampling period [s].
+    tolerance : float
+        See `rank`.
+
+    Returns
+    -------
+    (m,) array
+        2 at least; NaN while no state has been observable.
+    """
+    i = np.asarray(current, dtype=float)
+    latest = np.full(i.size, -1)  # state that becomes observable at a sample
+    pending = np.arange(1, max(1, i.size - 2))  # states that are not observable yet
+    factor = np.zeros((pending.size, 0, 3))  # what the rows so far amount to: same singular values, three rows
+    for n in range(i.size - 1):
+        factor, pending = factor[pending + n < i.size], pending[pending + n < i.size]
+        if pending.size == 0:
+            break
+        factor = np.concatenate((factor, _row(i, pending, n)[:, None, :]), axis=1)
+        if n < 2:
+            continue
+        is_observable = rank(factor, 1.0, tolerance) == 3
+        np.maximum.at(latest, pending[is_observable] + n, pending[is_observable])
+        factor, pending = np.asarray(np.linalg.qr(factor[~is_observable], mode="r")), pending[~is_observable]
+    latest = np.maximum.accumulate(latest)
+    return np.where(latest > 0, np.arange(i.size) - latest, np.nan)
+
+
+def _windows(current: ArrayLike, n: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.int_]]:
+    """Currents i_(k+j) and i_(k+j-1) of every window, and j."""
+    i = np.asarray(current)
+    j = np.arange(n + 1)
+    k = np.arange(1, max(1, i.size - n))[:, None]
+    return i[k + j], i[k + j - 1], j
+
+
+def _row(i: NDArray[np.float64], k: NDArray[np.int_], j: int) -> NDArray[np.float64]:
+    """Row j of the scaled matrices of the windows that start at `k`."""
+    now, before = i[k + j], i[k + j - 1]
+    return np.stack((now, (j + 1) * now - j * before, (j - 1) * before - j * now), axis=-1)
+
+
+def _scaled(matrices: ArrayLike, dt: float) -> NDArray[np.float64]:
+    scaled = np.asarray(matrices, dtype=float) * np.array([1.0, dt, dt])
+    largest = np.abs(scaled).max(axis=(-2, -1), keepdims=True)
+    return np.asarray(scaled / np.where(largest > 0.0, largest, 1.0))

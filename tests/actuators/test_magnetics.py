@@ -1,0 +1,82 @@
+"""Laws of the magnetic circuit at known points and by their definitions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from gapsense.actuators import magnetics
+from gapsense.actuators.parameters import GAP_AREA, VALVE, fringing_table
+from gapsense.actuators.solenoid_valve import Inputs, _valve
+
+LAWS = [0.0, 1.0, 2.0]
+FLUXES = st.floats(-1.0, 1.0)
+
+
+def circuit(law):
+    return _valve(Inputs(0.0, 0.0, 0.0), VALVE._replace(gap_law=law)).circuit
+
+
+@pytest.mark.parametrize("law", [0.0, 1.0])
+@pytest.mark.parametrize("h", [-1e-5, 1e-6, 0.3e-3, 0.9e-3, 25e-3])
+def test_slope_is_the_derivative_of_the_reluctance(law, h):
+    c, d = circuit(law), 1e-9
+    difference = (magnetics.gap_law(h + d, c)[0] - magnetics.gap_law(h - d, c)[0]) / (2 * d)
+    assert magnetics.gap_law(h, c)[1] == pytest.approx(difference, rel=1e-6)
+
+
+def test_fringing_vanishes_at_the_closed_gap():
+    r0 = 1 / (magnetics.MU_0 * GAP_AREA)
+    assert magnetics.gap_law(0.0, circuit(1.0)) == (0.0, r0)
+    assert magnetics.gap_law(1e-9, circuit(1.0))[0] == pytest.approx(r0 * 1e-9, rel=1e-4)
+
+
+def test_table_interpolates_both_columns_and_extrapolates():
+    c = circuit(2.0)
+    gaps, reluctances, slopes = fringing_table(19)
+    assert len(gaps) == 19
+    assert magnetics.gap_law(gaps[7], c) == pytest.approx((reluctances[7], slopes[7]))
+    middle = magnetics.gap_law(0.5 * (gaps[7] + gaps[8]), c)
+    assert middle == pytest.approx((0.5 * (reluctances[7] + reluctances[8]), 0.5 * (slopes[7] + slopes[8])))
+    outside = magnetics.gap_law(2 * gaps[18] - gaps[17], c)
+    assert outside == pytest.approx((2 * reluctances[18] - reluctances[17], 2 * slopes[18] - slopes[17]))
+
+
+@given(FLUXES)
+def test_core_reluctance_is_finite_and_positive_for_any_flux(lam):
+    R = magnetics.core_law(lam, circuit(0.0))
+    assert VALVE.core_reluctance <= R <= 1000.001 * VALVE.core_reluctance
+
+
+@given(FLUXES, st.sampled_from(LAWS), st.floats(-1e-4, 2e-3))
+def test_laws_are_finite_and_odd_or_even(lam, law, h):
+    c = circuit(law)
+    R, slope = magnetics.gap_law(h, c)
+    assert all(map(math.isfinite, (R, slope, magnetics.current(lam, R, c), magnetics.energy(lam, R, c))))
+    assert magnetics.current(-lam, R, c) == -magnetics.current(lam, R, c)
+    assert magnetics.force(-lam, slope, c) == magnetics.force(lam, slope, c) <= 0.0
+
+
+@pytest.mark.parametrize("lam", [-0.02, 0.001, 0.0211, 0.0239, 0.03])
+def test_energy_is_the_integral_of_the_current_over_the_flux_linkage(lam):
+    c = circuit(0.0)
+    R = magnetics.gap_law(0.4e-3, c)[0]
+    knee = math.copysign(magnetics.SATURATED * VALVE.core_saturation, lam)
+    work, _ = quad(
+        lambda x: magnetics.current(x, R + magnetics.core_law(x, c), c),
+        0.0,
+        lam,
+        points=[knee],
+        epsrel=1e-12,
+        limit=200,
+    )
+    assert magnetics.energy(lam, R, c) == pytest.approx(work, rel=1e-9)
+
+
+def test_force_is_the_falling_energy_at_constant_flux():
+    c, h, d = circuit(1.0), 0.5e-3, 1e-8
+    W = [magnetics.energy(0.01, magnetics.gap_law(x, c)[0], c) for x in (h - d, h + d)]
+    assert magnetics.force(0.01, magnetics.gap_law(h, c)[1], c) == pytest.approx(-np.diff(W)[0] / (2 * d), rel=1e-6)

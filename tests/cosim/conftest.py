@@ -1,0 +1,85 @@
+"""Stock FMUs, built once per session in a process of their own, and a writer of scenario files."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+SRC = HERE.parents[1] / "src"
+
+
+@pytest.fixture(scope="session")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the FMUs Source, Lag, Gain, Noise and Faulty."""
+    folder = tmp_path_factory.mktemp("fmus")
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run(
+        [sys.executable, str(HERE / "stock_fmus.py"), str(folder)], check=True, env=environment, capture_output=True
+    )
+    return folder
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[..., Path]:
+    """Writer of a scenario file into a folder of its own; further files by name."""
+
+    def write(text: str, folder: str = "demo", **files: str) -> Path:
+        path = tmp_path / folder / "scenario.toml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        for name, content in files.items():
+            (path.parent / f"{name}.toml").write_text(content, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def python(fmus: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Runs Python code in a process of its own, for what may crash or kill it; `fmus` is defined in it."""
+
+    def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
+        environment = {**os.environ, "PYTHONPATH": str(SRC)}
+        head = f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n"
+        return subprocess.run(
+            [sys.executable, "-c", head + code], capture_output=True, text=True, env=environment, timeout=60, **options
+        )
+
+    return python
+
+
+CHAIN = """
+title = "Ramp through a lag and a gain"
+
+[experiment]
+stop = 1.0
+base_step = 0.1
+
+[components.source]
+fmu = "Source"
+set = { slope = 2.0 }
+
+[components.lag]
+fmu = "Lag"
+
+[components.gain]
+fmu = "Gain"
+
+[[connections]]
+from = "source.y"
+to = "lag.u"
+
+[[connections]]
+from = "lag.y"
+to = "gain.u"
+"""
+
+
+@pytest.fixture
+def chain() -> str:
+    """Text of a scenario: ramp source, lag, gain."""
+    return CHAIN

@@ -1,0 +1,48 @@
+import os
+import signal
+import time
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real, String
+from pythonfmu.enums import Fmi2Status
+
+PARAMETER = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
+
+
+class Faulty(Fmi2Slave):
+    """Does what `fault` says at the first step that starts at or after `at`."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.fault, self.at, self.u, self.y = "", 0.5, 0.0, 0.0
+        self.register_variable(String("fault", **PARAMETER))
+        self.register_variable(Real("at", **PARAMETER))
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def exit_initialization_mode(self):
+        if self.fault == "initialization":
+            raise ValueError("cannot start")
+
+    def do_step(self, t, h):
+        self.y = t + h
+        return self.fail() if t >= self.at - 1e-12 else True
+
+    def fail(self):
+        if self.fault == "raise":
+            raise ValueError("coil burnt")
+        if self.fault == "discard":
+            self.log("step too long", Fmi2Status.discard)
+            return False
+        if self.fault == "nan":
+            self.y = float("nan")
+        if self.fault == "infinite":
+            self.y = float("inf")
+        if self.fault == "warn":
+            self.log("getting 100 %% warm", Fmi2Status.warning)
+        if self.fault == "interrupt":
+            os.kill(os.getpid(), signal.SIGINT)
+        if self.fault == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.fault == "slow":
+            time.sleep(0.02)
+        return True

@@ -1,0 +1,125 @@
+"""A scenario that does not fit its FMUs is refused before anything is loaded, with all problems at once."""
+
+from dataclasses import replace
+
+import pytest
+
+from gapsense.cosim import ScenarioError, check, prepare, run
+from gapsense.cosim.check import check_scenario
+
+SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'
+
+
+def test_good_scenario_has_no_problems(write, chain, fmus):
+    assert check(write(chain), fmus=fmus) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('fmu = "Lag"', 'fmu = "Lga"', ["components.lag.fmu", "Did you mean `Lag`?", "gapsense build"]),
+        ('fmu = "Lag"', 'fmu = "parts/Lag.fmu"', ["there is no FMU", "That folder has no FMU"]),
+        ('fmu = "Lag"', 'fmu = "scenario.toml.fmu"', ["cannot be used", "not a readable FMU"]),
+        ("slope = 2.0", "slop = 2.0", ["unknown parameter `slop`", "Did you mean `slope`?"]),
+        ("slope = 2.0", 'slope = "x"', ["`slope` is", "type Real is expected"]),
+        ("slope = 2.0", "seed = 1.5", ["`seed` is `1.5`", "type Integer"]),
+        ("slope = 2.0", "inverted = 1", ["`inverted` is `1`", "type Boolean"]),
+        ("slope = 2.0", "shape = 1", ["`shape` is `1`", "type String"]),
+        ("slope = 2.0", "seed = 9999999999", ["`seed` is 9999999999", "2147483647 expected"]),
+        ("slope = 2.0", "y = 1.0", ["`y` is not a parameter", "`output`"]),
+        ('fmu = "Lag"', 'fmu = "Lag"\nset = { "time.constant" = 0 }', ["is 0, 0.001 to 1000 s expected"]),
+        ('fmu = "Lag"', 'fmu = "Lag"\nset = { u = 0 }', ["`input`", "Give its value in `[inputs]`"]),
+        ('fmu = "Lag"', 'fmu = "Lag"\noffset = 10', ["its first step ends after 11 base steps"]),
+        ('from = "lag.y"', 'from = "lag.yy"', ["connections[1].from", "unknown variable `yy`", "Did you mean `y`?"]),
+        ('from = "lag.y"', 'from = "lag.u"', ["`lag.u` is an input, an output is expected"]),
+        ('from = "lag.y"', 'from = "gain.mode"', ["only Real variables can be wired"]),
+        ('from = "lag.y"', 'from = "leg.y"', ["there is no component `leg`", "Did you mean `lag`?"]),
+        ('from = "lag.y"', 'from = "gain.y"', ["gain.y [A] -> gain.u [V]: units differ", "`factor`"]),
+        ('to = "gain.u"', 'to = "lag.u"', ["`lag.u` is driven 2 times, by connections[0], connections[1]"]),
+        (SECOND, "", ["nothing drives `gain.u`", "its start value is 0.0"]),
+        (SECOND, '[inputs]\n"gain.u" = 2000\n', ["inputs.gain.u", "-1000 to 1000 V expected"]),
+        (SECOND, SECOND + '[inputs]\n"gain.u" = 1\n', ["`gain.u` is driven 2 times", "inputs"]),
+        (SECOND, SECOND + '[inputs]\n"gain.y" = 1\n', ["`gain.y` is an output, an input is expected"]),
+        (SECOND, SECOND + "[seeds]\nlag = 1\n", ["seeds.lag", "no Integer parameter `seed`"]),
+        (SECOND, SECOND + "[seeds]\nsurce = 1\n", ["seeds.surce", "Did you mean `source`?"]),
+        (SECOND, SECOND + '[record]\nsignals = ["lag.x*"]\n', ["record.signals", "`lag.x*` matches no"]),
+        (SECOND, SECOND + '[record]\nsignals = ["lag.time.constant"]\n', ["matches no input or output"]),
+        (SECOND, SECOND + '[baseline]\nsignals = ["lagg.y"]\n', ["baseline.signals", "Did you mean `lag.y`?"]),
+        (SECOND, SECOND + "[baseline.tolerances.lagg]\nrtol=1\n", ["baseline.tolerances", "`lagg`"]),
+    ],
+)
+def test_what_does_not_fit_is_named(write, chain, fmus, old, new, expected):
+    assert old in chain
+    path = write(chain.replace(old, new, 1))
+    (path.parent / "scenario.toml.fmu").write_text("no archive")
+    text = "\n".join(check(path, fmus=fmus))
+    for part in expected:
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ('signal = "gain.z"', "unknown signal `gain.z`"),
+        ('signal = "source.y"', "`source.y` is not recorded. Add it to `record.signals`"),
+        ('signal = "lag.y"\nreference = "gain.y"', "lag.y [V] is compared with gain.y [A]: units differ"),
+        ('signal = "lag.y"\nreference = "source.shape"', "unknown signal `source.shape`"),
+        ('signal = "lag.y"\nreference = "source.level"', ""),
+        ('signal = "lag.y"\nreference = 2', ""),
+    ],
+)
+def test_metric_uses_what_is_recorded(write, chain, fmus, lines, expected):
+    text = chain + f'[record]\nsignals = ["lag.*", "gain.*"]\n[metrics.m]\nkind = "max_abs"\n{lines}\n'
+    found = check(write(text), fmus=fmus)
+    assert (expected in found[0]) if expected else found == []
+
+
+def test_seed_given_twice_is_refused(write, chain, fmus):
+    text = chain.replace("slope = 2.0", "seed = 1") + "[seeds]\nsource = 1\n"
+    assert "`seed` is also given in scenario.toml, components.source.set" in check(write(text), fmus=fmus)[0]
+
+
+def test_different_units_are_joined_by_a_stated_conversion(write, chain, fmus):
+    loop = chain.replace('from = "source.y"', 'from = "gain.y"')
+    assert any("units differ" in problem for problem in check(write(loop), fmus=fmus))
+    assert check(write(loop.replace('to = "lag.u"', 'to = "lag.u"\nfactor = 2.0\nunit = "V"')), fmus=fmus) == []
+    wrong = loop.replace('to = "lag.u"', 'to = "lag.u"\nfactor = 2.0\nunit = "A"')
+    assert "after conversion to [A]" in check(write(wrong), fmus=fmus)[0]
+
+
+def test_feedthrough_cycle_is_refused_with_its_variables(write, chain, fmus):
+    text = chain.replace('from = "lag.y"', 'from = "gain.y"\nfactor = 1.0')
+    for method in ("gauss-seidel", "jacobi"):
+        found = check(write(text.replace("stop", f'method = "{method}"\nstop')), fmus=fmus)
+        assert "algebraic loop through gain.y -> gain.u" in "\n".join(found)
+
+
+@pytest.mark.parametrize(("step", "sample_time", "fits"), [(1, 0.1, 1), (3, 0.1, 1), (1, 0.3, 1), (2, 0.3, 0)])
+def test_step_must_fit_the_sample_time(write, chain, fmus, step, sample_time, fits):
+    noise = f'[components.noise]\nfmu = "Noise"\nstep = {step}\nset = {{ sample_time = {sample_time} }}\n'
+    found = check(write(chain + noise), fmus=fmus)
+    assert len(found) == 1 - fits
+    assert fits or "whole multiple" in found[0]
+
+
+def test_problems_of_file_and_fmus_come_together(write, chain, fmus):
+    text = chain.replace("stop = 1.0", "stop = 1.05").replace("slope", "slop").replace("lag.u", "lag.v")
+    with pytest.raises(ScenarioError) as caught:
+        run(write(text), fmus=fmus)
+    text = str(caught.value)
+    assert all(part in text for part in ("whole number", "`slop`", "unknown variable `v`", "nothing drives `lag.u`"))
+
+
+def test_check_covers_the_variants(write, chain, fmus):
+    found = check(write(chain + "[variants.bad]\ncomponents.source.set.slop = 1\n"), fmus=fmus)
+    assert len(found) == 1
+    assert found[0].startswith("variant bad: ")
+
+
+def test_second_instance_of_a_single_fmu_is_refused(write, chain, fmus):
+    text = chain.replace('fmu = "Lag"', 'fmu = "Gain"').replace("lag.y", "source.y")
+    scenario, descriptions = prepare(write(text), None, fmus)
+    single = {name: replace(description, is_single=True) for name, description in descriptions.items()}
+    assert check_scenario(scenario, single) == [
+        "scenario.toml, components.gain.fmu: `lag` uses it too, and a process can hold only one. Remove one."
+    ]

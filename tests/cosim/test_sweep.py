@@ -1,0 +1,123 @@
+"""A sweep gives the same numbers however it is done, and never computes a run twice."""
+
+import numpy as np
+import pytest
+
+from gapsense.cosim import ScenarioError, run, sweep
+from gapsense.cosim.ledger import Ledger
+
+NOISE = """
+title = "Noise"
+[experiment]
+stop = 10.0
+base_step = 0.1
+[components.noise]
+fmu = "Noise"
+[seeds]
+noise = 10
+[metrics.spread]
+kind = "std"
+signal = "noise.y"
+"""
+
+
+def test_numbers_do_not_depend_on_the_workers_and_equal_single_runs(write, fmus):
+    path = write(NOISE)
+    one, two = (sweep(path, 6, workers=n, fmus=fmus) for n in (1, 2))
+    assert one.indices == two.indices == tuple(range(6))
+    assert np.array_equal(one.metrics["spread"], two.metrics["spread"])
+    alone = run(path, fmus=fmus, seed_shift=3)
+    assert alone.parameters["noise.seed"] == 13
+    assert alone.metrics["spread"].value == one.metrics["spread"][3]
+    assert one.quantiles((0.0, 1.0))["spread"] == (min(one.metrics["spread"]), max(one.metrics["spread"]))
+
+
+def test_restart_computes_only_what_is_missing(write, fmus, tmp_path):
+    path, out, seen = write(NOISE), tmp_path / "out", []
+    first = sweep(path, 4, out=out, fmus=fmus, progress=lambda done, total: seen.append((done, total)))
+    assert (first.computed, seen[-1]) == (4, (4, 4))
+    lines = (out / "demo.jsonl").read_text().splitlines(keepends=True)
+    (out / "demo.jsonl").write_text("".join(lines[:2]) + lines[2][:40])  # as a kill leaves it
+    second = sweep(path, 6, out=out, fmus=fmus)
+    assert second.computed == 4
+    assert np.array_equal(second.metrics["spread"][:4], first.metrics["spread"])
+    assert sweep(path, 6, out=out, fmus=fmus).computed == 0
+    assert (out / "demo.csv").read_text().splitlines()[0] == '"run","spread"'
+    path.write_text(NOISE.replace("stop = 10.0", "stop = 20.0"))
+    assert sweep(path, 2, out=out, fmus=fmus).computed == 2
+
+
+def test_ledger_keeps_entries_of_others(tmp_path):
+    file = tmp_path / "x.jsonl"
+    for key in ("a", "b"):
+        Ledger(file, key).append({"index": 1, "metrics": {"m": 1.0}})
+    file.write_text(file.read_text() + '{"key": "a", "ind')
+    Ledger(file, "a").append({"index": 2, "metrics": {}})
+    assert sorted(Ledger(file, "a").read()) == [1, 2]
+    assert sorted(Ledger(file, "b").read()) == [1]
+
+
+FAULTY = NOISE + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0 }\n[inputs]\n"coil.u" = 0.0\n'
+
+
+def test_failed_runs_are_reported_not_hidden(write, fmus):
+    result = sweep(write(FAULTY.replace("FAULT", "nan")), 3, fmus=fmus)
+    assert result.indices == ()
+    assert sorted(result.errors) == [0, 1, 2]
+    assert "coil, t = 5 s" in result.errors[0]
+
+
+def test_killed_worker_is_an_error_that_names_the_run(write, fmus):
+    with pytest.raises(RuntimeError, match=r"a worker process died \(-9\) at run 0"):
+        sweep(write(FAULTY.replace("FAULT", "kill")), 1, fmus=fmus)
+
+
+def test_sweep_without_seeds_is_refused(write, fmus):
+    with pytest.raises(ScenarioError, match=r"there are none. Add `\[seeds\]`"):
+        sweep(write(NOISE.replace("[seeds]\nnoise = 10\n", "")), 3, fmus=fmus)
+
+
+def test_local_measure_is_refused(write, fmus):
+    with pytest.raises(ValueError, match="top level of a module"):
+        sweep(write(NOISE), 1, fmus=fmus, measure=lambda result: {})
+
+
+MEASURE = """
+import sys
+sys.path.insert(0, FOLDER)
+import spread_measure
+from gapsense.cosim import sweep
+print(sweep(PATH, 2, fmus=fmus, measure=spread_measure.largest).metrics["largest"].tolist())
+"""
+
+
+def test_measure_of_a_module_is_taken_along(write, fmus, python, tmp_path):
+    (tmp_path / "spread_measure.py").write_text(
+        'def largest(result):\n    return {"largest": result["noise.y"].max()}\n'
+    )
+    path = write(NOISE)
+    done = python(MEASURE.replace("FOLDER", repr(str(tmp_path))).replace("PATH", repr(str(path))))
+    expected = [float(run(path, fmus=fmus, seed_shift=shift)["noise.y"].max()) for shift in (0, 1)]
+    assert done.stdout.strip() == str(expected), done
+
+
+INTERRUPT = """
+import os, signal
+from gapsense.cosim import sweep
+stop = lambda done, total: os.kill(os.getpid(), signal.SIGINT) if done == 2 else None
+result = sweep(PATH, 50, out=OUT, fmus=fmus, progress=stop)
+print(result.interrupted, len(result.indices) >= 2, len(result.indices) < 50)
+"""
+
+
+def test_ctrl_c_keeps_what_was_computed(write, fmus, python, tmp_path):
+    path, out = write(NOISE), tmp_path / "out"
+    done = python(INTERRUPT.replace("PATH", repr(str(path))).replace("OUT", repr(str(out))))
+    assert done.stdout.split() == ["True", "True", "True"], done
+    known = len((out / "demo.jsonl").read_text().splitlines())
+    assert sweep(path, 8, out=out, fmus=fmus).computed == max(0, 8 - known)
+
+
+def test_exit_is_clean_after_a_run(write, fmus, python):
+    done = python(f"from gapsense.cosim import run\nrun({str(write(NOISE))!r}, fmus=fmus)\n")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

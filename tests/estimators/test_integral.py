@@ -1,0 +1,120 @@
+"""The integral estimator against the textbook, online and offline."""
+
+from __future__ import annotations
+
+import integral_textbook
+import numpy as np
+import pytest
+from signals import DT, REST, Signal, valve_like
+
+from gapsense.estimators import integral
+from gapsense.kernel import Kernel
+
+KERNEL = Kernel(integral)
+PAR = integral.Parameters(
+    sample_time=DT, prior_resistance=77.5, prior_inductance=50e-3, prior_flux_linkage=0.0, noise_current=1e-3,
+    gate_sigmas=3.29, edge_voltage=15.0, offline=0.0,
+)  # fmt: skip
+ORACLE = (DT, 77.5, 50e-3, 0.0, 3.29e-3, 15.0)
+
+
+def run(u: np.ndarray, iota: np.ndarray, par: integral.Parameters = PAR) -> dict[str, np.ndarray]:
+    """Outputs of the samples from 1 on, by name; in generated Python, on flat tuples."""
+    scalar = KERNEL.scalar
+    state, _ = scalar["initial"]((0.0, float(u[0]), float(iota[0])), par)
+    rows = []
+    for k in range(1, len(u)):
+        state, outputs = scalar["step"](state, (k * DT, float(u[k]), float(iota[k])), par)
+        rows.append(outputs)
+    return dict(zip(integral.Outputs._fields, np.array(rows).T))
+
+
+def operations(*lengths: int, low: int = 60) -> Signal:
+    """Coil switched on and off, operations of the given lengths; the current has not always decayed at the end."""
+    v = np.concatenate([np.zeros(12), *(np.where(np.arange(n) < n - low, 30.0, 0.0) for n in lengths), np.full(5, 30.0)])
+    i = np.zeros(v.size)
+    for k in range(1, v.size):
+        i[k] = (v[k] * DT + 0.06 * i[k - 1]) / (76.0 * DT + 0.06)
+    rng = np.random.default_rng(5)
+    u, iota = v + 15e-3 * rng.standard_normal(v.size), i + 1e-3 * rng.standard_normal(v.size)
+    return Signal(u, iota, np.full(v.size, 0.06), 0.06 * i)
+
+
+@pytest.mark.parametrize("signal", [valve_like(), operations(150, 90, 200), valve_like(noise=0.0)])
+def test_online_equals_the_textbook(signal: Signal) -> None:
+    found = run(signal.u, signal.iota)
+    r, inductance, flux_linkage = integral_textbook.online(signal.u, signal.iota, *ORACLE)
+    np.testing.assert_array_equal(found["resistance"], r)
+    np.testing.assert_array_equal(found["inductance"], inductance)
+    np.testing.assert_array_equal(found["flux_linkage"], flux_linkage)
+    np.testing.assert_array_equal(found["published_time"], np.arange(1, signal.u.size) * DT)
+    assert np.all(found["published"] == 1.0)
+
+
+def test_constant_resistance_is_recovered_exactly_from_an_ideal_coil() -> None:
+    signal = valve_like(noise=0.0)
+    found = run(signal.u, signal.iota, PAR._replace(noise_current=0.0))
+    np.testing.assert_allclose(found["resistance"][REST + 400 :], 76.0, rtol=1e-4)  # what has not decayed remains
+    ended = operations(2000, 2000, low=1700)
+    i = np.zeros(ended.u.size)
+    v = np.where(ended.u > 15.0, 30.0, 0.0)
+    for k in range(1, v.size):
+        i[k] = (v[k] * DT + 0.06 * i[k - 1]) / (76.0 * DT + 0.06)
+    found = run(v, i)
+    np.testing.assert_allclose(found["resistance"][12 + 2000 :], 76.0, rtol=1e-12)
+    np.testing.assert_allclose(found["flux_linkage"][12 + 2000 :], 0.06 * i[12 + 2001 :], atol=1e-12)
+
+
+@pytest.mark.parametrize("noise_current", [0.0, 1e-3])
+def test_first_event_without_any_current_keeps_the_prior(noise_current: float) -> None:
+    u, iota = np.array([0.0, 0.0, 30.0, 30.0]), np.array([0.0, 0.0, 0.1, 0.2])
+    found = run(u, iota, PAR._replace(noise_current=noise_current))
+    assert np.all(found["resistance"] == 77.5)
+    found = run(u[1:], iota[1:], PAR._replace(noise_current=noise_current))  # an edge on the very first step
+    assert np.all(found["resistance"] == 77.5)
+
+
+def test_event_after_noise_only_keeps_the_prior() -> None:
+    rng = np.random.default_rng(2)
+    found = run(np.r_[np.zeros(400), 30.0, 30.0], np.r_[1e-3 * rng.standard_normal(400), 0.1, 0.2])
+    assert np.all(found["resistance"] == 77.5)
+
+
+def check_offline(signal: Signal) -> None:
+    """Every sample published belongs to the operation before, with the values of the non-causal computation."""
+    found = run(signal.u, signal.iota, PAR._replace(offline=1.0))
+    starts = [1, *integral_textbook.edges(signal.u, 15.0), signal.u.size]
+    ended = integral_textbook.offline(signal.u, signal.iota, *ORACLE)
+    assert np.all(found["published"][: starts[1] - 1] == 0.0)  # nothing has ended yet
+    for begin, end, (k, r, inductance, flux_linkage) in zip(starts[1:], starts[2:], ended):
+        count = min(end - begin, len(k), integral.LENGTH)
+        now = slice(begin - 1, begin - 1 + count)  # `found` starts with sample 1
+        assert np.all(found["published"][now] == 1.0)
+        np.testing.assert_allclose(found["published_time"][now], k[:count] * DT, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(found["resistance"][now], r[:count], rtol=1e-13)
+        np.testing.assert_allclose(found["inductance"][now], inductance[:count], rtol=1e-9)
+        np.testing.assert_allclose(found["flux_linkage"][now], flux_linkage[:count], rtol=1e-9, atol=1e-12)
+        rest = slice(begin - 1 + count, end - 1)
+        assert np.all(found["published"][rest] == 0.0) and np.all(found["quality"][rest] == 0.0)
+        assert np.all(found["flux_linkage"][rest] == PAR.prior_flux_linkage)
+        assert np.all(np.diff(found["published_time"][now.start : rest.stop]) >= 0.0)
+
+
+def test_offline_publishes_the_operation_before_with_its_own_resistance() -> None:
+    check_offline(valve_like())
+
+
+@pytest.mark.parametrize("lengths", [(150, 90, 200), (100, 250, 80, 80)], ids=["shorter", "longer"])
+def test_offline_with_operations_of_different_length(lengths: tuple[int, ...]) -> None:
+    check_offline(operations(*lengths))
+    check_offline(operations(*lengths, low=3))  # the current has not decayed when the next operation starts
+
+
+def test_offline_with_an_operation_longer_than_the_memory() -> None:
+    check_offline(operations(integral.LENGTH + 300, integral.LENGTH + 50, 120))
+
+
+def test_memory_of_one_operation_is_not_touched_by_the_next() -> None:
+    signal = operations(80, 80, 80, 80)
+    check_offline(signal)
+    assert integral.SPARE == 2 * integral.LENGTH

@@ -1,0 +1,184 @@
+"""SEMERA against the textbook, and what must hold for any input."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from c_code import CKernel
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from semera_textbook import Result
+from semera_textbook import semera as textbook
+from signals import DT, REST, TABLE_II, Signal, valve_like
+
+from gapsense.estimators import semera
+from gapsense.kernel import Kernel
+from gapsense.records import names
+
+KERNEL = Kernel(semera)
+AFTER = REST + 400  # first sample of the second cycle
+
+
+def run(signal: Signal, par: semera.Parameters = TABLE_II) -> tuple[dict[str, np.ndarray], Any]:
+    """Outputs of all samples by name, and the last state; in generated Python."""
+    state, outputs = KERNEL.initial(semera.Inputs(float(signal.u[0]), float(signal.iota[0])), par)
+    rows = [outputs]
+    for u, iota in zip(signal.u[1:].tolist(), signal.iota[1:].tolist()):
+        state, outputs = KERNEL.step(state, semera.Inputs(u, iota), par)
+        rows.append(outputs)
+    return dict(zip(semera.Outputs._fields, np.array(rows, float).T)), state
+
+
+def by_textbook(signal: Signal, joseph: bool, dtype: Any = np.float64) -> Result:
+    p = TABLE_II
+    return textbook(
+        signal.u.astype(dtype), signal.iota.astype(dtype), p.sample_time, p.prior_resistance, p.prior_resistance_std,
+        p.prior_inductance, p.prior_inductance_std, p.process_resistance_rate, p.process_inductance_acceleration,
+        p.noise_voltage, p.noise_current, p.gate_sigmas, joseph, dtype,
+    )
+
+
+@cache
+def simulated() -> Signal:
+    return valve_like()
+
+
+@pytest.mark.parametrize("joseph", [False, True], ids=["printed", "joseph"])
+def test_equals_the_textbook(joseph: bool) -> None:
+    found, state = run(simulated())
+    expected = by_textbook(simulated(), joseph)
+    np.testing.assert_allclose(found["resistance"], expected.r, rtol=1e-9)
+    np.testing.assert_allclose(found["inductance"], expected.l, rtol=1e-9)
+    np.testing.assert_allclose(found["flux_linkage"], expected.flux_linkage, rtol=1e-9)
+    np.testing.assert_array_equal(found["quality"], expected.is_high)
+    np.testing.assert_allclose(np.array(state.x, float), expected.x, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.array(state.P, float), expected.P, rtol=1e-7, atol=1e-12)
+
+
+def test_estimates_converge() -> None:
+    found, _ = run(simulated())
+    error = found["resistance"][AFTER:] - 76.0
+    assert np.sqrt(np.mean(error**2)) < 0.05
+    assert np.sqrt(np.mean((found["flux_linkage"] - simulated().flux_linkage)[AFTER:] ** 2)) < 0.2e-3
+
+
+def resistance_errors_in_single_precision(folder: Path) -> dict[str, float]:
+    """Root mean square error of the resistance from the second cycle on, median over seeds [ohm]."""
+    code = CKernel(KERNEL, folder, single=True)
+    found: dict[str, list[float]] = {"printed, float32": [], "Joseph, float32": [], "float64": [], "C, float32": []}
+    for seed in range(12):
+        signal = valve_like(seed=seed)
+        code.call("initial", (signal.u[0], signal.iota[0]), TABLE_II)
+        r = [TABLE_II.prior_resistance]
+        for given_ in zip(signal.u[1:], signal.iota[1:]):
+            code.call("step", given_, TABLE_II)
+            r.append(float(code.outputs[0]))
+        for name, values in (
+            ("printed, float32", by_textbook(signal, False, np.float32).r),
+            ("Joseph, float32", by_textbook(signal, True, np.float32).r),
+            ("float64", by_textbook(signal, True).r),
+            ("C, float32", np.array(r)),
+        ):
+            found[name].append(float(np.sqrt(np.mean((values[AFTER:].astype(float) - 76.0) ** 2))))
+    return {name: float(np.median(values)) for name, values in found.items()}
+
+
+def test_single_precision_needs_the_joseph_form(tmp_path: Path) -> None:
+    errors = resistance_errors_in_single_precision(tmp_path)
+    print({name: f"{1e3 * value:.2f} mohm" for name, value in errors.items()})
+    assert errors["printed, float32"] > 1.5 * errors["float64"], errors
+    assert errors["Joseph, float32"] < 1.1 * errors["float64"], errors
+    assert errors["C, float32"] < 1.1 * errors["float64"], errors
+
+
+def covariance(state: Any) -> np.ndarray:
+    return np.array(state.P, float)
+
+
+SAMPLE = st.tuples(st.floats(-1e3, 1e3), st.floats(-10.0, 10.0))
+DEVIATION = st.sampled_from([0.0, 1e-6, 1e-3, 1.0, 1e3])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(SAMPLE | st.just((0.0, 0.0)), min_size=2, max_size=30),
+    st.tuples(DEVIATION, DEVIATION, DEVIATION, st.sampled_from([0.0, 1.0, 1e8]), DEVIATION, DEVIATION),
+    st.booleans(),
+)
+def test_covariance_stays_symmetric_and_non_negative(samples: Any, deviations: Any, gate_update: bool) -> None:
+    r_std, l_std, rate, acceleration, noise_v, noise_i = deviations
+    par = TABLE_II._replace(
+        prior_resistance_std=r_std, prior_inductance_std=l_std, process_resistance_rate=rate,
+        process_inductance_acceleration=acceleration, noise_voltage=noise_v, noise_current=noise_i,
+        gate_update=float(gate_update),
+    )  # fmt: skip
+    state, _ = semera.initial(semera.Inputs(*samples[0]), par)
+    for given_ in samples[1:]:
+        state, outputs = semera.step(state, semera.Inputs(*given_), par)
+        P = covariance(state)
+        np.testing.assert_array_equal(P, P.T)
+        assert np.linalg.eigvalsh(P).min() >= -1e-10 * np.abs(P).max(), P
+        assert np.all(np.isfinite(np.array(outputs, float)))
+
+
+def test_low_quality_holds_the_resistance_and_gives_the_inductance_at_rest() -> None:
+    found, _ = run(simulated())
+    low = found["quality"] == 0.0
+    band = 3.29e-3
+    outside = np.abs(simulated().iota) > band
+    np.testing.assert_array_equal(~low[1:], outside[1:] & outside[:-1])
+    assert 0.1 < np.mean(low) < 0.9
+    assert np.all(found["inductance"][low] == TABLE_II.prior_inductance)
+    assert np.all(np.diff(found["resistance"])[low[1:]] == 0.0)
+
+
+def test_without_gate_update_low_quality_samples_teach_nothing() -> None:
+    par = TABLE_II._replace(gate_update=0.0)
+    quiet = valve_like()
+    quiet = quiet._replace(u=quiet.u[:REST], iota=np.clip(quiet.iota[:REST], -3e-3, 3e-3))
+    found, state = run(quiet, par)
+    assert np.all(found["quality"] == 0.0)
+    assert state.x[0] == TABLE_II.prior_resistance
+    _, state_paper = run(quiet, TABLE_II)
+    assert state_paper.x[0] != TABLE_II.prior_resistance
+    found, _ = run(simulated(), par)
+    assert np.sqrt(np.mean((found["resistance"][AFTER:] - 76.0) ** 2)) < 0.05
+
+
+def test_flux_and_reluctance_need_the_number_of_turns() -> None:
+    without, _ = run(simulated())
+    assert np.all(without["flux"] == 0.0) and np.all(without["reluctance"] == 0.0)
+    found, _ = run(simulated(), TABLE_II._replace(coil_turns=1200.0))
+    np.testing.assert_allclose(found["flux"], found["flux_linkage"] / 1200.0)
+    np.testing.assert_allclose(found["reluctance"], 1200.0**2 / found["inductance"])
+
+
+@pytest.mark.parametrize("gate_update", [0.0, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 15e-3])
+def test_zero_noise_and_zero_current_do_not_break(gate_update: float, noise: float) -> None:
+    par = TABLE_II._replace(noise_voltage=noise, noise_current=0.0, gate_update=gate_update, coil_turns=1200.0)
+    still = Signal(*(np.zeros(50) for _ in range(4)))
+    found, _ = run(still, par)
+    assert all(np.all(np.isfinite(values)) for values in found.values())
+    exact, _ = run(valve_like(noise=0.0), par)
+    assert all(np.all(np.isfinite(values)) for values in exact.values())
+    assert np.all(np.abs(exact["resistance"][AFTER:] - 76.0) < 0.1)
+
+
+def test_perfect_knowledge_is_kept() -> None:
+    par = TABLE_II._replace(
+        prior_resistance=76.0, prior_resistance_std=0.0, prior_inductance_std=0.0, process_resistance_rate=0.0,
+        process_inductance_acceleration=0.0, prior_inductance=0.052,
+    )  # fmt: skip
+    found, state = run(valve_like(noise=0.0, moving=False), par)
+    np.testing.assert_array_equal(covariance(state), 0.0)
+    assert np.all(found["resistance"] == 76.0) and np.all(found["inductance"] == 0.052)
+
+
+def test_state_names_are_stable() -> None:
+    assert names(semera.State)[:4] == ["x_0", "x_1", "x_2", "P_00"]
+    assert DT == TABLE_II.sample_time

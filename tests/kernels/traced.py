@@ -1,0 +1,79 @@
+"""A function of scalars, traced and compiled in all the ways there are."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from c_code import build_graph
+
+from gapsense.emit import Graph, Numpy, Python
+from gapsense.kernel import trace
+from gapsense.records import Array, Memory, Table
+
+
+class Inputs(NamedTuple):
+    a: Any
+    b: Any
+    c: Any
+
+
+class State(NamedTuple):
+    memory: Annotated[Array, Memory(5)]
+
+
+class Parameters(NamedTuple):
+    table: Annotated[Array, Table()]
+
+
+class Outputs(NamedTuple):
+    y: Any
+
+
+class Pair(NamedTuple):
+    y: Any
+    z: Any
+
+
+def graph(function: Callable[..., Any], outputs: type = Outputs) -> Graph:
+    """Graph of a function of three scalars that returns a scalar, or a tuple of them for another record."""
+
+    def step(inputs: Inputs) -> Any:
+        result = function(*inputs)
+        return outputs(*result) if isinstance(result, tuple) else outputs(result)
+
+    return trace(step, {"inputs": Inputs})
+
+
+def python_text(function: Callable[..., Any], outputs: type = Outputs) -> str:
+    return Python(graph(function, outputs)).source()
+
+
+def compiled(text: str, head: str = Python.head) -> Callable[..., Any]:
+    space: dict[str, Any] = {}
+    exec(compile(f"{head}\n\n{text}", "<traced>", "exec"), space)
+    return space["step"]
+
+
+def run_python(function: Callable[..., Any], *values: float) -> Any:
+    result = compiled(python_text(function))(values)
+    return result[0] if isinstance(result, tuple) else result
+
+
+def run_numpy(function: Callable[..., Any], *values: Any) -> Any:
+    with np.errstate(all="ignore"):
+        arrays = [np.asarray(v, float) for v in values]
+        return compiled(Numpy(graph(function)).source(), Numpy.head)(arrays, arrays[0].size)[0]
+
+
+def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:
+    g = graph(function)
+    # C expects the results `state_next` and `outputs`
+    library = build_graph(g._replace(results=[(g.results[0][0], []), g.results[0]]), folder)
+    given, found = (ctypes.c_double * 3)(*values), (ctypes.c_double * 1)()
+    none = ctypes.c_void_p(None)
+    library.step(none, none, given, none, none, none, none, found)
+    return found[0]

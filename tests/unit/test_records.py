@@ -1,0 +1,60 @@
+"""Layout of records."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from gapsense.records import (
+    Array, Covariance, Memory, Scalar, Table, Vector, fields, flat, flatten, names, rebuild, record, triangle,
+)
+
+
+class Mixed(NamedTuple):
+    r: Scalar
+    x: Annotated[Array, Vector(2)]
+    P: Annotated[Array, Covariance(2)]
+    log: Annotated[Array, Memory(4)]
+    table: Annotated[Array, Table()]
+
+
+class Empty(NamedTuple):
+    pass
+
+
+class Clashing(NamedTuple):
+    x_0: Scalar
+    x: Annotated[Array, Vector(2)]
+
+
+def test_names_and_layout() -> None:
+    assert names(Mixed) == ["r", "x_0", "x_1", "P_00", "P_01", "P_11", "log", "table"]
+    assert [f.kind for f in fields(Mixed).values()] == ["scalar", "vector", "covariance", "memory", "table"]
+    assert fields(Mixed)["log"].size == 4
+    assert triangle(3) == [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+
+
+def test_flat_and_record_are_inverse() -> None:
+    entries = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, [0.0] * 4, [1.0, 2.0]]
+    value = record(Mixed, entries)
+    assert flat(value) == entries
+    assert value.P[1, 0] == value.P[0, 1] == 5.0
+    assert isinstance(value.x[0], float) and not isinstance(value.x[0], np.floating)
+
+
+def test_empty_record() -> None:
+    assert names(Empty) == [] and flat(Empty()) == [] and record(Empty, []) == Empty()
+
+
+def test_clashing_names_are_refused() -> None:
+    with pytest.raises(ValueError, match="rename"):
+        names(Clashing)
+
+
+def test_nested_structures_are_flattened_and_rebuilt() -> None:
+    value: Any = (1.0, [2.0, np.array([[3.0, 4.0]], dtype=object)], Clashing(5.0, 6.0))
+    assert flatten(value) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    again = rebuild(value, iter([x * 10.0 for x in flatten(value)]))
+    assert again[1][1].tolist() == [[30.0, 40.0]] and again[2] == Clashing(50.0, 60.0)
