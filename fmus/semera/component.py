@@ -38,7 +38,7 @@ COMPONENT = Component(
         parameter(
             "gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
         ),
-        option("gate.update", "Low-quality samples update the filter, as in the paper", True),
+        option("gate.update", "Noise-only samples update the filter, as in the paper", True),
         parameter("coil.turns", "1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0),
     ),
 )

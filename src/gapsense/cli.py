@@ -239,7 +239,7 @@ def observability(
 
 def stem(result: cosim.Result) -> str:
     """File name of a result, without its ending."""
-    return result.run.scenario + (f"_{result.run.variant}" if result.run.variant else "")
+    return result.run.scenario.replace("[", "_").rstrip("]")
 
 
 if __name__ == "__main__":

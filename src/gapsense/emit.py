@@ -354,7 +354,10 @@ class C(Printer):
             "store": "{a[0]}[(int){a[1]}] = {b[2]}",
         }
     )
-    head = """#include <math.h>
+    head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
+   constant and calls exp, log, sin, cos or tanh, with -fno-builtin-exp and so on: folded at compile time, these are
+   rounded otherwise than by the library. */
+#include <math.h>
 #ifdef SINGLE
 typedef float real;
 #define R(x) x##f

@@ -36,13 +36,13 @@ def test_restart_computes_only_what_is_missing(write, fmus, tmp_path):
     path, out, seen = write(NOISE), tmp_path / "out", []
     first = sweep(path, 4, out=out, fmus=fmus, progress=lambda done, total: seen.append((done, total)))
     assert (first.computed, seen[-1]) == (4, (4, 4))
-    lines = (out / "demo.jsonl").read_text().splitlines(keepends=True)
-    (out / "demo.jsonl").write_text("".join(lines[:2]) + lines[2][:40])  # as a kill leaves it
+    lines = (out / "demo_sweep.jsonl").read_text().splitlines(keepends=True)
+    (out / "demo_sweep.jsonl").write_text("".join(lines[:2]) + lines[2][:40])  # as a kill leaves it
     second = sweep(path, 6, out=out, fmus=fmus)
     assert second.computed == 4
     assert np.array_equal(second.metrics["spread"][:4], first.metrics["spread"])
     assert sweep(path, 6, out=out, fmus=fmus).computed == 0
-    assert (out / "demo.csv").read_text().splitlines()[0] == '"run","spread"'
+    assert (out / "demo_sweep.csv").read_text().splitlines()[0] == '"run","spread"'
     path.write_text(NOISE.replace("stop = 10.0", "stop = 20.0"))
     assert sweep(path, 2, out=out, fmus=fmus).computed == 2
 
@@ -114,7 +114,7 @@ def test_ctrl_c_keeps_what_was_computed(write, fmus, python, tmp_path):
     path, out = write(NOISE), tmp_path / "out"
     done = python(INTERRUPT.replace("PATH", repr(str(path))).replace("OUT", repr(str(out))))
     assert done.stdout.split() == ["True", "True", "True"], done
-    known = len((out / "demo.jsonl").read_text().splitlines())
+    known = len((out / "demo_sweep.jsonl").read_text().splitlines())
     assert sweep(path, 8, out=out, fmus=fmus).computed == max(0, 8 - known)
 
 

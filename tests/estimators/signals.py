@@ -14,21 +14,21 @@ DT, REST = 50e-6, 20
 class Signal(NamedTuple):
     u: np.ndarray  # measured voltage [V]
     iota: np.ndarray  # measured current [A]
-    l: np.ndarray  # true inductance [H]  # noqa: E741
+    l: np.ndarray  # true inductance [H]
     flux_linkage: np.ndarray  # true [Wb]
 
 
 def valve_like(
     cycles: int = 4, r: float = 76.0, seed: int = 1, noise: float = 1.0, moving: bool = True, rest: int = REST
 ) -> Signal:
-    """30 V for 10 ms, 0 V for 10 ms; the inductance rises from 52 mH to 120 mH between 4 and 5 ms and falls after 12 ms."""
+    """30 V for 10 ms, 0 V for 10 ms; the inductance rises from 52 to 120 mH between 4 and 5 ms, falls after 12 ms."""
     count = rest + cycles * 400
     phase = ((np.arange(count) - rest) % 400) * DT
     resting = np.arange(count) < rest
     v = np.where(resting | (phase >= 10e-3), 0.0, 30.0)
     rise, fall = np.clip((phase - 4e-3) / 1e-3, 0.0, 1.0), np.clip((phase - 12e-3) / 1e-3, 0.0, 1.0)
     smooth = [s * s * (3.0 - 2.0 * s) for s in (rise, fall)]
-    l = 0.052 + 0.068 * np.where(resting, 0.0, smooth[0] - smooth[1]) * moving  # noqa: E741
+    l = 0.052 + 0.068 * np.where(resting, 0.0, smooth[0] - smooth[1]) * moving
     i = np.zeros(count)
     for k in range(1, count):  # v = r i + (l_k i_k - l_(k-1) i_(k-1)) / dt
         i[k] = (v[k] * DT + l[k - 1] * i[k - 1]) / (r * DT + l[k])

@@ -31,7 +31,9 @@ def run(u: np.ndarray, iota: np.ndarray, par: integral.Parameters = PAR) -> dict
 
 def operations(*lengths: int, low: int = 60) -> Signal:
     """Coil switched on and off, operations of the given lengths; the current has not always decayed at the end."""
-    v = np.concatenate([np.zeros(12), *(np.where(np.arange(n) < n - low, 30.0, 0.0) for n in lengths), np.full(5, 30.0)])
+    v = np.concatenate(
+        [np.zeros(12), *(np.where(np.arange(n) < n - low, 30.0, 0.0) for n in lengths), np.full(5, 30.0)]
+    )
     i = np.zeros(v.size)
     for k in range(1, v.size):
         i[k] = (v[k] * DT + 0.06 * i[k - 1]) / (76.0 * DT + 0.06)
@@ -92,7 +94,7 @@ def check_offline(signal: Signal) -> None:
         assert np.all(found["published"][now] == 1.0)
         np.testing.assert_allclose(found["published_time"][now], k[:count] * DT, rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(found["resistance"][now], r[:count], rtol=1e-13)
-        np.testing.assert_allclose(found["inductance"][now], inductance[:count], rtol=1e-9)
+        np.testing.assert_allclose(found["inductance"][now], inductance[:count], rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(found["flux_linkage"][now], flux_linkage[:count], rtol=1e-9, atol=1e-12)
         rest = slice(begin - 1 + count, end - 1)
         assert np.all(found["published"][rest] == 0.0) and np.all(found["quality"][rest] == 0.0)

@@ -16,20 +16,33 @@ from gapsense.records import fields, names
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 
 
-def build(source: str, folder: Path, single: bool = False) -> ctypes.CDLL:
+# gcc unrolls a short loop that starts from a constant and then folds these, rounded otherwise than by the library
+NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tanh"))
+
+
+def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...] = ()) -> ctypes.CDLL:
     """Shared library of a C source."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "code.c"
     path.write_text(source)
     library = folder / ("single.so" if single else "double.so")
-    command = ["gcc", *FLAGS, *(["-DSINGLE", "-Wno-overflow"] if single else []), str(path), "-o", str(library), "-lm"]
+    command = [
+        "gcc",
+        *FLAGS,
+        *more,
+        *(["-DSINGLE", "-Wno-overflow"] if single else []),
+        str(path),
+        "-o",
+        str(library),
+        "-lm",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return ctypes.CDLL(str(library))
 
 
 def build_graph(graph: Graph, folder: Path) -> ctypes.CDLL:
-    return build(f"{C.head}\n{C(graph).source()}", folder)
+    return build(f"{C.head}\n{C(graph).source()}", folder, more=NO_FOLDING)
 
 
 class CKernel:
@@ -54,8 +67,14 @@ class CKernel:
         sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
         given = [np.array(values, self.real) for values in (list(inputs), scalars)]
         getattr(self.library, f"{self.kernel.name}_{function}")(
-            _address(self.state), _addresses(self.memory), _address(given[0]), _address(given[1]),
-            _addresses(tables), sizes, _address(self.state), _address(self.outputs),
+            _address(self.state),
+            _addresses(self.memory),
+            _address(given[0]),
+            _address(given[1]),
+            _addresses(tables),
+            sizes,
+            _address(self.state),
+            _address(self.outputs),
         )
 
 

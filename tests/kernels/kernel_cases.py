@@ -87,7 +87,9 @@ def parameters(name: str, rng: random.Random) -> Any:
             for key, value in EXAMPLES[name][0].items()
         }
     else:
-        raise AssertionError(f"`{name}` has no component in fmus/. Give it an example in EXAMPLES of {Path(__file__).name}.")
+        raise AssertionError(
+            f"`{name}` has no component in fmus/. Give it an example in EXAMPLES of {Path(__file__).name}."
+        )
     assert set(drawn) == set(cls._fields), f"{name}: ports and Parameters differ in {set(drawn) ^ set(cls._fields)}"
     return cls(**drawn)
 

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 from c_code import CKernel
 from kernel_cases import (
-    covariance_diagonal, disturbed, input_sequence, is_estimator, kernel, kernel_modules, parameters,
+    covariance_diagonal,
+    disturbed,
+    input_sequence,
+    is_estimator,
+    kernel,
+    kernel_modules,
+    parameters,
 )
 
 from gapsense.records import fields, flat
@@ -123,7 +129,7 @@ def test_numpy_batch_equals_scalar(name: str) -> None:
 
 
 def test_single_precision_c_stays_finite(name: str, tmp_path: Path) -> None:
-    k, c = kernel(name), CKernel(kernel(name), tmp_path, single=True)
+    c = CKernel(kernel(name), tmp_path, single=True)
     for seed in range(SEQUENCES):
         rng = random.Random(200 + seed)
         par = parameters(name, rng)

@@ -1,4 +1,4 @@
-"""Algorithm 2 of [SEMERA], with the reset before the first energised sample is added; nothing of the project is used."""
+"""Algorithm 2 of [SEMERA], with the reset before the first energised sample is added; uses nothing of the project."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ class Result(NamedTuple):
     """Published estimates of every sample, sample 0 included; the last prior and its covariance."""
 
     r: np.ndarray
-    l: np.ndarray  # noqa: E741
+    l: np.ndarray
     flux_linkage: np.ndarray
     is_high: np.ndarray
     x: np.ndarray
@@ -19,8 +19,20 @@ class Result(NamedTuple):
 
 
 def semera(
-    u: np.ndarray, iota: np.ndarray, dt: float, r0: float, r0_std: float, l0: float, l0_std: float, rate_std: float,
-    acceleration_std: float, sigma_v: float, sigma_i: float, n_sigma: float, joseph: bool, dtype: Any = np.float64,
+    u: np.ndarray,
+    iota: np.ndarray,
+    dt: float,
+    r0: float,
+    r0_std: float,
+    l0: float,
+    l0_std: float,
+    rate_std: float,
+    acceleration_std: float,
+    sigma_v: float,
+    sigma_i: float,
+    n_sigma: float,
+    joseph: bool,
+    dtype: Any = np.float64,
 ) -> Result:
     F = np.array([[1, 0, 0], [0, 2, -1], [0, 1, 0]], dtype)  # (21)
     G = np.array([[dt, 0], [0, dt**2], [0, 0]], dtype)  # (23)
@@ -28,7 +40,7 @@ def semera(
     x = np.array([[r0], [l0], [l0]], dtype)  # line 1, (25)
     v = l0_std**2
     P = np.array([[r0_std**2, 0, 0], [0, v, v], [0, v, v]], dtype)  # line 2, (26)
-    r, l, high = [dtype(r0)], [dtype(l0)], [False]  # noqa: E741
+    r, l, high = [dtype(r0)], [dtype(l0)], [False]
     eye = np.eye(3, dtype=dtype)
     sv2 = dtype(sigma_v**2)
     for k in range(1, len(u)):

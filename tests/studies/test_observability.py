@@ -12,7 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.studies.observability import (
-    determinant, flux_state_matrix, observability_matrix, rank, steps_since_observable,
+    determinant,
+    flux_state_matrix,
+    observability_matrix,
+    rank,
+    steps_since_observable,
 )
 
 DT = 50e-6
@@ -133,7 +137,9 @@ def test_square_wave_is_observable_in_minimum_time_except_in_steady_state() -> N
     assert np.all(steps[transient & (phase < 200)] == 2.0)
     steady = phase >= 204
     np.testing.assert_array_equal(np.diff(steps)[steady[1:] & steady[:-1]], 1.0)  # the decay is never observable
-    assert np.all(steps_since_observable(0.4 * np.where(phase < 200, up, down), DT, 1e-6)[(phase > 150) & (phase < 200)] > 2)
+    assert np.all(
+        steps_since_observable(0.4 * np.where(phase < 200, up, down), DT, 1e-6)[(phase > 150) & (phase < 200)] > 2
+    )
 
 
 def test_decay_to_zero_has_rank_two_exactly() -> None:

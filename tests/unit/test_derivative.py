@@ -17,7 +17,22 @@ from gapsense.derivative import derivative, jacobian
 from gapsense.emit import Python
 from gapsense.kernel import trace
 from gapsense.trace import (
-    TraceError, cond, cos, exp, fabs, floor, load, locate, log, loop, sin, sqrt, square, store, tanh, where,
+    TraceError,
+    cond,
+    cos,
+    exp,
+    fabs,
+    floor,
+    load,
+    locate,
+    log,
+    loop,
+    sin,
+    sqrt,
+    square,
+    store,
+    tanh,
+    where,
 )
 
 
@@ -145,8 +160,11 @@ def test_jacobian_by_one_value_twice_is_refused() -> None:
 
 
 POLYNOMIAL = st.lists(
-    st.tuples(st.sampled_from(["+", "-", "*", "/", "where", "cond", "sin", "exp"]), st.integers(0, 9), st.integers(0, 9)),
-    min_size=1, max_size=12,
+    st.tuples(
+        st.sampled_from(["+", "-", "*", "/", "where", "cond", "sin", "exp"]), st.integers(0, 9), st.integers(0, 9)
+    ),
+    min_size=1,
+    max_size=12,
 )
 
 
@@ -168,5 +186,7 @@ def test_random_programs_against_finite_differences(program: list[tuple[str, int
     rng = random.Random(seed)
     a, b, c = (rng.uniform(-1.0, 1.0) for _ in range(3))
     h = 1e-5
-    numeric = (8 * (function(a + h, b, c) - function(a - h, b, c)) - (function(a + 2 * h, b, c) - function(a - 2 * h, b, c))) / (12 * h)
+    numeric = (
+        8 * (function(a + h, b, c) - function(a - h, b, c)) - (function(a + 2 * h, b, c) - function(a - 2 * h, b, c))
+    ) / (12 * h)
     assert slope(function)(a, b, c) == pytest.approx(numeric, rel=1e-6, abs=1e-8)

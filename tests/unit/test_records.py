@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 from gapsense.records import (
-    Array, Covariance, Memory, Scalar, Table, Vector, fields, flat, flatten, names, rebuild, record, triangle,
+    Array,
+    Covariance,
+    Memory,
+    Scalar,
+    Table,
+    Vector,
+    fields,
+    flat,
+    flatten,
+    names,
+    rebuild,
+    record,
+    triangle,
 )
 
 

@@ -17,7 +17,23 @@ from traced import Outputs, Pair, Parameters, State, compiled, graph, python_tex
 from gapsense.emit import C, Numpy, Python
 from gapsense.kernel import trace
 from gapsense.trace import (
-    Tape, TraceError, clip, cond, exp, fabs, floor, load, locate, log, loop, not_, sqrt, square, store, tanh, where,
+    Tape,
+    TraceError,
+    clip,
+    cond,
+    exp,
+    fabs,
+    floor,
+    load,
+    locate,
+    log,
+    loop,
+    not_,
+    sqrt,
+    square,
+    store,
+    tanh,
+    where,
     zeros,
 )
 
@@ -71,8 +87,15 @@ def by_branches_of_unequal_length(a: Any, b: Any, c: Any) -> Any:
 @pytest.mark.parametrize(
     "function",
     [
-        by_if, by_power, by_power_of_two, by_float, by_index, by_array_condition, by_truth_arithmetic,
-        by_where_on_arrays, by_branches_of_unequal_length,
+        by_if,
+        by_power,
+        by_power_of_two,
+        by_float,
+        by_index,
+        by_array_condition,
+        by_truth_arithmetic,
+        by_where_on_arrays,
+        by_branches_of_unequal_length,
     ],
 )
 def test_what_cannot_be_traced_raises_an_error_that_names_the_line(function: Any) -> None:
@@ -86,10 +109,13 @@ def test_loop_body_must_return_as_many_values_as_the_state_has() -> None:
         graph(lambda a, b, c: loop(3, lambda x, y: ((x + y,), x > c), (a, b))[0])
 
 
-@pytest.mark.parametrize("hide", [
-    lambda kept, a: cond(a > 0.0, lambda: kept.append(a * 2.0) or a, lambda: -a),
-    lambda kept, a: loop(3, lambda x: (kept.append(x * 2.0) or (x + 1.0,), x > 5.0), (a,))[0],
-])
+@pytest.mark.parametrize(
+    "hide",
+    [
+        lambda kept, a: cond(a > 0.0, lambda: kept.append(a * 2.0) or a, lambda: -a),
+        lambda kept, a: loop(3, lambda x: (kept.append(x * 2.0) or (x + 1.0,), x > 5.0), (a,))[0],
+    ],
+)
 def test_values_that_leave_a_branch_or_a_loop_by_the_back_door_are_refused(hide: Any) -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         kept: list[Any] = []
@@ -164,7 +190,9 @@ def test_only_the_branch_taken_is_computed_in_scalar_code() -> None:
 def test_batch_of_plain_numbers_survives_a_division_by_zero_in_a_branch_not_taken() -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         zero = cond(c > 9.0, lambda: a, lambda: 0.0)
-        return cond(a > 0.0, lambda: b / a, lambda: c) + cond(zero > 0.0, lambda: c, lambda: b / (zero + zero) * 0.0 + 1.0)
+        return cond(a > 0.0, lambda: b / a, lambda: c) + cond(
+            zero > 0.0, lambda: c, lambda: b / (zero + zero) * 0.0 + 1.0
+        )
 
     assert run_numpy(function, 2.0, 1.0, 10.0).item() == 10.5
 
@@ -336,9 +364,7 @@ def evaluate(tree: Any, names: dict[str, Any]) -> Any:
         return names[tree] if isinstance(tree, str) else tree
     op, *rest = tree
     if op == "cond":
-        return cond(
-            evaluate(rest[0], names) > 0.5, lambda: evaluate(rest[1], names), lambda: evaluate(rest[2], names)
-        )
+        return cond(evaluate(rest[0], names) > 0.5, lambda: evaluate(rest[1], names), lambda: evaluate(rest[2], names))
     if op == "loop":
         start = evaluate(rest[0], names)
         return loop(
@@ -389,7 +415,7 @@ def test_random_graphs_over_runs_equal_single_runs(tree: Any, rows: list[tuple[f
 
 
 def _is_at_an_edge(step: Any, row: Any, value: float) -> bool:
-    """A rounding of `exp` that differs between numpy and libm may turn a comparison; then a neighbour gives the value."""
+    """`exp` rounded otherwise in numpy than in libm may turn a comparison; then a neighbour gives the value."""
     return any(
         abs(value - step(tuple(v * (1.0 + e) for v in row))[0]) <= 1e-6 * max(1.0, abs(value))
         for e in (1e-13, -1e-13, 1e-11, -1e-11)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -54,6 +54,12 @@ def selected(result: Result, baseline: Baseline) -> list[str]:
     return list(result.signals) if baseline.signals is None else matching(baseline.signals, result.signals)
 
 
+def thinned(result: Result, baseline: Baseline) -> Result:
+    """The rows of a result that its baseline holds."""
+    n = baseline.decimation
+    return replace(result, times=result.times[::n], signals={k: v[::n] for k, v in result.signals.items()})
+
+
 def compare(result: Result, baseline: Baseline) -> list[str]:
     """Everything in which a result differs from its baseline.
 
@@ -74,6 +80,7 @@ def compare(result: Result, baseline: Baseline) -> list[str]:
     except (OSError, ValueError) as error:
         return [f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."]
     times = columns.pop("time", np.empty(0))
+    result = thinned(result, baseline)
     problem = other_times(result, times)
     if problem:
         return [problem]

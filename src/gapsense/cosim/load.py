@@ -100,6 +100,7 @@ class Reader:
             path=self.path,
             title=table.take("title", TEXT, "", required=True),
             description=table.take("description", TEXT, ""),
+            figure=table.take("figure", TEXT, "overview"),
             variant=self.variant,
             experiment=experiment,
             components=components,

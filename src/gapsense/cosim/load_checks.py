@@ -33,14 +33,16 @@ def read_metric(table: Table, name: str) -> Metric | None:
     after, before = table.take("after", NUMBER), table.take("before", NUMBER)
     where, time = table.take("where", TEXT), table.take("time", TEXT)
     bounds = table.take("bounds", BOUNDS)
-    description = table.take("description", TEXT, "")
+    description, published = table.take("description", TEXT, ""), table.take("published", NUMBER)
+    title, label = table.take("table", TEXT, ""), table.take("label", TEXT, name)
     table.finish()
     if after is not None and before is not None and after >= before:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
     if kind is None or signal is None or not reference_fits(table, kind, reference is not None):
         return None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
-    return Metric(name, kind, signal, reference, after, before, where, time, span, description)
+    shown = (description, published, title, label)
+    return Metric(name, kind, signal, reference, after, before, where, time, span, *shown)
 
 
 def reference_fits(table: Table, kind: str, given: bool) -> bool:
@@ -62,14 +64,14 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     file = baseline.take("file", TEXT, default)
     if variant and not states_file(table, variant):
         file = default
-    signals = baseline.take("signals", TEXTS)
+    signals, decimation = baseline.take("signals", TEXTS), baseline.take("decimation", COUNT, 1)
     tolerance = read_tolerance(baseline, Tolerance())
     exceptions = baseline.table("tolerances")
     tolerances = {name: finished_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
     baseline.finish()
     chosen = None if signals is None else tuple(signals)
     declared = "baseline" in table.data
-    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared)
+    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, decimation)
 
 
 def states_file(table: Table, variant: str) -> bool:

@@ -53,6 +53,9 @@ class Measured:
     unit: str
     bounds: tuple[float, float] | None
     description: str = ""
+    published: float | None = None
+    table: str = ""
+    label: str = ""
 
     @property
     def passed(self) -> bool:
@@ -82,8 +85,13 @@ def measure(metric: Metric, result: Result) -> Measured:
     rows, times = rows[inside], times[inside]
     samples = result[metric.signal][rows] - reference(metric, result, rows, times)
     value = KINDS[metric.kind].compute(samples) if samples.size else math.nan
-    unit = "" if metric.kind == "fraction" else result.units.get(metric.signal, "")
-    return Measured(metric.name, value, unit, metric.bounds, metric.description)
+    shown = (metric.description, metric.published, metric.table, metric.label)
+    return Measured(metric.name, value, unit_of(metric, result.units), metric.bounds, *shown)
+
+
+def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
+    """Unit of a metric: that of its signal."""
+    return "" if metric.kind == "fraction" else units.get(metric.signal, "")
 
 
 def window(metric: Metric, times: Vector, slack: float) -> npt.NDArray[np.bool_]:

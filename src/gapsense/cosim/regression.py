@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from gapsense.cosim.compare import compare, selected
+from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.files import write_atomically, write_columns
 from gapsense.cosim.load import load, read_draft, scenario_file
 from gapsense.cosim.problems import FmuError, ScenarioError
@@ -178,14 +178,15 @@ def update_baseline(
         return Update(read.baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False)
     changes = baseline_changes(read, result)
     if write and changes:
-        columns = {"time": result.times, **{name: result.signals[name] for name in selected(result, read.baseline)}}
+        rows = thinned(result, read.baseline)
+        columns = {"time": rows.times, **{name: rows.signals[name] for name in selected(rows, read.baseline)}}
         write_atomically(read.baseline.file, lambda file: write_columns(file, columns))
     return Update(read.baseline.file, changes, write and bool(changes))
 
 
 def baseline_changes(scenario: Scenario, result: Result) -> tuple[str, ...]:
     """What a baseline from this result changes."""
-    names = selected(result, scenario.baseline)
     if not scenario.baseline.file.is_file():
-        return (f"new: {len(names)} signals, {result.times.size} rows.",)
+        rows = thinned(result, scenario.baseline).times.size
+        return (f"new: {len(selected(result, scenario.baseline))} signals, {rows} rows.",)
     return tuple(compare(result, scenario.baseline))

@@ -94,6 +94,10 @@ class Metric:
     time : str or None
         Signal with the time that a sample is about [s], for what is published later; it decides on `after` and
         `before`, and at which row a reference signal is taken.
+    published : float or None
+        What a paper or a data sheet gives, to be shown beside; it is not tested.
+    table, label : str
+        Title of the table in which the metric is shown, and its name there.
     """
 
     name: str
@@ -106,6 +110,9 @@ class Metric:
     time: str | None = None
     bounds: tuple[float, float] | None = None
     description: str = ""
+    published: float | None = None
+    table: str = ""
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -118,13 +125,17 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Baseline:
-    """Reference trajectory: its file, the patterns compared, the tolerance and its exceptions by pattern."""
+    """Reference trajectory: its file, the patterns compared, the tolerance and its exceptions by pattern.
+
+    Of the recorded rows it holds every `decimation`-th.
+    """
 
     file: Path
     signals: tuple[str, ...] | None = None
     tolerance: Tolerance = Tolerance()
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
     declared: bool = False
+    decimation: int = 1
 
 
 @dataclass(frozen=True)
@@ -137,6 +148,8 @@ class Scenario:
         Description of each variant of the file, by name.
     files : tuple of Path
         The scenario file, its parameter sets and the files named by parameters, all of which decide the result.
+    figure : str
+        Name of the figure that shows a run.
     tested : tuple of str
         Variants that state metrics or a baseline of their own, or whose baseline file exists.
     """
@@ -144,6 +157,7 @@ class Scenario:
     path: Path
     title: str
     description: str
+    figure: str
     variant: str | None
     experiment: Experiment
     components: Mapping[str, Component]

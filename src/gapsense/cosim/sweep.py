@@ -8,7 +8,7 @@ import math
 import sys
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from queue import Queue
 from threading import Thread
@@ -19,11 +19,13 @@ import numpy.typing as npt
 
 from gapsense.cosim.files import sha256, write_atomically, write_columns
 from gapsense.cosim.ledger import Entry, Ledger
+from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.problems import ScenarioError
 from gapsense.cosim.process import WorkerProcess
 from gapsense.cosim.record import Measure
 from gapsense.cosim.run import file_hashes, find_fmus, installed, prepare
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.signals import recorded_signals
 
 Progress = Callable[[int, int], None]
 
@@ -44,6 +46,10 @@ class Sweep:
         Runs done now; the others were known already.
     interrupted : bool
         True if Ctrl-C ended it; start it again to go on.
+    file : Path or None
+        One line per run, if a folder was given.
+    units : mapping
+        Unit of each metric.
     """
 
     indices: tuple[int, ...]
@@ -52,6 +58,7 @@ class Sweep:
     computed: int
     interrupted: bool
     file: Path | None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
@@ -81,7 +88,7 @@ def sweep(
     workers : int
         Processes; the numbers do not depend on it.
     out : str or Path, optional
-        Folder for `<scenario>.jsonl`, one line per run as soon as it is done, and `<scenario>.csv` at the end. If
+        Folder for `<scenario>_sweep.jsonl`, one line per run as soon as it is done, and a CSV at the end. If
         runs of the same scenario, FMUs and seed are in it already, they are taken from there.
     fmus : str or Path, optional
         Folder of the FMUs, as in `run`.
@@ -108,7 +115,10 @@ def sweep(
     known = {index: entry for index, entry in ledger.read().items() if index < seeds and "metrics" in entry}
     job = Job(task, measure, [index for index in range(seeds) if index not in known], workers)
     interrupted = job.run(known, ledger, seeds, progress)
-    result = collect(known, job.computed, interrupted, ledger.file)
+    units = {name: signal.unit or "" for name, signal in recorded_signals(read, descriptions).items()}
+    result = replace(
+        collect(known, job.computed, interrupted, ledger.file), units={m.name: unit_of(m, units) for m in read.metrics}
+    )
     if ledger.file is not None and not interrupted:
         save_table(result, ledger.file.with_suffix(".csv"))
     return result
@@ -128,7 +138,7 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int) -> None:
 def file_stem(scenario: Scenario) -> str:
     """Name of the sweep's files, without suffix."""
     folder = scenario.path.resolve().parent.name
-    return f"{folder}.{scenario.variant}" if scenario.variant else folder
+    return f"{folder}_{scenario.variant}_sweep" if scenario.variant else f"{folder}_sweep"
 
 
 def importable_name(measure: Measure) -> str:

@@ -27,7 +27,7 @@ class Parameters(NamedTuple):
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     gate_sigmas: Scalar  # n_sigma [1]
-    gate_update: Scalar  # 1: low-quality samples update the filter as in the paper; 0: they do not
+    gate_update: Scalar  # 1: every sample updates the filter, as in the paper; 0: noise-only samples do not
     coil_turns: Scalar  # N, or 0 if unknown [1]
 
 
@@ -81,8 +81,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     PH = state.P @ H
     S = H @ PH + square(par.noise_voltage)  # sigma_v only, not (15): papers.md
     innovation = u - H @ state.x
-    updated = is_high | (par.gate_update > 0.0)
-    x, P = cond(updated, lambda: _update(state, H, PH, S, innovation, par), lambda: _rest(state, par))
+    is_used = (fabs(i) > band) | (par.gate_update > 0.0)
+    x, P = cond(is_used, lambda: _update(state, H, PH, S, innovation, par), lambda: _rest(state, par))
 
     r = where(is_high, x[0], state.resistance)  # lines 14 and 15
     l = where(is_high, x[1], par.prior_inductance)
@@ -102,10 +102,12 @@ def _update(state: State, H: Array, PH: Array, S: Scalar, innovation: Scalar, pa
 
 
 def _rest(state: State, par: Parameters) -> tuple[Array, Array]:
-    """No update: r stays, and l restarts at rest, since extrapolating it through a pause says nothing."""
+    """The device rests: l is that of the prior, as if measured, and what this says of r is kept; l then restarts."""
     l, l_var = par.prior_inductance, square(par.prior_inductance_std)
-    P = matrix([[state.P[0, 0], 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
-    return vector([state.x[0], l, l]), P
+    K = gain(state.P[:, 1], state.P[1, 1] + l_var)
+    r = state.x[0] + K[0] * (l - state.x[1])
+    r_var = state.P[0, 0] - K[0] * state.P[0, 1]
+    return vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
 
 
 def _outputs(

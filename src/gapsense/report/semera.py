@@ -11,23 +11,33 @@ from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
 from gapsense.studies.observability import steps_since_observable
 
-LABELS = ["voltage / V", "current / mA", "r / Ohm", "l / mH", "flux linkage\n/ mWb", "SNR u / dB", "SNR i / dB", "steps since\nobservable"]
+LABELS = [
+    "voltage / V",
+    "current / mA",
+    "r / Ohm",
+    "l / mH",
+    "flux linkage\n/ mWb",
+    "SNR u / dB",
+    "SNR i / dB",
+    "steps since\nobservable",
+]
 
 
 def figure(result: Result) -> Figure:
     """Measurements, estimates against the truth, signal-to-noise ratios, and steps since the last observable state."""
     drawn, axes = stack(result.run.title, LABELS)
+    plant = next(name.partition(".")[0] for name in result.signals if name.endswith(".position"))
     rows = result.stepped("sensor.current_measured")
     t = result.times[rows]
     measurements(axes[0], axes[1], result, t, rows)
-    estimates(axes[2:5], result, t, rows)
+    estimates(axes[2:5], result, plant, t, rows)
     for axis, name, truth in (
         (axes[5], "sensor.voltage_measured", "drive.voltage"),
-        (axes[6], "sensor.current_measured", "valve.current"),
+        (axes[6], "sensor.current_measured", f"{plant}.current"),
     ):
         measured = result[name][rows]
         axis.plot(1e3 * t, snr(measured, measured - result[truth][rows]), ".", color=FAINT, markersize=2)
-    line(axes[7], t, steps_since_observable(result["valve.current"][rows], t[1] - t[0]), TRUE)
+    line(axes[7], t, steps_since_observable(result[f"{plant}.current"][rows], t[1] - t[0]), TRUE)
     axes[7].set_yscale("symlog", linthresh=10)
     return drawn
 
@@ -41,13 +51,13 @@ def measurements(voltage: Any, current: Any, result: Result, t: Vector, rows: An
     legend(current)
 
 
-def estimates(axes: Any, result: Result, t: Vector, rows: Any) -> None:
+def estimates(axes: Any, result: Result, plant: str, t: Vector, rows: Any) -> None:
     """Resistance, inductance and flux linkage: truth, SEMERA, integral, and offline integral at its own times."""
-    resistance = np.full(t.size, float(result.parameters["valve.coil.resistance"]))
+    resistance = np.full(t.size, float(result.parameters[f"{plant}.coil.resistance"]))
     truths = {
         "resistance": resistance,
-        "inductance": result["valve.inductance"][rows],
-        "flux_linkage": result["valve.flux_linkage"][rows],
+        "inductance": result[f"{plant}.inductance"][rows],
+        "flux_linkage": result[f"{plant}.flux_linkage"][rows],
     }
     factors = {"resistance": 1.0, "inductance": 1e3, "flux_linkage": 1e3}
     order = np.argsort(result["offline.published_time"][rows], kind="stable")

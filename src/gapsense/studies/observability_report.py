@@ -47,7 +47,11 @@ def along(t: Vector, current: Vector, dt: float, tolerance: float) -> list[str]:
     steps = steps_since_observable(current, dt, tolerance)
     finite = np.isfinite(steps)
     lines = [f"Steps since the last observable state, true current of the run, {t.size} samples of {dt * 1e6:g} us"]
-    for label, mask in (("2 (the minimum)", steps == 2), ("3 to 10", (steps > 2) & (steps <= 10)), ("more than 10", finite & (steps > 10))):
+    for label, mask in (
+        ("2 (the minimum)", steps == 2),
+        ("3 to 10", (steps > 2) & (steps <= 10)),
+        ("more than 10", finite & (steps > 10)),
+    ):
         lines.append(f"  {label:18} {100 * mask.mean():5.1f} % of the samples")
     lines.append(f"  {'none so far':18} {100 * (~finite).mean():5.1f} %")
     worst = int(np.argmax(np.where(finite, steps, -1.0)))

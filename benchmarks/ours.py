@@ -1,0 +1,159 @@
+"""The experiment in our runner, and as bare kernels called from Python."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from c_loop import run as run_c_loop
+from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, real_rates
+
+from gapsense.cosim.master import Master
+from gapsense.cosim.run import run_once
+from gapsense.cosim.scenario import Port
+from gapsense.fmi.ports import Component
+from gapsense.fmi.tables import read_table
+from gapsense.kernel import Kernel
+
+Outcome = tuple[float, int, dict[str, float]]
+Step = Callable[[Any, Any, Any], Any]
+
+
+def gapsense(fmus: Path) -> Outcome:
+    """Our runner, Gauss-Seidel."""
+    return _gapsense(common(fmus))
+
+
+def gapsense_jacobi(fmus: Path) -> Outcome:
+    """Our runner, Jacobi."""
+    return _gapsense(common(fmus, "jacobi"))
+
+
+def gapsense_real_rates(fmus: Path) -> Outcome:
+    """Our runner, the scenario as it is."""
+    return _gapsense(real_rates(fmus))
+
+
+def _gapsense(experiment: Experiment) -> Outcome:
+    """All of the master's loop, with what the scenario records; without loading and initialising, as for the others."""
+    with Master(*experiment) as master:
+        loop, seconds = master.loop, 0.0
+
+        def timed(*arguments: Any) -> None:
+            nonlocal seconds
+            begin = perf_counter()
+            loop(*arguments)
+            seconds = perf_counter() - begin
+
+        master.loop = timed  # type: ignore[method-assign]
+        run_once(master)
+        last = {str(port): master.buffer[master.places.index[port]] for port in WATCHED}
+    return seconds, component_steps(experiment), last
+
+
+# --- without FMI ---
+
+
+class Direct:
+    """A kernel with the parameters of a component of the scenario, as plain Python functions on flat tuples."""
+
+    def __init__(self, experiment: Experiment, name: str, components: Mapping[str, tuple[Component, Path]]) -> None:
+        scenario, descriptions = experiment
+        self.component, self.folder = components[descriptions[name].name]
+        self.kernel = Kernel(importlib.import_module(self.component.kernel))
+        seed = {"seed": scenario.seeds[name]} if name in scenario.seeds else {}
+        self.values = {**scenario.components[name].values, **seed}
+        self.step: Step = self.kernel.scalar["step"]
+        self.par = tuple(self.parameters()[field] for field in self.kernel.module.Parameters._fields)
+        self.inputs = [Port(name, port.name) for port in self.component.of("input")]
+        self.outputs = [Port(name, port.name) for port in self.component.of("output")]
+        self.clock = sum(field in self.kernel.module.Inputs._fields for field in ("time", "dt"))
+
+    def parameters(self) -> dict[str, Any]:
+        """Fields of the kernel's parameters, as the FMU's shell computes them."""
+        fields: dict[str, Any] = {}
+        for port in self.component.of("parameter"):
+            value = self.values.get(port.name, port.start)
+            if port.columns:
+                tables = read_table(self.folder / value, port.columns)
+                fields.update({f"{port.field}_{c.partition(':')[0]}": t for c, t in zip(port.columns, tables)})
+            else:
+                fields[port.field] = float(port.choices.index(value) if port.choices else value)
+        return fields
+
+    def given(self, inputs: list[float], time: float, dt: float) -> list[float]:
+        """What the kernel takes: the inputs, before them time and step if it asks for them."""
+        return [time, dt, *inputs] if self.clock == 2 else [time, *inputs] if self.clock else inputs
+
+
+def directs(experiment: Experiment, order: list[str]) -> list[Direct]:
+    """The kernels of all components."""
+    from gapsense.fmi.package import find_components, load_component
+
+    loaded = [(load_component(folder), folder) for folder in find_components(ROOT / "fmus")]
+    components = {component.name: (component, folder) for component, folder in loaded}
+    return [Direct(experiment, name, components) for name in order]
+
+
+def kernels(fmus: Path) -> Outcome:
+    """The kernels' scalar Python, Gauss-Seidel, no FMI, nothing checked."""
+    experiment = common(fmus)
+    with Master(*experiment) as master:
+        order, places = list(master.order.names), master.places
+        source = {c.target: c.source for c in experiment[0].connections}
+    values = [0.0] * len(places.variables)
+    for port, value in experiment[0].inputs.items():
+        values[places.index[port]] = value
+    plan = []
+    for direct in directs(experiment, order):
+        inputs = [places.index[source.get(port, port)] for port in direct.inputs]
+        first = places.index[direct.outputs[0]]
+        place = slice(first, first + len(direct.outputs))
+        given = direct.given([values[i] for i in inputs], 0.0, 0.0)
+        state, values[place] = direct.kernel.scalar["initial"](given, direct.par)
+        plan.append([direct.step, state, inputs, direct.clock, direct.par, place])
+    rows = []
+    watched = [places.index[port] for port in WATCHED]
+    begin = perf_counter()
+    for k in range(1, COUNT + 1):
+        for part in plan:
+            step, state, inputs, clock, par, place = part
+            given = [values[i] for i in inputs]
+            if clock:
+                end = (k - 1) * STEP + STEP
+                given = [end, STEP, *given] if clock == 2 else [end, *given]
+            part[1], values[place] = step(state, given, par)
+        rows.append([values[i] for i in watched])
+    return perf_counter() - begin, component_steps(experiment), dict(zip(map(str, WATCHED), rows[-1]))
+
+
+# --- each component alone ---
+
+
+def alone(fmus: Path) -> dict[str, list[float]]:
+    """Microseconds per step by component: set, do_step, get in the FMU, and the kernel alone on the same inputs."""
+    experiment = common(fmus)
+    _, shares, _ = run_c_loop(experiment, True)
+    with Master(*experiment) as master:
+        names, index = list(master.order.names), master.places.index
+        recording = master.run(list(range(len(index))), experiment[0].seeds)
+    rows = recording.data[1 : recording.rows]
+    return {
+        direct.outputs[0].component: [1e6 * s / COUNT for s in shares[direct.outputs[0].component]]
+        + [kernel_time(direct, rows[:, [index[port] for port in direct.inputs]].tolist())]
+        for direct in directs(experiment, names)
+    }
+
+
+def kernel_time(direct: Direct, rows: list[list[float]]) -> float:
+    """Microseconds per step on recorded inputs."""
+    given = [direct.given(row, k * STEP + STEP, STEP) for k, row in enumerate(rows)]
+    step, par = direct.step, direct.par
+    state, _ = direct.kernel.scalar["initial"](direct.given(rows[0], 0.0, 0.0), par)
+    begin = perf_counter()
+    for inputs in given:
+        state, _ = step(state, inputs, par)
+    return 1e6 * (perf_counter() - begin) / len(given)

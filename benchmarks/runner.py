@@ -1,0 +1,152 @@
+"""What a step of a component costs in our runner and in others: `python benchmarks/runner.py --help`.
+
+Prints microseconds per component-step for the scenario semera_valve, the time of each FMU alone, and that of a sweep.
+Nothing is asserted: the aims stand beside what was measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+HERE = Path(__file__).resolve().parent
+CONSOLE = Console(width=120) if not sys.stdout.isatty() else Console()
+# name in measure.py, title, where its own time stands, whose results it must have, what is missing if it cannot run
+ROWS = (
+    ("gapsense", "gapsense.cosim", "own_time", "gapsense"),
+    ("gapsense_jacobi", "gapsense.cosim, Jacobi", "own_time", "gapsense_jacobi"),
+    ("fmpy_loop", "fmpy, setReal/getReal per variable", "own_time", "gapsense"),
+    ("simulate_ssp", "fmpy simulate_ssp", "own_time", "gapsense_jacobi"),
+    ("libcosim", "libcosimpy, step(n)", "own_time", "gapsense_jacobi"),
+    ("container", "fmu_manipulation_toolbox container", "own_time", "gapsense"),
+    ("container_100", "  the same, 100 steps per call", "own_time", "gapsense"),
+    ("own_time", "the FMUs alone: loop in C, raw calls only", "own_time", "gapsense"),
+    ("kernels", "the kernels alone: Python calls, no FMI", "", "gapsense"),
+    ("gapsense_real_rates", "gapsense.cosim, scenario as it is", "own_time_real_rates", ""),
+    ("own_time_real_rates", "  its FMUs alone: loop in C", "own_time_real_rates", ""),
+)
+CAPTION = """All rows but the last two: six components, all with steps of 50 us from t = 0, edges of the drive half-way
+between two steps, 8100 steps; as each peer allows no offsets. Loading and initialisation are not counted.
+Overhead: less the FMUs' own time, that of the same FMUs in the loop in C with one set, one do_step and one get per step.
+Exchange: fmpy per variable and the container as gapsense.cosim (Gauss-Seidel: inputs of this step), simulate_ssp and
+libcosim Jacobi (inputs one step old, hence other values). Deviation: largest relative difference of five last outputs
+to gapsense.cosim with the same exchange. libcosim and the containers record nothing, gapsense.cosim 20 signals at
+each step. Aims: ahead of all peers, overhead of gapsense.cosim below 4 us."""
+ALONE = """In the loop in C, with the inputs of the experiment above; the kernel alone as plain Python on the same inputs.
+Aim: do_step of semera below 6 us."""
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=5, help="measurements of each row, interleaved")
+    parser.add_argument("--sweep", type=int, default=200, metavar="SEEDS", help="runs of the sweep; 0: none")
+    parser.add_argument("--fmus", type=Path, default=HERE.parent / "build" / "fmus", help="folder of the FMUs")
+    options = parser.parse_args()
+    if not any(options.fmus.glob("*.fmu")):
+        print(f"{options.fmus}: no FMUs in this folder. Build them: python build_fmus.py", file=sys.stderr)
+        return 2
+    names = [row[0] for row in ROWS] + ["alone"]
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+    jobs = [name for _ in range(max(1, options.repeats)) for name in names]
+    for name in track(jobs, "Measuring", console=Console(stderr=True), transient=True):
+        found[name].append(measured(name, options.fmus))
+    CONSOLE.print(row_table(found), "\n", alone_table(found["alone"]))
+    if options.sweep:
+        print_sweep(options.sweep, options.fmus)
+    return 0
+
+
+def measured(name: str, fmus: Path) -> dict[str, Any]:
+    """One measurement in a fresh process: its answer, or what went wrong."""
+    command = [sys.executable, str(HERE / "measure.py"), name, str(fmus)]
+    with tempfile.TemporaryDirectory() as folder:  # peers leave files behind
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    words = (done.stderr.strip().splitlines() or [f"ended with code {done.returncode}"])[-1]
+    answer: dict[str, Any] = json.loads(lines[-1]) if lines else {"failed": words[:60]}
+    return answer
+
+
+def spread(values: Sequence[float]) -> str:
+    """Median (min to max)."""
+    return f"{statistics.median(values):.2f} ({min(values):.2f} to {max(values):.2f})" if values else "-"
+
+
+def row_table(found: Mapping[str, list[dict[str, Any]]]) -> Table:
+    """The masters beside each other."""
+    table = Table(title="Microseconds per component-step: median (min to max)", caption=CAPTION, caption_justify="left")
+    for column in ("", "total", "overhead", "semera.resistance", "deviation"):
+        table.add_column(column, justify="right" if column else "left")
+    for name, title, own, like in ROWS:
+        good = [answer for answer in found[name] if "microseconds" in answer]
+        if not good:
+            table.add_row(title, reason(found[name][-1]))
+            continue
+        floor = [answer["microseconds"] for answer in found.get(own, []) if "microseconds" in answer]
+        times = [answer["microseconds"] for answer in good]
+        overhead = f"{statistics.median(times) - statistics.median(floor):.2f}" if floor and own != name else "-"
+        last = good[-1]["last"]
+        table.add_row(
+            title, spread(times), overhead, f"{last['semera.resistance']:.6f}", deviation(last, found.get(like, []))
+        )
+    return table
+
+
+def reason(answer: Mapping[str, str]) -> str:
+    """Why there is no number."""
+    if "missing" in answer:
+        return f"not installed ({answer['missing']}): pip install -e .\\[peers]"
+    return f"failed: {answer.get('failed')}"
+
+
+def deviation(last: Mapping[str, float], ours: list[dict[str, Any]]) -> str:
+    """Largest relative difference to our result."""
+    good = [answer["last"] for answer in ours if "last" in answer]
+    if not good:
+        return "-"
+    return f"{max(abs(v - good[0][n]) / (abs(good[0][n]) or 1.0) for n, v in last.items()):.1g}"
+
+
+def alone_table(answers: list[dict[str, Any]]) -> Table:
+    """Each FMU and its kernel."""
+    table = Table(title="Each FMU alone: microseconds per step", caption=ALONE, caption_justify="left")
+    for column in ("", "set", "do_step", "get", "kernel"):
+        table.add_column(column, justify="right" if column else "left")
+    good = [answer["alone"] for answer in answers if "alone" in answer]
+    for name in good[0] if good else ():
+        table.add_row(name, *(spread([answer[name][i] for answer in good]) for i in range(4)))
+    if not good:
+        table.add_row("failed", str(answers[-1].get("failed") or reason(answers[-1])))
+    return table
+
+
+def print_sweep(seeds: int, fmus: Path) -> None:
+    """Time of a sweep over seeds with two worker processes."""
+    from experiment import SCENARIO
+
+    from gapsense.cosim.sweep import sweep
+
+    begin = perf_counter()
+    with CONSOLE.status(f"Sweep over {seeds} seeds"):
+        result = sweep(SCENARIO, seeds, workers=2, fmus=fmus)
+    CONSOLE.print(
+        f"\nSweep of semera_valve, {seeds} seeds, 2 processes: {perf_counter() - begin:.1f} s"
+        f" ({len(result.errors)} failed). Aim: 200 seeds below 60 s."
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
