@@ -7,6 +7,7 @@ COMPONENT = Component(
     description="Drive voltage: square wave, step, table from a CSV file, or PWM of a reference",
     kernel="gapsense.drive.drive_voltage",
     resources=("voltage.csv",),
+    rising=(("pwm.low", "pwm.high"),),
     ports=(
         input_("enable", "1", "0.5 or less: both outputs are 0 V", start=1.0),
         input_("reference", "V", "Mean voltage that the PWM gives, held during the step", nominal=30.0),

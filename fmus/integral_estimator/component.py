@@ -15,9 +15,21 @@ COMPONENT = Component(
         output("resistance", "Ohm", "Mean resistance of the last operation", nominal=76.0, feedthrough=BOTH),
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
-        output("quality", "1", "1: current outside the noise band; 0: inductance at rest", feedthrough=BOTH),
         output(
-            "published", "1", "1: the estimates belong to published_time; 0: no operation to replay", feedthrough=BOTH
+            "quality",
+            "1",
+            "1: current outside the noise band; 0: inductance at rest",
+            min=0.0,
+            max=1.0,
+            feedthrough=BOTH,
+        ),
+        output(
+            "published",
+            "1",
+            "1: the estimates belong to published_time; 0: no operation to replay",
+            min=0.0,
+            max=1.0,
+            feedthrough=BOTH,
         ),
         output(
             "published_time", "s", "Time of the sample that the estimates belong to", nominal=0.01, feedthrough=BOTH

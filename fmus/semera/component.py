@@ -16,9 +16,16 @@ COMPONENT = Component(
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
         output(
-            "quality", "1", "1: current outside the noise band; 0: estimates follow the expert rule", feedthrough=BOTH
+            "quality",
+            "1",
+            "1: current outside the noise band; 0: estimates follow the expert rule",
+            min=0.0,
+            max=1.0,
+            feedthrough=BOTH,
         ),
-        output("resistance_std", "Ohm", "Standard deviation of the resistance in the filter", feedthrough=BOTH),
+        output(
+            "resistance_std", "Ohm", "Standard deviation of the resistance in the filter", min=0.0, feedthrough=BOTH
+        ),
         output(
             "inductance_std", "H", "Standard deviation of the inductance in the filter", nominal=0.01, feedthrough=BOTH
         ),

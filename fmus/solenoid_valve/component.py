@@ -7,6 +7,7 @@ COMPONENT = Component(
     description="Solenoid valve with magnetic saturation, spring, damping and stops",
     kernel="gapsense.actuators.solenoid_valve",
     resources=("fringing_19.csv",),
+    rising=(("stop.lower", "stop.upper"),),
     ports=(
         input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0),
         output("current", "A", "Coil current", nominal=0.4),
@@ -15,8 +16,8 @@ COMPONENT = Component(
         output("flux_linkage", "Wb", "Flux linkage", nominal=0.02),
         output("inductance", "H", "Apparent inductance, flux linkage / current", nominal=0.1),
         output("force", "N", "Magnetic force; negative: it closes the gap", nominal=1.0),
-        output("mode", "1", "1: at the lower stop, 2: moving, 3: at the upper stop"),
-        output("contact", "1", "1 on a stop, else 0"),
+        output("mode", "1", "1: at the lower stop, 2: moving, 3: at the upper stop", min=1.0, max=3.0),
+        output("contact", "1", "1 on a stop, else 0", min=0.0, max=1.0),
         output("dissipated_energy", "J", "Lost in the coil, the damping and the impacts since the start", nominal=0.1),
         output("stored_energy", "J", "Magnetic, elastic and kinetic energy", nominal=0.01),
         output("supplied_energy", "J", "Integral of voltage times current since the start", nominal=0.1),

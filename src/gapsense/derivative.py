@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.emit import operands
+from gapsense.emit.printer import operands
 from gapsense.trace import BOOLEAN, Expr, TraceError, cos, select, sin, where
 
 _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost everywhere

@@ -42,6 +42,7 @@ class Component(NamedTuple):
     stop_time: float = 0.08  # s
     step_size: float = 25e-6  # s
     resources: tuple[str, ...] = ()  # files of the component's folder that travel with it
+    rising: tuple[tuple[str, str], ...] = ()  # pairs of parameters of which the second must be larger
 
     def of(self, causality: str) -> tuple[Port, ...]:
         """Ports of one causality, in order."""

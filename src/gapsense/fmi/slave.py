@@ -230,6 +230,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
                 problems.append(f"`{port.name}` is `{value}`; expected one of {', '.join(port.choices)}")
             elif port.kind in ("Real", "Integer") and not _is_in_range(port, value):
                 problems.append(f"`{port.name}` is {value!r}; expected {_range(port)}")
+        for low, high in self.component.rising:
+            if not self._value(low) < self._value(high):
+                problems.append(f"`{low}` is {self._value(low)!r}; expected less than `{high}` = {self._value(high)!r}")
         if problems:
             raise Refusal(f"{'; '.join(problems)}. Correct the parameters.")
 

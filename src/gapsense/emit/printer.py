@@ -1,0 +1,191 @@
+"""Walk a traced graph and print it; `python.py` and `c.py` say how the languages look."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from gapsense.trace import UNARY, Expr, Region, Tape, TraceError
+
+LONGEST_INLINE = 90  # characters; a longer expression gets a name even if it is used once
+
+
+class Graph(NamedTuple):
+    """A traced function: its arguments (name, record class, symbols) and the flat entries of each record it returns."""
+
+    name: str
+    tape: Tape
+    arguments: list[tuple[str, type, list[Expr]]]
+    results: list[tuple[type, list[Any]]]
+
+
+def operands(node: Expr, region: Region) -> Iterator[tuple[Any, Region]]:
+    """Operands of a node of `region`, those in its branches or its loop body included, each with where it is read."""
+    yield from ((arg, region) for arg in node.args)
+    if node.op == "if":
+        then, otherwise, outs = node.extra
+        for a, b in outs.values():
+            yield from ((a, then), (b, otherwise))
+    elif node.op == "loop":
+        body, _, new, stop, _ = node.extra
+        yield from ((value, body) for value in (*new, stop))
+
+
+def _regions(node: Expr) -> tuple[Region, ...]:
+    return node.extra[:2] if node.op == "if" else node.extra[:1] if node.op == "loop" else ()
+
+
+def _bare(text: str) -> str:
+    """`text` without a pair of parentheses around all of it."""
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return text[1:-1] if k and text[0] == "(" and k == len(text) - 1 else text
+    return text
+
+
+class Printer(ABC):
+    """Walks the live nodes in order; subclasses say how the statements and expressions of one language look."""
+
+    forms: Mapping[str, str]  # text of an operation with operands `a`, or `b` without outer parentheses
+    condition_uses = 1  # how often the text of a condition is printed
+    end = ""  # of a statement
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.lines: list[str] = []
+        self.depth, self.count = 1, 0
+        self.text: dict[int, str] = {}  # of every node printed so far: an expression or a name
+        self.holders: dict[int, list[str]] = {}  # names of the values of `if` and `loop` nodes
+        self.live: dict[int, dict[int, None]] = {}  # which values of an `if` node are used, in order
+        self.uses: dict[int, int] = {}
+        self.home: dict[int, Region] = {}
+        self.far: set[int] = set()  # used in another region than their own: never inlined
+        self._place(graph.tape.root, ())
+        for _, entries in graph.results:
+            for entry in entries:
+                self._check_visible(entry, (graph.tape.root,))
+                self._use(entry)
+
+    def _place(self, region: Region, enclosing: tuple[Region, ...]) -> None:
+        for node in region.nodes:
+            self.home[node.id] = region
+            for inner in _regions(node):
+                self._place(inner, (*enclosing, region))
+            for value, place in operands(node, region):
+                self._check_visible(value, {*enclosing, region, place})
+                if isinstance(value, Expr) and self.home[value.id] is not place:
+                    self.far.add(value.id)
+
+    def _check_visible(self, value: Any, regions: Any) -> None:
+        if isinstance(value, Expr) and self.home.get(value.id) not in regions:
+            raise TraceError(
+                f"`{self.graph.name}`: a value made inside cond() or loop() is used outside; return it from there."
+            )
+
+    def _use(self, result: Any) -> None:
+        """Count the uses of everything that `result` needs; a result counts twice, so that it gets a name."""
+        pending = [(result, 2)]
+        while pending:
+            node, weight = pending.pop()
+            if isinstance(node, Expr):
+                is_first = node.id not in self.uses
+                self.uses[node.id] = self.uses.get(node.id, 0) + weight
+                if is_first:
+                    pending += self._needs(node)
+
+    def _needs(self, node: Expr) -> list[tuple[Any, int]]:
+        if node.op == "get" and node.args[0].op == "if":
+            holder = node.args[0]
+            self.live.setdefault(holder.id, {})[node.extra] = None
+            return [(holder, 1), *((value, 1) for value in [*holder.extra[2].values()][node.extra])]
+        if node.op == "if":
+            return [(node.args[0], self.condition_uses)]
+        return [(value, 1) for value, _ in operands(node, self.home[node.id])]
+
+    def write(self, line: str) -> None:
+        """Add a line at the current depth."""
+        self.lines.append("    " * self.depth + line)
+
+    def fresh(self, letter: str = "t") -> str:
+        """A new name."""
+        self.count += 1
+        return f"{letter}{self.count}"
+
+    def ref(self, value: Any) -> str:
+        """Text of an operand."""
+        return self.text[value.id] if isinstance(value, Expr) else self.number(value)
+
+    def bare(self, value: Any) -> str:
+        """Text of an operand that stands alone."""
+        return _bare(self.ref(value))
+
+    def region(self, region: Region) -> None:
+        """Print the live nodes of a region."""
+        for node in region.nodes:
+            if node.id in self.uses and node.id not in self.text:
+                self._node(node)
+
+    def _node(self, node: Expr) -> None:
+        if node.op == "if":
+            then, otherwise, outs = node.extra
+            self.holders[node.id] = [self.fresh("c") if k in self.live[node.id] else "" for k in range(len(outs))]
+            live = [(self.holders[node.id][k], *[*outs.values()][k]) for k in sorted(self.live[node.id])]
+            targets, a, b = map(list, zip(*live))
+            self.branch(node.args[0], (then, otherwise), targets, a, b)
+        elif node.op == "loop":
+            self.holders[node.id] = [self.fresh("v") for _ in node.args]
+            self.text.update((v.id, t) for v, t in zip(node.extra[1], self.holders[node.id]))
+            self.repeat(node, self.holders[node.id])
+        elif node.op == "get":
+            self.text[node.id] = self.holders[node.args[0].id][node.extra]
+        elif node.op == "store":
+            self.text[node.id] = self.ref(node.args[0])
+            self.write(self.expression(node) + self.end)
+        else:
+            text = self.expression(node)
+            is_inline = self.uses[node.id] == 1 and node.id not in self.far and len(text) < LONGEST_INLINE
+            self.text[node.id] = text if is_inline and node.op != "load" else self._let(node, _bare(text))
+
+    def expression(self, node: Expr) -> str:
+        """Text of an operation."""
+        a = [self.ref(arg) for arg in node.args]
+        op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
+        form = self.forms.get(op, self.forms["unary"] if op in UNARY else "({a[0]} {op} {a[1]})")
+        return form.format(op=op, a=a, b=[*map(_bare, a)], shift=f" + {node.extra}" if node.extra else "")
+
+    def assign(self, targets: list[str], values: list[Any]) -> None:
+        """Print `target = value` for each."""
+        for target, value in zip(targets, values):
+            self.write(f"{target} = {self.bare(value)}{self.end}")
+
+    def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
+        """Print a branch: its nodes, and the values it gives."""
+        self.write(opening)
+        self.depth += 1
+        self.region(region)
+        self.assign(targets, values)
+        self.depth -= 1
+
+    def number(self, value: Any) -> str:
+        """Text of a constant, exact."""
+        return repr(value)
+
+    def _let(self, node: Expr, text: str) -> str:
+        name = self.fresh()
+        self.write(f"{name} = {text}")
+        return name
+
+    @abstractmethod
+    def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
+        """Print a condition: `targets` become the values `a` of the first region or `b` of the second."""
+
+    @abstractmethod
+    def repeat(self, node: Expr, targets: list[str]) -> None:
+        """Print a loop; its variables are the `targets`."""
+
+    @abstractmethod
+    def source(self) -> str:
+        """Text of the function."""
