@@ -53,7 +53,8 @@ def _cells(port: Port) -> list[str]:
     name, meaning = f"<code>{port.name}</code>", escape(port.description)
     if port.causality == "output":
         return [name, port.unit, ", ".join(port.feedthrough) or "nothing", meaning]
-    return [name, port.unit, escape(str(port.start)), _bound(port.min), _bound(port.max), meaning]
+    start = f"{port.start:g}" if isinstance(port.start, float) else escape(str(port.start))
+    return [name, port.unit, start, _bound(port.min), _bound(port.max), meaning]
 
 
 def _bound(value: float | None) -> str:
