@@ -117,7 +117,7 @@ class Part:
         Whatever is not the FMU's own time here is the cost of the master, hence closures with local names and
         prebuilt arguments instead of methods. For Gauss-Seidel the inputs are taken first.
         """
-        take = self.taker() if takes_inputs and self.set_inputs.values else None
+        take = self.taker() if takes_inputs and (self.plain or self.scaled) else None  # the rest never changes
         do_step, time = self.instance.function(STEP), ctypes.c_double()
         duration, keep = ctypes.c_double(self.component.step * base_step), ctypes.c_int(1)
         get, pointer, references, count, values = self.get_outputs

@@ -88,7 +88,9 @@ def build(folder: Path, destination: Path) -> Path:
     kernel = kernel_of(component)
     check_records(component, kernel)
     files = _sources(component, kernel)
-    identity = hashlib.sha256(repr((gapsense.__version__, component, sorted(files.items()))).encode()).hexdigest()
+    resources = [(folder / name).read_bytes() for name in component.resources]
+    content = (gapsense.__version__, component, sorted(files.items()), resources)
+    identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
         stock = _build_stock(Path(temporary), component, files, identity[:12], folder)
         members = _members(stock)

@@ -74,7 +74,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def set_real(self, refs: list[int], values: list[float]) -> None:
         signals, inputs = self.signals, self.inputs
         for r, value in zip(refs, values):
-            if r < inputs:
+            if 0 <= r < inputs:
                 signals[r] = value
             else:
                 self._set_parameters([r], [value], "Real")
@@ -106,7 +106,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def _port(self, ref: int, kind: str) -> Port:
         ports = self.component.ports
-        if ref >= len(ports) or ports[ref].kind != kind:
+        if not 0 <= ref < len(ports) or ports[ref].kind != kind:
             raise Refusal(f"there is no {kind} variable with value reference {ref}. Read the model description again.")
         return ports[ref]
 
@@ -154,15 +154,15 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         try:
             if self.phase != "running":
                 raise Refusal(f"a step in phase `{self.phase}`. Initialise the instance first, or reset it.")
-            if not 0.0 < step_size < math.inf:
-                raise Refusal(f"the communication step is {step_size!r} s. Give a positive one.")
             end = current_time + step_size
+            if not (step_size > 0.0 and -math.inf < end < math.inf):
+                raise Refusal(f"the communication step is {step_size!r} s. Give a positive one, from a finite time on.")
             if not self.period:
                 self._advance(end, step_size)
             elif step_size == self.period and not self.elapsed:
                 self._advance(end, self.period)
             else:
-                for k in range(self._samples_due(step_size) - 1, -1, -1):
+                for k in range(self._samples_due(end, step_size) - 1, -1, -1):
                     self._advance(end - k * self.period, self.period)
             return True
         except BaseException as error:
@@ -178,18 +178,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _value(self, name: str) -> float:
         return next((float(v) for p, v in zip(self.component.of("parameter"), self.parameters) if p.name == name), 0.0)
 
-    def _samples_due(self, step: float) -> int:
+    def _samples_due(self, end: float, step: float) -> int:
         """How many samples fall due in this step; inputs are held within it."""
-        period = self.period
+        period, tolerance = self.period, TOLERANCE + 2.0 * math.ulp(end) / step  # a step may be a difference of times
         ratio = step / period if step >= period else period / step
-        if abs(ratio - round(ratio)) > TOLERANCE * ratio:
+        if abs(ratio - round(ratio)) > tolerance * ratio:
             raise Refusal(
                 f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of"
                 f" `sample_time` = {period:.9g} s. Change one of them."
             )
         elapsed = self.elapsed + step
-        count = int(elapsed / period * (1.0 + TOLERANCE))
-        if count and abs(elapsed - count * period) > TOLERANCE * elapsed:
+        count = int(elapsed / period * (1.0 + tolerance))
+        if count and abs(elapsed - count * period) > tolerance * elapsed:
             raise Refusal(
                 f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a"
                 f" sample. Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a"
@@ -259,11 +259,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         return _copied(self, self.build)
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        if state["build"] != self.build:
-            error = Refusal(
-                f"the saved state belongs to build {state['build']}, this is {self.build}. Save it again with this FMU."
-            )
-            self._fail(error)
+        saved = state.get("build", "unknown (its bytes cannot be read)")
+        if saved != self.build:
+            self._fail(Refusal(f"the saved state is of build {saved}, this is {self.build}. Save it with this FMU."))
         for name, value in state.items():
             if name != "build":
                 setattr(self, name, _copy(value))
@@ -274,8 +272,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
-        loaded: dict[str, Any] = json.loads(bytes(state).decode())
-        return loaded
+        try:
+            loaded = json.loads(bytes(state).decode())
+        except ValueError:
+            loaded = None
+        return loaded if isinstance(loaded, dict) else {}  # which `_set_fmu_state` refuses; here is no instance to log
 
     # --- errors ---
 

@@ -19,8 +19,11 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     if not path.is_file():
         raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {', '.join(columns)}.")
     read = [c for c in columns if not c.startswith("integral:")]
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = [row for row in csv.reader(file) if row]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.") from error
     header = [cell.strip() for cell in rows[0]] if rows else []
     missing = [c for c in read if c not in header]
     if missing:
