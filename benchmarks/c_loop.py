@@ -8,11 +8,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from experiment import WATCHED, Experiment, common, component_steps, real_rates
 
 from gapsense.cosim.master import Master
 from gapsense.cosim.part import GET, SET, STEP, Part
 
+FLAGS = ("-std=c99", "-O2", "-Wall", "-shared", "-fPIC")
+Outcome = tuple[float, int, dict[str, float]]
+Rows = npt.NDArray[np.float64]
 POINTER, INT, SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
 
 
@@ -42,47 +47,56 @@ def library() -> ctypes.CDLL:
 
 def c_part(part: Part, kept: list[Any]) -> CPart:
     """A part of our master as C takes it; `kept` keeps alive what is pointed to."""
-
-    def address(function: str) -> int | None:
-        return ctypes.cast(part.instance.function(function), POINTER).value  # type: ignore[arg-type]
-
+    set_, step, get = (ctypes.cast(part.instance.function(name), POINTER).value for name in (SET, STEP, GET))
     links = (INT * (2 * len(part.plain)))(*(place for pair in part.plain for place in pair))
     kept.append(links)
     given, got = part.set_inputs, part.get_outputs
     return CPart(
-        part.instance.pointer, address(SET), address(STEP), address(GET),
+        part.instance.pointer, set_, step, get,
         ctypes.addressof(given.references), ctypes.addressof(got.references), len(given.values), len(got.values),
         ctypes.addressof(given.values), ctypes.addressof(got.values),
         ctypes.addressof(links), len(part.plain), part.component.step, part.component.offset,
     )  # fmt: skip
 
 
-def run(experiment: Experiment, is_timed: bool) -> tuple[float, dict[str, list[float]], dict[str, float]]:
-    """Seconds of the loop, seconds of set, step and get by component, last outputs."""
-    c, kept = library(), []
+def run(experiment: Experiment) -> Outcome:
+    """Seconds of the loop, component-steps, last outputs."""
+    kept: list[Any] = []
     with Master(*experiment) as master:
         master.initialize(experiment[0].seeds)
         grid = experiment[0].experiment
         parts = (CPart * len(master.parts))(*(c_part(part, kept) for part in master.parts))
         buffer = ctypes.c_void_p(master.view.ctypes.data)
         start, base = ctypes.c_double(grid.start), ctypes.c_double(grid.base_step)
-        seconds = c.run(parts, INT(len(parts)), buffer, start, base, ctypes.c_long(grid.count), INT(is_timed))
+        seconds = library().run(parts, INT(len(parts)), buffer, start, base, ctypes.c_long(grid.count))
         if seconds < 0.0:
             raise RuntimeError("a component failed in the loop in C.")
         last = {str(port): master.buffer[master.places.index[port]] for port in WATCHED}
-        shares = {part.component.name: list(p.seconds) for part, p in zip(master.parts, parts)}
-    return seconds, shares, last
+    return seconds, component_steps(experiment), last
 
 
-def own_time(fmus: Path) -> tuple[float, int, dict[str, float]]:
+def own_time(fmus: Path) -> Outcome:
     """Of the common experiment."""
-    experiment = common(fmus)
-    seconds, _, last = run(experiment, False)
-    return seconds, component_steps(experiment), last
+    return run(common(fmus))
 
 
-def own_time_real_rates(fmus: Path) -> tuple[float, int, dict[str, float]]:
+def own_time_real_rates(fmus: Path) -> Outcome:
     """Of the scenario as it is."""
-    experiment = real_rates(fmus)
-    seconds, _, last = run(experiment, False)
-    return seconds, component_steps(experiment), last
+    return run(real_rates(fmus))
+
+
+def replay(experiment: Experiment, rows: Rows) -> dict[str, list[float]]:
+    """Seconds of all set, do_step and get calls of each component, one component after the other, on recorded rows."""
+    c, grid, found = library(), experiment[0].experiment, {}
+    with Master(*experiment) as master:
+        master.initialize(experiment[0].seeds)
+        for part in master.parts:
+            part.plain.clear()
+            one = c_part(part, [])
+            places = [master.places.index[p] for p in master.places.of(part.component.name, "input")]
+            given = np.ascontiguousarray(rows[:, places])
+            base, count = ctypes.c_double(grid.base_step), ctypes.c_long(len(given))
+            if c.replay(ctypes.byref(one), ctypes.c_void_p(given.ctypes.data), base, count):
+                raise RuntimeError(f"`{part.component.name}` failed in the loop in C.")
+            found[part.component.name] = list(one.seconds)
+    return found

@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from c_loop import run as run_c_loop
+from c_loop import replay
 from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, real_rates
 
 from gapsense.cosim.master import Master
@@ -134,18 +134,18 @@ def kernels(fmus: Path) -> Outcome:
 
 
 def alone(fmus: Path) -> dict[str, list[float]]:
-    """Microseconds per step by component: set, do_step, get in the FMU, and the kernel alone on the same inputs."""
+    """Microseconds per step by component: set, do_step, get of the FMU, and the kernel, on the inputs of the run."""
     experiment = common(fmus)
-    _, shares, _ = run_c_loop(experiment, True)
     with Master(*experiment) as master:
         names, index = list(master.order.names), master.places.index
         recording = master.run(list(range(len(index))), experiment[0].seeds)
     rows = recording.data[1 : recording.rows]
-    return {
-        direct.outputs[0].component: [1e6 * s / COUNT for s in shares[direct.outputs[0].component]]
-        + [kernel_time(direct, rows[:, [index[port] for port in direct.inputs]].tolist())]
-        for direct in directs(experiment, names)
-    }
+    seconds = replay(experiment, rows)
+    found = {}
+    for name, direct in zip(names, directs(experiment, names)):
+        given = rows[:, [index[port] for port in direct.inputs]].tolist()
+        found[name] = [1e6 * s / len(rows) for s in seconds[name]] + [kernel_time(direct, given)]
+    return found
 
 
 def kernel_time(direct: Direct, rows: list[list[float]]) -> float:

@@ -53,7 +53,7 @@ def fmpy_loop(fmus: Path) -> Outcome:
 
 
 def simulate_ssp(fmus: Path) -> Outcome:
-    """fmpy's simulate_ssp: the time of the whole run less that of a run of one step, which loads just as much."""
+    """`simulate_ssp` of fmpy: the time of the whole run less that of a run of one step, which loads just as much."""
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import Parameter, ParameterSet
 
@@ -116,7 +116,6 @@ def write_ssp(experiment: Experiment, path: Path) -> Path:
 
 def libcosim(fmus: Path) -> Outcome:
     """libcosimpy, one call of step(n).  It is observed in the last step only, since observing costs time."""
-    from libcosimpy.CosimEnums import CosimVariableType
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver

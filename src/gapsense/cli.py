@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -51,15 +51,31 @@ def reported() -> Iterator[None]:
         for problem in error.problems:
             err.print(problem, style="red", markup=False)
         raise typer.Exit(WRONG_INPUT) from None
-    except cosim.FmuError as error:
+    except typer.Exit:  # a RuntimeError too
+        raise
+    except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
         err.print(str(error), style="red", markup=False)
         raise typer.Exit(COMPONENT_FAILED) from None
-    except (FileNotFoundError, ValueError) as error:
-        err.print(str(error), style="red", markup=False)
+    except (OSError, ValueError) as error:
+        err.print(sentence(error), style="red", markup=False)
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
         err.print("interrupted.", style="yellow")
         raise typer.Exit(INTERRUPTED) from None
+
+
+def sentence(error: OSError | ValueError) -> str:
+    """What went wrong; the operating system's errors with the path first."""
+    if isinstance(error, OSError) and error.filename:
+        return f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."
+    return str(error)
+
+
+def stop_if_interrupted(result: cosim.Result) -> None:
+    """Leave after a Ctrl-C, where half a run is of no use."""
+    if result.interrupted:
+        err.print(f"interrupted at t = {result.times[-1]:.6g} s; nothing was written.", style="yellow")
+        raise typer.Exit(INTERRUPTED)
 
 
 @contextmanager
@@ -121,7 +137,7 @@ def check(scenario: Scenario, variant: Variant = None, fmus: Fmus = None) -> Non
         problems = cosim.check(scenario, variant, fmus)
         if problems:
             raise cosim.ScenarioError(problems)
-        out.print(f"{scenario}: no problems.")
+        out.print(f"{scenario}: no problems.", markup=False)
 
 
 @app.command()
@@ -135,9 +151,14 @@ def run(
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus)
-    with reported(), bar("running") as progress:
-        result = cosim.run(scenario, variant, fmus, progress=progress)
-    file = result.save(to / f"{stem(result)}.csv")
+    with reported():
+        try:
+            with bar("running") as progress:
+                result = cosim.run(scenario, variant, fmus, progress=progress)
+        except cosim.FmuError as error:
+            keep(error, to)
+            raise
+        file = result.save(to / f"{stem(result)}.csv")
     for table in tables.metrics(result):
         out.print(table)
     out.print(tables.timing(result))
@@ -172,6 +193,8 @@ def sweep(
     out.print(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.", markup=False)
     for index, error in swept.errors.items():
         err.print(f"run {index}: {error}", style="red", markup=False)
+    if swept.interrupted:
+        err.print("interrupted; the same command goes on from here.", style="yellow")
     raise typer.Exit(INTERRUPTED if swept.interrupted else COMPONENT_FAILED if swept.errors else 0)
 
 
@@ -187,11 +210,13 @@ def figure(
     """Run a scenario and draw its figure."""
     from gapsense.report import figures
 
-    with reported(), bar("running") as progress:
-        result = cosim.run(scenario, variant, fmus, progress=progress)
-        file = figures.save(
-            figures.draw(result, cosim.load(scenario, variant).figure), to or Path("results") / f"{stem(result)}.png"
-        )
+    with reported():
+        loaded = cosim.load(scenario, variant)
+        figures.check(loaded.figure, to)
+        with bar("running") as progress:
+            result = cosim.run(scenario, variant, fmus, progress=progress)
+        stop_if_interrupted(result)
+        file = figures.save(figures.draw(result, loaded.figure), to or Path("results") / f"{stem(result)}.png")
     out.print(f"{file} written.", markup=False)
 
 
@@ -220,10 +245,9 @@ def baseline(
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write."""
     with reported():
-        update: Any = cosim.update_baseline(scenario, variant, fmus, write=False)
+        update = cosim.update_baseline(scenario, variant, fmus, write)
         out.print(str(update), markup=False)
-        if write and update.changes:
-            out.print(str(cosim.update_baseline(scenario, variant, fmus, write=True)).splitlines()[-1])
+    raise typer.Exit(INTERRUPTED if write and update.changes and not update.written else 0)
 
 
 @app.command()
@@ -235,7 +259,15 @@ def observability(
 
     with reported():
         result = cosim.run(scenario, variant, fmus)
+        stop_if_interrupted(result)
         out.print(observability_report.text(result), markup=False)
+
+
+def keep(error: cosim.FmuError, folder: Path) -> None:
+    """Save what was recorded before a component failed, and say where."""
+    if error.result is not None and error.result.times.size:
+        file = error.result.save(folder / f"{stem(error.result)}.csv")
+        err.print(f"{file}: {error.result.times.size} rows from before the failure.", style="yellow", markup=False)
 
 
 def stem(result: cosim.Result) -> str:

@@ -38,8 +38,10 @@ def text(root: Element) -> bytes:
 
 
 def _add_units(root: Element, component: Component) -> None:
-    definitions = Element("UnitDefinitions")
-    for name in sorted({port.unit for port in component.ports}):
+    definitions, names = Element("UnitDefinitions"), {port.unit for port in component.ports}
+    if unknown := sorted(names - set(UNITS)):
+        raise ValueError(f"{component.name}: unit {', '.join(unknown)} is not known. Add it to gapsense/units.py.")
+    for name in sorted(names):
         unit = SubElement(definitions, "Unit", name=name)
         SubElement(unit, "BaseUnit", {k: str(v) for k, v in base_exponents(name).items()})
         display = UNITS[name].display

@@ -46,6 +46,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.modelName, self.description = component.name, component.description
         self.inputs = len(component.of("input"))
         signals = self.inputs + len(component.of("output"))
+        self.all_inputs, self.all_outputs = [*range(self.inputs)], [*range(self.inputs, signals)]  # value references
         self.signals: list[float] = [p.start or 0.0 for p in component.ports[:signals]]  # inputs, then outputs
         self.parameters: list[Any] = [p.start for p in component.ports[signals:]]
         self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
@@ -65,7 +66,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         try:
             if self.phase == "initializing" and any(self.inputs <= r < len(signals) for r in refs):
                 self._initialize()
-            return [signals[r] for r in refs]
+            return signals[self.inputs :] if refs == self.all_outputs else [signals[r] for r in refs]
         except IndexError:
             return [float(self._parameter(r, "Real")) for r in refs]
         except BaseException as error:
@@ -73,6 +74,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def set_real(self, refs: list[int], values: list[float]) -> None:
         signals, inputs = self.signals, self.inputs
+        if refs == self.all_inputs:
+            signals[:inputs] = values
+            return
         for r, value in zip(refs, values):
             if 0 <= r < inputs:
                 signals[r] = value

@@ -18,25 +18,26 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     """
     if not path.is_file():
         raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {', '.join(columns)}.")
-    read = [c for c in columns if not c.startswith("integral:")]
+    read = list(dict.fromkeys(c.removeprefix("integral:") for c in columns))
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
+            reader = csv.reader(file)
+            rows = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.") from error
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    header = [cell.strip() for cell in rows[0][1]] if rows else []
     missing = [c for c in read if c not in header]
     if missing:
         raise ValueError(
             f"{path.name}: column {', '.join(missing)} is missing; the header has {', '.join(header) or 'nothing'}."
         )
     problems: list[str] = []
-    data = {c: [_number(row, header.index(c), c, n, problems) for n, row in enumerate(rows[1:], 2)] for c in read}
+    data = {c: [_number(row, header.index(c), c, n, problems) for n, row in rows[1:]] for c in read}
     xs = data[read[0]]
     problems += [
-        f"row {n}: `{read[0]}` decreases from {a:g} to {b:g}" for n, (a, b) in enumerate(zip(xs, xs[1:]), 3) if b < a
+        f"row {n}: `{read[0]}` decreases from {a:g} to {b:g}" for (n, _), a, b in zip(rows[2:], xs, xs[1:]) if b < a
     ]
-    if len(xs) < 2 or not xs[-1] > xs[0]:
+    if len(xs) < 2 or xs[-1] <= xs[0]:
         problems.append(f"{len(xs)} rows, but at least 2 with different `{read[0]}` are needed")
     if problems:
         raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
@@ -51,7 +52,7 @@ def _number(row: list[str], index: int, column: str, line: int, problems: list[s
         value = math.nan
     if not math.isfinite(value):
         problems.append(f"row {line}: `{column}` is `{text}`, not a finite number")
-        return 0.0
+        return math.nan
     return value
 
 

@@ -14,26 +14,36 @@ from gapsense.cosim import Result
 from gapsense.units import UNITS
 
 Vector = npt.NDArray[np.float64]
+ENDINGS = (".png", ".pdf", ".svg")
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
 
 
-def draw(result: Result, kind: str) -> Figure:
-    """The figure of a run: that of its scenario's `figure`, or all recorded signals stacked by unit."""
+def check(kind: str, path: Path | None = None) -> None:
+    """Refuse a figure that there is none of, or a file that it cannot be written to, before a long run."""
     if kind not in FIGURES:
         raise ValueError(
             f"the scenario asks for figure `{kind}`; there are {', '.join(FIGURES)}. Correct its key `figure`."
         )
+    if path is not None and path.suffix not in ENDINGS:
+        raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
+
+
+def draw(result: Result, kind: str) -> Figure:
+    """The figure of a run: that of its scenario's `figure`, or all recorded signals stacked by unit."""
+    check(kind)
     return FIGURES[kind](result)
 
 
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure under a temporary name first; the ending of `path` says the format."""
-    if path.suffix not in (".png", ".pdf", ".svg"):
-        raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
+    check("overview", path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(f".part{path.suffix}")
-    figure.savefig(temporary, dpi=120, metadata={"Software": None} if path.suffix == ".png" else None)
-    return temporary.replace(path)
+    try:
+        figure.savefig(temporary, dpi=120, metadata={"Software": None} if path.suffix == ".png" else None)
+        return temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def stack(title: str, labels: list[str], heights: list[float] | None = None) -> tuple[Figure, list[Any]]:

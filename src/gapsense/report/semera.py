@@ -22,11 +22,21 @@ LABELS = [
     "steps since\nobservable",
 ]
 
+ESTIMATES = ("resistance", "inductance", "flux_linkage")
+OTHERS = (
+    "drive.voltage",
+    "sensor.voltage_measured",
+    "sensor.current_measured",
+    "semera.quality",
+    "offline.published",
+    "offline.published_time",
+)
+
 
 def figure(result: Result) -> Figure:
     """Measurements, estimates against the truth, signal-to-noise ratios, and steps since the last observable state."""
+    plant = plant_of(result)
     drawn, axes = stack(result.run.title, LABELS)
-    plant = next(name.partition(".")[0] for name in result.signals if name.endswith(".position"))
     rows = result.stepped("sensor.current_measured")
     t = result.times[rows]
     measurements(axes[0], axes[1], result, t, rows)
@@ -40,6 +50,20 @@ def figure(result: Result) -> Figure:
     line(axes[7], t, steps_since_observable(result[f"{plant}.current"][rows], t[1] - t[0]), TRUE)
     axes[7].set_yscale("symlog", linthresh=10)
     return drawn
+
+
+def plant_of(result: Result) -> str:
+    """Name of the actuator; a ValueError names all signals that the figure needs and the scenario does not record."""
+    plant = next((name.partition(".")[0] for name in result.signals if name.endswith(".position")), "<actuator>")
+    estimates = [f"{e}.{s}" for e in ("semera", "integral", "offline") for s in ESTIMATES]
+    truths = [f"{plant}.{signal}" for signal in ("position", "current", "inductance", "flux_linkage")]
+    missing = [name for name in (*truths, *OTHERS, *estimates) if name not in result.signals]
+    if missing:
+        raise ValueError(
+            f"{result.run.scenario}: figure `semera` needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            'Add them to `[record]`, or choose `figure = "overview"`.'
+        )
+    return plant
 
 
 def measurements(voltage: Any, current: Any, result: Result, t: Vector, rows: Any) -> None:

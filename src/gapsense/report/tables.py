@@ -7,26 +7,37 @@ from pathlib import Path
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from gapsense.cosim import Measured, Outcome, Result, Scenario, Sweep
 from gapsense.fmi.ports import Component
 
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"))
+UNPREFIXED = ("m2", "kg", "1/H", "1/(H.m)")  # a prefix in front would mean something else
 
 
 def quantity(value: float, unit: str) -> str:
     """Four digits with an SI prefix, as the papers print: `4.199 mOhm`."""
+    value = float(f"{value:.4g}")  # first, or 0.99999 Ohm becomes 1000 mOhm
     if unit in ("", "1") or value != value:
         return f"{value:.4g}"
-    factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), PREFIXES[-1] if value else PREFIXES[0])
+    smallest = PREFIXES[-1] if value else PREFIXES[0]
+    factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), smallest)
+    if unit in UNPREFIXED:
+        factor, prefix = PREFIXES[0]
     return f"{value / factor:.4g} {prefix}{unit}"
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
+    table = Table(title=Text(title, "table.title") if title else None, box=box.SIMPLE_HEAD, title_justify="left")
     for k, column in enumerate(columns):
         table.add_column(column, justify="left" if k == 0 else "right")
     return table
+
+
+def _row(table: Table, *cells: str, style: str | None = None) -> None:
+    """Add a row of plain texts: `[m]` in one is a unit, no markup."""
+    table.add_row(*map(Text, cells), style=style)
 
 
 def _grouped(measured: Iterable[Measured]) -> Iterator[tuple[str, list[Measured]]]:
@@ -43,13 +54,16 @@ def metrics(result: Result) -> list[Table]:
         table = _table(title or "Metrics", "metric", "published", "this run", "bounds")
         for m in group:
             bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
-            table.add_row(m.label, _published(m), quantity(m.value, m.unit), bounds, style=None if m.passed else "red")
+            shown = (m.label or m.name, _published(m), quantity(m.value, m.unit), bounds)
+            _row(table, *shown, style=None if m.passed else "red")
         made.append(table)
     return made
 
 
 def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
     """Median and 5-95 % range of each metric beside the published value and the run with the scenario's own seed."""
+    if not swept.indices:
+        return []
     quantiles = swept.quantiles()
     groups: dict[str, Table] = {}
     for metric in scenario.metrics:
@@ -59,8 +73,8 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
         unit = swept.units.get(metric.name, "")
         low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
         published = "" if metric.published is None else quantity(metric.published, unit)
-        first = quantity(float(swept.metrics[metric.name][0]), unit)
-        groups[title].add_row(metric.label, published, first, median, low, high)
+        first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
+        _row(groups[title], metric.label or metric.name, published, first, median, low, high)
     return list(groups.values())
 
 
@@ -74,7 +88,7 @@ def timing(result: Result) -> Table:
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
     table = _table(title, "component", "steps", "us per step", "share")
     for name, t in result.timing.items():
-        table.add_row(name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
+        _row(table, name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
     return table
 
 
@@ -83,9 +97,8 @@ def components(found: Sequence[Component], built: set[str]) -> Table:
     table = _table("Components", "name", "built", "inputs", "outputs", "what it is")
     table.columns[-1].justify = "left"
     for c in found:
-        table.add_row(
-            c.name, "yes" if c.name in built else "no", str(len(c.of("input"))), str(len(c.of("output"))), c.description
-        )
+        counts = (str(len(c.of(causality))) for causality in ("input", "output"))
+        _row(table, c.name, "yes" if c.name in built else "no", *counts, c.description)
     return table
 
 
@@ -94,7 +107,7 @@ def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
     table = _table("Scenarios", "folder", "variants", "what it is")
     table.columns[1].justify = table.columns[2].justify = "left"
     for folder, scenario in found:
-        table.add_row(str(folder.relative_to(root)), ", ".join(scenario.variants) or "-", scenario.title)
+        _row(table, str(folder.relative_to(root)), ", ".join(scenario.variants) or "-", scenario.title)
     return table
 
 

@@ -15,6 +15,7 @@ from gapsense.studies.observability import (
 )
 
 Vector = npt.NDArray[np.float64]
+WINDOW = 4  # samples: three for the smallest window, and the one before
 
 
 def typical_currents(dt: float, samples: int = 12) -> dict[str, Vector]:
@@ -30,8 +31,11 @@ def typical_currents(dt: float, samples: int = 12) -> dict[str, Vector]:
 
 def text(result: Result, tolerance: float = TOLERANCE) -> str:
     """Ranks (31)-(35) and (39), and the steps since the last observable state of a run of the SEMERA scenario."""
-    rows = result.stepped("sensor.current_measured")
-    t, current = result.times[rows], result[current_signal(result)][rows]
+    signal = current_signal(result)
+    rows = result.stepped("sensor.current_measured" if "sensor" in result.run.components else signal)
+    t, current = result.times[rows], result[signal][rows]
+    if t.size < WINDOW:
+        raise ValueError(f"the run has {t.size} samples; the count needs at least {WINDOW}. Run it longer.")
     dt = float(t[1] - t[0])
     lines = [f"Ranks, with singular values above {tolerance:g} of the largest after scaling (full rank is 3)", ""]
     lines.append(f"{'current':20} {'inductance state (31)':>22} {'12 samples':>11} {'flux state (39)':>16}")

@@ -1,0 +1,89 @@
+"""The components, found in fmus/, and their FMUs in all the states that the contract tests need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can be imported by its tests
+
+from drivers import ROOT, break_kernel, fresh
+from parts import FOLDERS, Part, tuned
+
+from gapsense.fmi.package import load_component
+
+
+@pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
+def part(request: pytest.FixtureRequest, fmus: Path) -> Part:
+    """Each component in turn."""
+    component = load_component(request.param)
+    return Part(request.param, component, fmus / f"{component.name}.fmu")
+
+
+@pytest.fixture
+def fmu(part: Part) -> str:
+    """Path of the component's FMU."""
+    return str(part.path)
+
+
+@pytest.fixture(scope="session")
+def all_fmus(fmus: Path) -> list[str]:
+    """Paths of the FMUs of all components."""
+    return [str(fmus / f"{load_component(folder).name}.fmu") for folder in FOLDERS]
+
+
+@pytest.fixture(scope="session")
+def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the FMUs of a second build by another process, from elsewhere, with another seed of hashes."""
+    folder = tmp_path_factory.mktemp("rebuilt")
+    command = [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(folder)]
+    env = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONHASHSEED": "12345"}
+    subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def second(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """Folder with a second version of every FMU, and the parameter of each whose start value has changed."""
+    folder = tmp_path_factory.mktemp("second")
+    return folder / "fmus", fresh("build_second_versions", [str(f) for f in FOLDERS], folder, folder / "fmus")
+
+
+@pytest.fixture(scope="session")
+def broken(fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with FMUs whose kernels fail at their first steps."""
+    folder = tmp_path_factory.mktemp("broken")
+    for path in fmus.glob("*.fmu"):
+        break_kernel(path, folder)
+    return folder
+
+
+@pytest.fixture
+def life(fmu: str, part: Part) -> dict[str, Any]:
+    """Traces of one FMU in all the lives of an instance."""
+    return fresh("life", fmu, tuned(part.component))  # type: ignore[no-any-return]
+
+
+@pytest.fixture
+def saved(fmu: str) -> dict[str, Any]:
+    """Continuations from a saved state."""
+    return fresh("save", fmu)  # type: ignore[no-any-return]
+
+
+@pytest.fixture(scope="session")
+def c_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The host of host.c."""
+    gcc = shutil.which("gcc")
+    if gcc is None or sys.platform != "linux":
+        pytest.skip("gcc on Linux compiles the C host")
+    from gapsense.fmi.shim.build import headers
+
+    program, source = tmp_path_factory.mktemp("host") / "host", Path(__file__).with_name("host.c")
+    subprocess.run([gcc, f"-I{headers()}", str(source), "-o", str(program), "-ldl", "-lpthread"], check=True)
+    return program

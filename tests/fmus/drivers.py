@@ -1,0 +1,378 @@
+"""What the contract tests do with FMUs, each call in a process of its own: `python drivers.py FUNCTION`.
+
+The arguments (standard input) and what the function returns (standard output) are JSON; `fresh` makes the call.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if __name__ == "__main__" or TYPE_CHECKING:
+    from fmu_host import Fmu, Instance, attempt
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = 300
+AWKWARD = "für 100 %s %n #1"  # as the name of an instance and of a folder
+
+
+def call(function: str, *arguments: Any) -> subprocess.CompletedProcess[str]:
+    """Run a function of this file in a fresh process."""
+    return _call(function, json.dumps(arguments, default=str))
+
+
+def _call(function: str, given: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, __file__, function]
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "COV_"))}  # sees nothing of ours
+    with tempfile.TemporaryDirectory() as folder:  # FMUs are extracted into it
+        env["TMPDIR"] = folder
+        options = {"capture_output": True, "text": True, "encoding": "utf-8", "timeout": 120}
+        return subprocess.run(command, input=given, env=env, **options)
+
+
+def fresh(function: str, *arguments: Any) -> Any:
+    """What the function returns; the process must exit cleanly.  Asked again, the same answer."""
+    return _fresh(function, json.dumps(arguments, default=str))
+
+
+@cache
+def _fresh(function: str, given: str) -> Any:
+    done = _call(function, given)
+    assert done.returncode == 0, f"{function} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+# Traces ---------------------------------------------------------------------------------------------------------------
+
+
+def together(*paths: str) -> list[list[list[float]]]:
+    """Outputs of one instance of each FMU, stepped in turn in one process."""
+    fmus = [Fmu(path) for path in paths]
+    instances = [Instance(fmu, f"number {k}") for k, fmu in enumerate(fmus)]
+    stimuli = [fmu.stimulus(STEPS) for fmu in fmus]
+    traces = [[i.start(rows[0])] for i, rows in zip(instances, stimuli)]
+    for k in range(1, STEPS + 1):
+        for instance, rows, trace in zip(instances, stimuli, traces):
+            trace += instance.go_on(rows[: k + 1], k)
+    for instance in instances:
+        instance.free()
+    return traces
+
+
+def variants(path: str, sets: list[dict[str, Any]], tuned: dict[str, float]) -> list[dict[str, Any]]:
+    """Inputs and outputs with each set of parameters; others are tuned half-way."""
+    fmu, results = Fmu(path), []
+    rows = fmu.stimulus(STEPS)
+    for parameters in sets:
+        instance = Instance(fmu)
+        outputs = instance.run(rows[: STEPS // 2], parameters)
+        instance.set(tuned)
+        outputs += instance.go_on(rows, STEPS // 2)
+        results.append({"inputs": rows, "outputs": outputs, "step": fmu.step})
+        instance.free()
+    return results
+
+
+def life(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
+    """Traces `first` and `second` of two stimuli in all the lives that an instance can have."""
+    fmu = Fmu(path)
+    rows, other = fmu.stimulus(STEPS, 0), fmu.stimulus(STEPS, 1)
+    one = Instance(fmu)
+    facts: dict[str, Any] = {"starts": fmu.starts(), "read": one.get(fmu.starts())}
+    facts["first"] = one.run(rows)
+    facts["second"] = Instance(fmu).run(other)
+    facts["again"] = Instance(fmu).run(rows)
+
+    a, b = Instance(fmu, "a"), Instance(fmu, "b")
+    traces = [a.start(rows[0])], [b.start(other[0])]
+    for k in range(1, STEPS + 1):
+        traces[0].extend(a.go_on(rows[: k + 1], k))
+        traces[1].extend(b.go_on(other[: k + 1], k))
+    facts["interleaved"] = traces
+
+    b.slave.reset()
+    b.set(tuned)
+    b.run(other[:20])
+    b.slave.reset()
+    facts["read_after_reset"] = b.get(fmu.starts())
+    facts["after_reset"] = b.run(rows)
+
+    one.slave.terminate()
+    facts["read_terminated"] = one.slave.getReal(one.outputs)
+    facts["step_terminated"] = attempt(one.slave.doStep, STEPS * fmu.step, fmu.step)
+    facts["follows"] = _following(b, rows[-1], fmu)
+    for instance in (a, b):
+        instance.free()
+    facts["after_free"] = Instance(fmu).run(rows)
+    return facts
+
+
+def _following(instance: Instance, values: list[float], fmu: Fmu) -> dict[str, list[str]]:
+    """Outputs that change with each input while the instance is being initialised."""
+    instance.slave.reset()
+    instance.slave.setupExperiment(startTime=0.0)
+    instance.slave.enterInitializationMode()
+    before, follows = instance.slave.getReal(instance.outputs), {}
+    for variable, value in zip(fmu.of("input"), values):
+        start = float(variable.start)
+        instance.set({variable.name: value if value != start else start + 0.1})
+        after = instance.slave.getReal(instance.outputs)
+        follows[variable.name] = [v.name for v, b, a in zip(fmu.of("output"), before, after) if a != b]
+        instance.set({variable.name: start})
+    return follows
+
+
+def memory(path: str, cycles: int) -> dict[str, float]:
+    """Growth over so many cycles of loading, running and freeing, after some to warm up."""
+    fmu = Fmu(path)
+    rows = fmu.stimulus(3)
+
+    def cycle() -> None:
+        instance = Instance(fmu)
+        instance.run(rows)
+        instance.slave.terminate()
+        instance.free()
+
+    for _ in range(30):
+        cycle()
+    gc.collect()
+    before = _resident(), len(sys.path), len(sys.modules)
+    for _ in range(cycles):
+        cycle()
+    gc.collect()
+    after = _resident(), len(sys.path), len(sys.modules)
+    return dict(zip(("bytes", "paths", "modules"), (b - a for a, b in zip(before, after))))
+
+
+def _resident() -> int:
+    pages = Path("/proc/self/statm").read_text().split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def reference(path: str, step: float, rows: int, inputs: list[list[float]] | None = None) -> dict[str, Any]:
+    """A short run with default parameters: names, times, inputs (the stimulus, unless given) and outputs."""
+    fmu = Fmu(path)
+    stimulus = inputs or fmu.stimulus(rows)
+    one = Instance(fmu)
+    outputs = [one.start(stimulus[0])]
+    outputs += [one.step(row, k * step, step) for k, row in enumerate(stimulus[1:])]
+    names = [[v.name for v in fmu.of(causality)] for causality in ("input", "output")]
+    nominal = [float(v.nominal) for v in fmu.of("output")]
+    return {"names": names, "nominal": nominal, "inputs": stimulus, "outputs": outputs}
+
+
+# Steps ----------------------------------------------------------------------------------------------------------------
+
+
+def grids(path: str, cases: dict[str, tuple[dict[str, Any], int, list[tuple[float, float]]]]) -> dict[str, Any]:
+    """Outputs at the end of every `per`-th step on each grid of (time, step); inputs are held over `per` steps."""
+    fmu, results = Fmu(path), {}
+    for name, (parameters, per, grid) in cases.items():
+        rows = fmu.stimulus(len(grid) // per, held=0.0)
+        one = Instance(fmu)
+        one.start(rows[0], parameters)
+        outputs = [one.step(rows[1 + k // per], time, step) for k, (time, step) in enumerate(grid)]
+        results[name] = outputs[per - 1 :: per]
+        one.free()
+    return results
+
+
+# State ----------------------------------------------------------------------------------------------------------------
+
+
+def save(path: str) -> dict[str, Any]:
+    """Continue from a saved state in several ways; its bytes."""
+    fmu = Fmu(path)
+    half, rows = STEPS // 2, fmu.stimulus(STEPS)
+    one, two = Instance(fmu), Instance(fmu, "two")
+    names = list(fmu.variables)
+    early = one.slave.getFMUstate()
+    one.run(rows[:half])
+    state = one.slave.getFMUstate()
+    data = one.slave.serializeFMUstate(state)
+    values = one.get(names)
+    facts: dict[str, Any] = {"bytes": data.hex(), "straight": one.go_on(rows, half)}
+    for name in ("once", "twice"):
+        one.slave.setFMUstate(state)
+        facts[f"values_{name}"] = one.get(names) == values
+        facts[name] = one.go_on(rows, half)
+    two.slave.setFMUstate(two.slave.deSerializeFMUstate(data))
+    facts["values_in_another"] = two.get(names) == values
+    facts["in_another"] = two.go_on(rows, half)
+    facts["bytes_again"] = one.slave.serializeFMUstate(state).hex()
+    one.slave.setFMUstate(early)
+    facts["early"] = one.run(rows)[half:]
+    for handle in (state, early):
+        one.slave.freeFMUstate(handle)
+    one.free()
+    return facts
+
+
+def restore(path: str, foreign: dict[str, str], data: str) -> dict[str, Any]:
+    """Continue from bytes in this process, and try bytes that do not fit."""
+    fmu = Fmu(path)
+    rows = fmu.stimulus(STEPS)
+    facts: dict[str, Any] = {}
+    for name, other in foreign.items():
+        facts[name] = attempt(_restore, Instance(fmu), other)
+    one = Instance(fmu)
+    _restore(one, data)
+    return {"continued": one.go_on(rows, STEPS // 2), "refused": facts}
+
+
+def _restore(instance: Instance, data: str) -> None:
+    instance.slave.setFMUstate(instance.slave.deSerializeFMUstate(bytes.fromhex(data)))
+
+
+# Failures -------------------------------------------------------------------------------------------------------------
+
+
+def refusals(path: str, folder: str, cases: list[dict[str, Any]]) -> dict[str, Any]:
+    """What each case answers, and the trace of one more instance afterwards; name and folder are awkward.
+
+    A case has a name and, all optional, `parameters` before the start, `phase` (before, running), `inputs` by name,
+    `step` as (time, step), `call` as [function of fmpy's slave, arguments].
+    """
+    fmu = Fmu(path, Path(folder) / AWKWARD)
+    rows, answers = fmu.stimulus(STEPS), {}
+    for case in cases:
+        answers[case["name"]] = attempt(_refused, Instance(fmu, AWKWARD), fmu, case)
+    return {"answers": answers, "afterwards": Instance(fmu, AWKWARD).run(rows)}
+
+
+def _refused(instance: Instance, fmu: Fmu, case: dict[str, Any]) -> None:
+    instance.set(case.get("parameters", {}))
+    if case.get("phase") != "before":
+        instance.start()
+        instance.slave.doStep(0.0, fmu.step)
+    instance.set(case.get("inputs", {}))
+    if "call" in case:
+        function, *arguments = case["call"]
+        getattr(instance.slave, function)(*arguments)
+    if "step" in case:
+        instance.slave.doStep(*case["step"])
+
+
+def faults(path: str, count: int) -> dict[str, Any]:
+    """Answers of instances whose kernel fails in its own way at their first step; then the trace of a sound one."""
+    fmu = Fmu(path)
+    rows, answers = fmu.stimulus(STEPS), []
+    for k in range(count):
+        instance = Instance(fmu, f"broken {k}")
+        instance.start(rows[0])
+        answers.append(attempt(instance.step, rows[1], 0.0, fmu.step))
+        answers[-1]["again"] = attempt(instance.slave.doStep, fmu.step, fmu.step)["status"]
+    return {"answers": answers, "afterwards": Instance(fmu).run(rows), "inputs": rows[1]}
+
+
+def end(paths: list[str], steps: int, is_freed: bool) -> list[int]:
+    """Status of running FMUs to the end of the process, where a damaged heap shows."""
+    fmus = [Fmu(path) for path in paths]
+    instances = [Instance(fmu) for fmu in fmus]
+    stati = []
+    for instance, fmu in zip(instances, fmus):
+        stati.append(attempt(instance.run, fmu.stimulus(steps))["status"])
+    for instance, status in zip(instances, stati):
+        if is_freed and status == 0:
+            instance.slave.terminate()
+            instance.free()
+    return stati
+
+
+# Building -------------------------------------------------------------------------------------------------------------
+
+SECOND = """
+
+COMPONENT = COMPONENT._replace(
+    description="Second version",
+    kernel="{module}_second",
+    ports=tuple(p._replace(start={start!r}) if p.name == "{name}" else p for p in COMPONENT.ports),
+)
+"""
+SECOND_KERNEL = '''
+from {kernel} import Inputs, Outputs, Parameters, State
+from {kernel} import initial as first_initial
+from {kernel} import step as first_step
+
+
+def initial(inputs, par):
+    return doubled(*first_initial(inputs, par))
+
+
+def step(state, inputs, par):
+    return doubled(*first_step(state, inputs, par))
+
+
+def doubled(state, outputs):
+    """A constant of the kernel has changed."""
+    return state, outputs._replace({field}=2.0 * outputs.{field} + 0.5)
+'''
+FAULTS = """
+
+_sound, _faults = step, iter(["exception", "nothing", "nan", "infinite"])
+
+
+def step(state, inputs, par):
+    fault = next(_faults, "none")
+    if fault == "exception":
+        raise ArithmeticError("kaputt: für 100 %s %d %n")
+    if fault == "nothing":
+        return None
+    state, outputs = _sound(state, inputs, par)
+    wrong = {"nan": float("nan"), "infinite": float("inf")}
+    return state, (outputs if fault == "none" else (wrong[fault],) * len(outputs))
+"""
+
+
+def build(folders: list[str], out: str, *kernels: str) -> None:
+    """Build components as build_fmus.py does, without validation; kernels may be in further folders."""
+    sys.path[:0] = [str(ROOT / "src"), *kernels]
+    from gapsense.fmi import package
+
+    for folder in folders:
+        package.build(Path(folder), Path(out))
+
+
+def build_second_versions(folders: list[str], work: str, out: str) -> dict[str, str]:
+    """Build each component with another description, another start value and another kernel; the parameter changed."""
+    import shutil
+
+    sys.path[:0] = [str(ROOT / "src"), work]
+    from gapsense.fmi.package import build, load_component
+
+    changed = {}
+    for folder in map(Path, folders):
+        component = load_component(folder)
+        port = next(p for p in reversed(component.ports) if p.causality == "parameter" and p.kind == "Real" and p.start)
+        copy = Path(shutil.copytree(folder, Path(work) / folder.name))
+        about = {"module": folder.name, "name": port.name, "start": 1.0625 * port.start}
+        with (copy / "component.py").open("a", encoding="utf-8") as file:
+            file.write(SECOND.format(**about))
+        field = component.of("output")[0].field
+        kernel = SECOND_KERNEL.format(kernel=component.kernel, field=field)
+        (Path(work) / f"{folder.name}_second.py").write_text(kernel, encoding="utf-8")
+        build(copy, Path(out))
+        changed[component.name] = port.name
+    return changed
+
+
+def break_kernel(fmu: Path, out: Path) -> Path:
+    """A copy of an FMU whose kernel fails at the first steps taken in a process, each time in another way."""
+    import zipfile
+
+    with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(out / fmu.name, "w") as broken:
+        for name in archive.namelist():
+            data = archive.read(name)
+            broken.writestr(name, data + FAULTS.encode() if name.endswith("/kernel.py") else data)
+    return out / fmu.name
+
+
+if __name__ == "__main__":
+    print(json.dumps(globals()[sys.argv[1]](*json.load(sys.stdin))))

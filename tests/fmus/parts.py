@@ -1,0 +1,35 @@
+"""The components of the project, found in fmus/."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from drivers import ROOT
+
+from gapsense.fmi.package import find_components
+from gapsense.fmi.ports import Component
+
+FOLDERS = find_components(ROOT / "fmus")
+
+
+class Part(NamedTuple):
+    """One component."""
+
+    folder: Path
+    component: Component
+    path: Path  # of its FMU
+
+    def names(self, causality: str) -> list[str]:
+        return [p.name for p in self.component.of(causality)]
+
+
+def tuned(component: Component) -> dict[str, float]:
+    """Other values for all parameters that may be changed during a run."""
+    tunable = [p for p in component.of("parameter") if p.variability == "tunable"]
+    return {p.name: 1.0625 * p.start if p.max is None else min(1.0625 * p.start, p.max) for p in tunable}
+
+
+def sample_time(component: Component) -> float:
+    """Of a sampled component, else 0."""
+    return next((float(p.start) for p in component.ports if p.name == "sample_time"), 0.0)

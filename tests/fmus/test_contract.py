@@ -1,0 +1,472 @@
+"""What every FMU must do in any tool.  The components are found in fmus/; everything runs in fresh processes."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import math
+import os
+import subprocess
+import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import pytest
+from drivers import AWKWARD, STEPS, call, fresh
+from fmpy.validation import validate_fmu
+from parts import FOLDERS, Part, sample_time
+from refusals import refusals
+
+from gapsense.fmi.package import load_component
+from gapsense.units import UNITS
+
+ERROR = 3
+FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
+EXITS = 50
+
+
+# What is in the file --------------------------------------------------------------------------------------------------
+
+
+def description(path: Path) -> Element:
+    with zipfile.ZipFile(path) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
+def members(path: Path) -> list[str]:
+    with zipfile.ZipFile(path) as archive:
+        return archive.namelist()
+
+
+def test_fmpy_finds_nothing_to_complain_about(part: Part) -> None:
+    assert validate_fmu(str(part.path)) == []
+
+
+def test_port_table_is_sound(part: Part) -> None:
+    inputs, parameters = part.names("input"), part.names("parameter")
+    names = [p.name for p in part.component.ports]
+    assert len(set(names)) == len(names)
+    assert names == [*inputs, *part.names("output"), *parameters]
+    assert all(name in parameters for pair in part.component.rising for name in pair)
+    for port in part.component.ports:
+        assert port.description and port.unit in UNITS and port.nominal > 0.0, port
+        assert set(port.feedthrough) <= set(inputs), port
+        if port.kind in ("Real", "Integer") and port.causality != "output":
+            low, high = -math.inf if port.min is None else port.min, math.inf if port.max is None else port.max
+            assert low <= port.start <= high, port
+
+
+def test_every_real_has_unit_and_nominal(part: Part) -> None:
+    defined = {unit.get("name") for unit in description(part.path).iterfind("UnitDefinitions/Unit")}
+    for variable in description(part.path).iterfind("ModelVariables/ScalarVariable"):
+        real = variable.find("Real")
+        if real is not None:
+            assert real.get("unit") in defined, variable.get("name")
+            assert float(real.attrib["nominal"]) > 0.0, variable.get("name")
+
+
+def test_capabilities(part: Part) -> None:
+    flags = description(part.path).find("CoSimulation")
+    assert flags is not None
+    for name in ("CanHandleVariableCommunicationStepSize", "CanGetAndSetFMUstate", "CanSerializeFMUstate"):
+        assert flags.get("c" + name[1:]) == "true", name
+    assert flags.get("needsExecutionTool") == "true"
+    assert flags.get("canBeInstantiatedOnlyOncePerProcess") == "false"
+
+
+def test_outputs_and_initial_unknowns_are_complete_with_their_dependencies(part: Part) -> None:
+    root, ports = description(part.path), part.component.ports
+    index = {port.name: k for k, port in enumerate(ports, 1)}
+    parameters = part.names("parameter")
+    for tag, more in (("Outputs", []), ("InitialUnknowns", parameters)):
+        found = {
+            int(unknown.attrib["index"]): [int(k) for k in unknown.attrib["dependencies"].split()]
+            for unknown in root.iterfind(f"ModelStructure/{tag}/Unknown")
+        }
+        expected = {
+            index[p.name]: sorted(index[n] for n in (*p.feedthrough, *more)) for p in part.component.of("output")
+        }
+        assert found == expected, tag
+
+
+def test_outputs_follow_only_declared_inputs_at_once(part: Part, life: dict[str, Any]) -> None:
+    declared = {p.name: p.feedthrough for p in part.component.of("output")}
+    for name, outputs in life["follows"].items():
+        assert [o for o in outputs if name not in declared[o]] == [], name
+
+
+def test_page_licence_and_icon_are_present(part: Part) -> None:
+    names = members(part.path)
+    assert {"documentation/index.html", "documentation/licenses/license.txt", "model.png"} <= set(names)
+    with zipfile.ZipFile(part.path) as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert [p.name for p in part.component.ports if f"<code>{p.name}</code>" not in page] == []
+
+
+def test_guid_and_bytes_are_the_same_in_a_second_build(part: Part, rebuilt: Path) -> None:
+    assert (rebuilt / part.path.name).read_bytes() == part.path.read_bytes()
+
+
+def test_changed_source_changes_the_guid(part: Part, second: tuple[Path, dict[str, str]]) -> None:
+    assert description(second[0] / part.path.name).get("guid") != description(part.path).get("guid")
+
+
+def test_module_names_belong_to_one_build(fmus: Path, second: tuple[Path, dict[str, str]]) -> None:
+    names = []
+    for path in (*fmus.glob("*.fmu"), *second[0].glob("*.fmu")):
+        names += {Path(name).parts[1] for name in members(path) if name.startswith("resources/") and ".py" in name}
+    assert len(names) >= 2 * 3 * len(FOLDERS)  # the script, its package, pythonfmu
+    assert len({n for n in names if n != "pythonfmu"}) == len([n for n in names if n != "pythonfmu"])
+
+
+def test_imports_only_the_standard_library_and_pythonfmu(part: Part) -> None:
+    with zipfile.ZipFile(part.path) as archive:
+        for name in archive.namelist():
+            if name.endswith(".py") and not name.startswith("resources/pythonfmu/"):
+                other = imports(archive.read(name).decode()) - {*sys.stdlib_module_names, "pythonfmu"}
+                assert all(imported.startswith("_gapsense_") for imported in other), f"{name} imports {other}"
+
+
+def imports(source: str) -> set[str]:
+    """Top-level names of all absolute imports."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+# The lives of an instance: numpy cannot be imported in any of them, see fmu_host.py --------------------------------
+
+
+def test_start_values_are_those_of_a_fresh_instance(part: Part, life: dict[str, Any]) -> None:
+    assert set(life["starts"]) == {*part.names("input"), *part.names("parameter")}
+    assert life["read"] == life["starts"]
+
+
+def test_runs_twice_in_one_process(life: dict[str, Any]) -> None:
+    assert len(life["first"]) == STEPS + 1
+    assert life["again"] == life["first"]
+
+
+def test_stimulus_moves_every_output(part: Part, life: dict[str, Any]) -> None:
+    """Or else equal traces would say little; an output may rest at the default parameters if another one moves."""
+    moving = sum(len({row[k] for row in life["first"]}) > 1 for k in range(len(part.names("output"))))
+    assert moving >= (len(part.names("output")) + 1) // 2
+
+
+def test_two_interleaved_instances_are_two_single_ones(life: dict[str, Any]) -> None:
+    assert life["interleaved"] == [life["first"], life["second"]]
+
+
+def test_reset_equals_fresh(life: dict[str, Any]) -> None:
+    assert life["read_after_reset"] == life["starts"]
+    assert life["after_reset"] == life["first"]
+
+
+def test_runs_after_another_was_freed(life: dict[str, Any]) -> None:
+    assert life["after_free"] == life["first"]
+
+
+def test_terminated_instance_can_be_read_but_not_stepped(life: dict[str, Any]) -> None:
+    assert life["read_terminated"] == life["first"][-1]
+    assert life["step_terminated"]["status"] >= ERROR
+    assert "`terminated`" in logged(life["step_terminated"])
+
+
+def test_other_process_gives_the_same_bits(fmu: str, life: dict[str, Any]) -> None:
+    assert fresh("together", fmu) == [life["first"]]
+
+
+def test_all_fmus_in_one_process_do_not_mix(fmu: str, life: dict[str, Any], all_traces: dict[str, Any]) -> None:
+    assert all_traces[fmu] == life["first"]
+
+
+@pytest.fixture
+def all_traces(all_fmus: list[str]) -> dict[str, Any]:
+    return dict(zip(all_fmus, fresh("together", *all_fmus)))
+
+
+def test_two_versions_in_one_process_do_not_mix(
+    part: Part, fmu: str, life: dict[str, Any], second: tuple[Path, dict[str, str]]
+) -> None:
+    other = second[0] / part.path.name
+    alone = fresh("together", other)[0]
+    assert alone != life["first"]
+    assert fresh("together", fmu, other, fmu) == [life["first"], alone, life["first"]]
+    assert fresh("together", other, fmu) == [alone, life["first"]]
+
+
+def test_second_version_has_its_own_description_and_start_value(
+    part: Part, second: tuple[Path, dict[str, str]]
+) -> None:
+    folder, changed = second
+    roots = [description(path) for path in (part.path, folder / part.path.name)]
+    starts = [root.find(f".//ScalarVariable[@name='{changed[part.component.name]}']/Real") for root in roots]
+    assert roots[1].get("description") == "Second version" != roots[0].get("description")
+    assert starts[0].get("start") != starts[1].get("start")  # type: ignore[union-attr]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_loading_and_freeing_does_not_leak(fmu: str) -> None:
+    growth = fresh("memory", fmu, 100)
+    assert growth["paths"] == growth["modules"] == 0
+    assert growth["bytes"] < 2e6  # 3 to 5 kB each: the class that pythonfmu makes anew, and the shim's share
+
+
+# Awkward steps --------------------------------------------------------------------------------------------------------
+
+
+def summed(step: float, count: int) -> list[float]:
+    """Times that a host gets by adding up."""
+    times = [0.0]
+    for _ in range(count):
+        times.append(times[-1] + step)
+    return times
+
+
+def differences(times: list[float]) -> list[tuple[float, float]]:
+    return [(a, b - a) for a, b in zip(times, times[1:])]
+
+
+WHOLE, SHORT = 1e-4, 1.0 / 60.0  # s
+GRIDS = {  # (sample time, communication steps per comparison, grid of (time, step))
+    "whole": (WHOLE, 1, [(k * WHOLE, WHOLE) for k in range(30)]),
+    "thirds": (WHOLE, 3, [(k * WHOLE / 3, WHOLE / 3) for k in range(90)]),
+    "thirds, time added up": (WHOLE, 3, [(t, WHOLE / 3) for t in summed(WHOLE / 3, 89)]),
+    "thirds, step a difference": (WHOLE, 3, differences(summed(WHOLE / 3, 90))),
+    "sixtieths": (SHORT, 1, [(k / 60, SHORT) for k in range(30)]),
+    "sixtieths, time added up": (SHORT, 1, [(t, SHORT) for t in summed(SHORT, 29)]),
+    "sixtieths, step a difference": (SHORT, 1, [(k / 60, (k + 1) / 60 - k / 60) for k in range(30)]),
+    "sixtieths of five samples": (SHORT / 5, 1, [(k / 60, SHORT) for k in range(30)]),
+    "samples of it": (SHORT / 5, 5, [(k * SHORT / 5, SHORT / 5) for k in range(150)]),
+    "late": (WHOLE, 1, [(1000.0 + k * WHOLE, WHOLE) for k in range(30)]),
+    "late, step a difference": (WHOLE, 1, differences([1000.0 + k * WHOLE for k in range(31)])),
+    "late, thirds of differences": (WHOLE, 3, differences([1000.0 + k * WHOLE / 3 for k in range(91)])),
+}
+SAME = [
+    ("whole", "thirds"),
+    ("whole", "thirds, time added up"),
+    ("whole", "thirds, step a difference"),
+    ("sixtieths", "sixtieths, time added up"),
+    ("sixtieths", "sixtieths, step a difference"),
+    ("sixtieths of five samples", "samples of it"),
+    ("late", "late, step a difference"),
+    ("late", "late, thirds of differences"),
+]
+
+
+@pytest.fixture
+def on_grids(part: Part, fmu: str) -> dict[str, Any]:
+    cases = {
+        name: ({"sample_time": sample} if sample_time(part.component) else {}, per, grid)
+        for name, (sample, per, grid) in GRIDS.items()
+    }
+    return fresh("grids", fmu, cases)  # type: ignore[no-any-return]
+
+
+def test_awkward_steps_run(on_grids: dict[str, Any]) -> None:
+    for name, (_, per, grid) in GRIDS.items():
+        assert len(on_grids[name]) == len(grid) // per, name
+        assert all(math.isfinite(value) for row in on_grids[name] for value in row), name
+
+
+SAMPLED = [folder for folder in FOLDERS if sample_time(load_component(folder))]  # others may depend on the steps
+
+
+@pytest.mark.parametrize("part", SAMPLED, indirect=True, ids=lambda folder: folder.name)
+@pytest.mark.parametrize(("one", "other"), SAME)
+def test_sampled_component_gives_the_same_numbers_in_other_steps(
+    part: Part, on_grids: dict[str, Any], one: str, other: str
+) -> None:
+    for row, found in zip(on_grids[one], on_grids[other]):
+        assert found == pytest.approx(row, rel=1e-12, abs=1e-15)
+
+
+# Saving the state -----------------------------------------------------------------------------------------------------
+
+
+def test_continues_from_a_saved_state_with_the_same_bits(saved: dict[str, Any], life: dict[str, Any]) -> None:
+    assert saved["straight"] == life["first"][STEPS // 2 :]
+    assert saved["values_once"] and saved["values_twice"]
+    assert saved["once"] == saved["straight"]
+    assert saved["twice"] == saved["straight"]
+    assert saved["early"] == saved["straight"]
+
+
+def test_continues_from_bytes_in_another_instance(saved: dict[str, Any]) -> None:
+    assert saved["values_in_another"]
+    assert saved["in_another"] == saved["straight"]
+    assert saved["bytes_again"] == saved["bytes"]
+
+
+@pytest.fixture
+def restored(part: Part, fmu: str, saved: dict[str, Any], foreign: dict[str, str]) -> dict[str, Any]:
+    other = next(data for name, data in foreign.items() if name != part.component.name)
+    refused = {
+        "component": other,
+        "build": foreign[f"second {part.component.name}"],
+        "garbage": b"\xff\x00no state".hex(),
+        "number": b"1".hex(),
+        "nothing": "",
+    }
+    return fresh("restore", fmu, refused, saved["bytes"])  # type: ignore[no-any-return]
+
+
+@pytest.fixture(scope="session")
+def foreign(fmus: Path, second: tuple[Path, dict[str, str]]) -> dict[str, str]:
+    """Saved bytes of two components and of all second versions."""
+    paths = {p.stem: p for p in sorted(fmus.glob("*.fmu"))[:2]} | {
+        f"second {p.stem}": p for p in sorted(second[0].glob("*.fmu"))
+    }
+    return {name: fresh("save", path)["bytes"] for name, path in paths.items()}
+
+
+def test_continues_from_bytes_in_another_process(saved: dict[str, Any], restored: dict[str, Any]) -> None:
+    assert restored["continued"] == saved["straight"]
+
+
+@pytest.mark.parametrize("case", ["component", "build", "garbage", "number", "nothing"])
+def test_bytes_that_do_not_fit_are_refused(restored: dict[str, Any], case: str) -> None:
+    answer = restored["refused"][case]
+    assert answer["status"] >= ERROR
+    assert "the saved state is of build" in logged(answer) and "Save it with this FMU" in logged(answer)
+    assert ("cannot be read" in logged(answer)) == (case in ("garbage", "number", "nothing"))
+
+
+# Refusals -------------------------------------------------------------------------------------------------------------
+
+
+def logged(answer: dict[str, Any]) -> str:
+    """What the component itself logged as an error."""
+    return "\n".join(text for _, status, category, text in answer["log"] if (status, category) == (3, "logStatusError"))
+
+
+CASES = {folder: refusals(load_component(folder)) for folder in FOLDERS}
+
+
+@pytest.fixture(scope="session")
+def awkward(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("awkward")
+
+
+@pytest.fixture
+def answers(part: Part, fmu: str, awkward: Path) -> dict[str, Any]:
+    cases = [dict(case, name=name) for name, (case, _) in CASES[part.folder].items()]
+    return fresh("refusals", fmu, awkward / part.folder.name, cases)  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("part", "case"),
+    [pytest.param(f, name, id=f"{f.name}-{name}") for f, cases in CASES.items() for name in cases],
+    indirect=["part"],
+)
+def test_refused_with_a_message(part: Part, answers: dict[str, Any], case: str) -> None:
+    answer, words = answers["answers"][case], CASES[part.folder][case][1]
+    text = logged(answer)
+    assert answer["status"] >= ERROR
+    assert text.startswith(f"`{AWKWARD}` ({part.component.name})")
+    assert [word for word in words if word not in text] == [], text
+    assert "Traceback" not in text
+    assert {instance for instance, *_ in answer["log"]} == {AWKWARD}
+
+
+def test_other_instance_works_after_refusals(answers: dict[str, Any], life: dict[str, Any]) -> None:
+    assert answers["afterwards"] == life["first"]
+
+
+# Kernels that fail ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def faults(part: Part, broken: Path) -> dict[str, Any]:
+    return fresh("faults", broken / part.path.name, len(FAULTS))  # type: ignore[no-any-return]
+
+
+def test_failing_kernel_fails_the_call_and_every_later_one(faults: dict[str, Any]) -> None:
+    assert [answer["status"] >= ERROR for answer in faults["answers"]] == [True] * len(FAULTS)
+    assert [answer["again"] >= ERROR for answer in faults["answers"]] == [True] * len(FAULTS)
+
+
+@pytest.mark.parametrize("fault", FAULTS[:2])
+def test_exception_is_logged_with_traceback_inputs_and_time(part: Part, faults: dict[str, Any], fault: str) -> None:
+    k = FAULTS.index(fault)
+    text = logged(faults["answers"][k])
+    assert f"`broken {k}` ({part.component.name}), t = 0 s, step = {part.component.step_size:g} s: " in text
+    assert "Traceback" in text and "slave.py" in text
+    assert {"exception": "ArithmeticError: kaputt: für 100 %s %d %n\n", "nothing": "TypeError"}[fault] in text
+    for name, value in zip(part.names("input"), faults["inputs"]):
+        assert f"{name} = {value!r}" in text
+
+
+@pytest.mark.parametrize("fault", FAULTS[2:])
+def test_output_that_is_not_finite_is_an_error(part: Part, faults: dict[str, Any], fault: str) -> None:
+    text = logged(faults["answers"][FAULTS.index(fault)])
+    assert all(f"`{name}`" in text for name in part.names("output"))
+    assert "not finite" in text and "t = 0 s" in text
+
+
+def test_other_instance_works_after_exceptions(faults: dict[str, Any], life: dict[str, Any]) -> None:
+    assert faults["afterwards"] == life["first"]
+
+
+# Exit -----------------------------------------------------------------------------------------------------------------
+
+
+def test_processes_always_exit_cleanly(all_fmus: list[str], broken: Path) -> None:
+    """Heaps are damaged or not by chance, so there are many: one FMU, two, after an exception, freed or not."""
+    failing = [str(broken / Path(path).name) for path in all_fmus]
+    jobs = []
+    for k in range(EXITS):
+        one, two = all_fmus[k % len(all_fmus)], all_fmus[(k // 2 + 1) % len(all_fmus)]
+        paths = ([one], [one, two], [failing[k % len(failing)]], [failing[k % len(failing)], two])[k % 4]
+        jobs.append((paths, 20 + k, k % 3 > 0))
+    with ThreadPoolExecutor(2) as pool:
+        runs = list(pool.map(lambda job: call("end", *job), jobs))
+    assert [run.returncode for run in runs] == [0] * EXITS, [run.stderr for run in runs if run.returncode]
+
+
+def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path: Path) -> None:
+    folders = []
+    for path in all_fmus:
+        folders.append(tmp_path / Path(path).stem)
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folders[-1])
+    step = max(load_component(folder).step_size for folder in FOLDERS)
+    groups = [[folder] for folder in folders] + list(map(list, zip(folders, folders[1:] + folders[:1]))) + [folders[:8]]
+    with ThreadPoolExecutor(2) as pool:
+        codes = list(pool.map(lambda group: in_c_host(c_host, group, step), groups))
+    assert codes == [0] * len(groups)
+
+
+def in_c_host(program: Path, folders: list[Path], step: float) -> int:
+    fmus = [text for f in folders for text in (f"{f}/binaries/linux64/{f.name}.so", (f / "resources").as_uri())]
+    env = {k: v for k, v in os.environ.items() if k not in ("GAPSENSE_LIBPYTHON", "PYTHONPATH")}
+    env["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), env.get("PATH", os.defpath)))
+    command = [str(program), "-n", "50", "-h", repr(step), *fmus, "--", "0"]
+    return subprocess.run(command, env=env, capture_output=True, timeout=60).returncode
+
+
+# Expected results -----------------------------------------------------------------------------------------------------
+
+
+def test_reproduces_its_reference(part: Part, fmu: str) -> None:
+    """The file holds what the FMU gave when `python tests/fmus/make_references.py` was last run."""
+    file = part.folder / "reference.csv"
+    assert file.is_file(), f"{file} is missing. Run `python tests/fmus/make_references.py {part.folder.name}`."
+    with file.open(newline="", encoding="utf-8") as lines:
+        header, *rows = csv.reader(lines)
+    inputs, outputs = part.names("input"), part.names("output")
+    assert header == ["time", *inputs, *outputs]
+    table = [[float(cell) for cell in row] for row in rows]
+    given = [row[1 : 1 + len(inputs)] for row in table]
+    found = fresh("reference", fmu, table[1][0], len(table) - 1, given)
+    for row, values in zip(table, found["outputs"], strict=True):
+        for name, expected, value, nominal in zip(outputs, row[1 + len(inputs) :], values, found["nominal"]):
+            assert abs(value - expected) <= 1e-9 * max(nominal, abs(expected)), f"{name} at {row[0]} s"

@@ -1,0 +1,265 @@
+"""Packaging of a small component made here: what is refused, and what its identity depends on."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
+
+import pytest
+from drivers import ROOT, call, fresh
+
+from gapsense.fmi.package import check_records, find_components, load_component
+from gapsense.fmi.page import html
+from gapsense.fmi.ports import Component
+from gapsense.kernel import Kernel
+
+COMPONENT = """
+from gapsense.fmi.ports import Component, choice, input_, output, parameter, table
+
+COMPONENT = Component(
+    name="Amplifier",
+    description="Gain & <offset>",
+    kernel="amplifier_kernel",
+    resources=("curve.csv",),
+    ports=(
+        input_("voltage", "V", "What goes in"),
+        output("amplified", "V", "What comes out", feedthrough=("voltage",)),
+        parameter("gain", "1", "Factor < 3", 2.0, min=0.0),
+        choice("law", "Law", ("linear", "table")),
+        table("curve.file", "Curve", ("x", "y"), "curve.csv"),
+    ),
+)
+"""
+KERNEL = """
+from typing import Annotated, NamedTuple
+
+from gapsense.records import Array, Scalar, Table
+
+
+class Parameters(NamedTuple):
+    gain: Scalar
+    law: Scalar
+    curve_file_x: Annotated[Array, Table()]
+    curve_file_y: Annotated[Array, Table()]
+
+
+class State(NamedTuple):
+    last: Scalar
+
+
+class Inputs(NamedTuple):
+    time: Scalar
+    voltage: Scalar
+
+
+class Outputs(NamedTuple):
+    amplified: Scalar
+
+
+def initial(inputs, par):
+    return step(State(0.0), inputs, par)
+
+
+def step(state, inputs, par):
+    return State(inputs.voltage), Outputs(par.gain * inputs.voltage + 0.0 * state.last)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Folder of the component; its kernel lies beside it."""
+    folder = tmp_path / "amplifier"
+    folder.mkdir()
+    (folder / "component.py").write_text(COMPONENT)
+    (folder / "page.md").write_text("Amplifies `voltage`.\n")
+    (folder / "curve.csv").write_text("x,y\n0,0\n1,1\n")
+    (tmp_path / "amplifier_kernel.py").write_text(KERNEL)
+    return folder
+
+
+@pytest.fixture
+def component(folder: Path) -> Component:
+    return load_component(folder)
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    module = ModuleType("amplifier_kernel")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(KERNEL, "amplifier_kernel.py", "exec", dont_inherit=True), module.__dict__)
+    return Kernel(module)
+
+
+def changed(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def built(folder: Path, name: str = "out") -> Path:
+    out = folder.parent / name
+    fresh("build", [str(folder)], out, folder.parent)
+    return out / "Amplifier.fmu"
+
+
+def guid(fmu: Path) -> str:
+    with zipfile.ZipFile(fmu) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml")).attrib["guid"]
+
+
+# Port table and records -----------------------------------------------------------------------------------------------
+
+
+def refusal(component: Component, kernel: Kernel) -> str:
+    with pytest.raises(ValueError) as caught:
+        check_records(component, kernel)
+    assert str(caught.value).startswith("Amplifier: ")
+    return str(caught.value)
+
+
+def without(component: Component, name: str) -> Component:
+    return component._replace(ports=tuple(p for p in component.ports if p.name != name))
+
+
+def renamed(component: Component, **names: str) -> Component:
+    return component._replace(ports=tuple(p._replace(name=names.get(p.name, p.name)) for p in component.ports))
+
+
+def test_fitting_records_are_accepted_and_time_needs_no_port(component: Component, kernel: Kernel) -> None:
+    check_records(component, kernel)
+
+
+@pytest.mark.parametrize(
+    ("name", "record", "fields"),
+    [
+        ("voltage", "Inputs", ["voltage"]),
+        ("amplified", "Outputs", ["amplified"]),
+        ("gain", "Parameters", ["gain"]),
+        ("curve.file", "Parameters", ["curve_file_x", "curve_file_y"]),
+    ],
+)
+def test_missing_port_is_named(component: Component, kernel: Kernel, name: str, record: str, fields: list[str]) -> None:
+    text = refusal(without(component, name), kernel)
+    assert f"{record} of amplifier_kernel and the port table differ in {fields}" in text
+
+
+def test_both_names_of_a_misspelt_port_are_told(component: Component, kernel: Kernel) -> None:
+    assert "['gain', 'gian']" in refusal(renamed(component, gain="gian"), kernel)
+
+
+def test_other_order_of_outputs_is_told(component: Component, kernel: Kernel) -> None:
+    class Outputs(tuple):
+        _fields = ("second", "first")
+
+    Outputs.__annotations__ = {"second": float, "first": float}
+    kernel.module.Outputs = Outputs
+    one = next(p for p in component.ports if p.causality == "output")
+    ports = tuple(p for p in component.ports if p is not one)
+    component = component._replace(ports=(*ports, one._replace(name="first"), one._replace(name="second")))
+    assert "their order" in refusal(component, kernel)
+
+
+# Folders --------------------------------------------------------------------------------------------------------------
+
+
+def test_folder_without_component_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no component\.py"):
+        load_component(tmp_path)
+
+
+def test_components_are_found_by_folder_or_name_in_any_case(folder: Path) -> None:
+    assert find_components(folder.parent) == [folder]
+    assert find_components(folder.parent, ["AMPLIFIER"]) == [folder]
+    assert find_components(ROOT / "fmus", ["SolenoidValve"]) == find_components(ROOT / "fmus", ["solenoid_valve"])
+
+
+def test_unknown_component_is_told_with_those_that_exist(folder: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no component Amplifyer.*There are: amplifier"):
+        find_components(folder.parent, ["Amplifyer"])
+
+
+def test_root_without_components_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="no component in this folder"):
+        find_components(tmp_path)
+
+
+def test_command_line_refuses_unknown_names(tmp_path: Path) -> None:
+    command = [sys.executable, str(ROOT / "build_fmus.py"), "Nonsense", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, env={"PYTHONPATH": str(ROOT / "src")})
+    assert done.returncode == 2
+    assert "no component Nonsense" in done.stderr and "Traceback" not in done.stderr
+
+
+# The archive ----------------------------------------------------------------------------------------------------------
+
+
+def test_identity_depends_on_interface_kernel_and_resources(folder: Path) -> None:
+    seen = [guid(built(folder, "first"))]
+    for name, old, new in (
+        ("amplifier/component.py", "2.0, min", "2.5, min"),
+        ("amplifier/component.py", "What goes in", "The input"),
+        ("amplifier_kernel.py", "0.0 * state.last", "1e-3 * state.last"),
+        ("amplifier/curve.csv", "1,1", "1,2"),
+    ):
+        changed(folder.parent / name, old, new)
+        seen.append(guid(built(folder, f"after {len(seen)}")))
+    assert len(set(seen)) == len(seen)
+
+
+def test_other_page_changes_bytes_but_not_identity(folder: Path) -> None:
+    first = built(folder, "first")
+    changed(folder / "page.md", "Amplifies", "Raises")
+    second = built(folder, "second")
+    assert guid(first) == guid(second)
+    assert first.read_bytes() != second.read_bytes()
+
+
+def test_archive_has_the_resources_and_no_times(folder: Path) -> None:
+    with zipfile.ZipFile(built(folder)) as archive:
+        assert "resources/curve.csv" in archive.namelist()
+        assert {item.date_time[0] for item in archive.infolist()} == {1980}
+        assert archive.namelist()[0] == "modelDescription.xml"
+        assert not any("__pycache__" in name for name in archive.namelist())
+        assert b"generationDateAndTime" not in archive.read("modelDescription.xml")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        ("amplifier/component.py", '"gain"', '"gian"', ["Amplifier", "gain", "gian"]),
+        ("amplifier/component.py", 'resources=("curve', 'resources=("kurve', ["kurve.csv"]),
+        (
+            "amplifier/component.py",
+            '"V", "What goes in"',
+            '"volt", "What goes in"',
+            ["Amplifier", "unit volt", "gapsense/units.py"],
+        ),
+        (
+            "amplifier_kernel.py",
+            "return State(inputs",
+            "if state.last > 0: pass\n    return State(inputs",
+            ["kernel.py:32"],
+        ),
+    ],
+)
+def test_failed_build_says_why_and_leaves_nothing(
+    folder: Path, name: str, old: str, new: str, words: list[str]
+) -> None:
+    changed(folder.parent / name, old, new)
+    done = call("build", [str(folder)], folder.parent / "out", folder.parent)
+    assert done.returncode == 1
+    reason = done.stderr.rstrip().splitlines()[-1]
+    assert [word for word in words if word not in reason] == [], done.stderr
+    assert not list((folder.parent / "out").glob("*"))
+
+
+def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
+    page = html(component, "Amplifies `voltage`.", "1.2.3")
+    assert "Gain &amp; &lt;offset&gt;" in page and "Factor &lt; 3" in page and "1.2.3" in page
+    assert "<code>voltage</code>" in page and "<h2>Outputs</h2>" in page
+    for port in component.ports:
+        assert f"<code>{port.name}</code>" in page

@@ -1,0 +1,93 @@
+"""The shell is thin: an FMU and its kernel called directly give equal bits."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from drivers import STEPS, fresh
+from parts import FOLDERS, Part, sample_time, tuned
+
+from gapsense.fmi.package import load_component
+from gapsense.fmi.ports import Component
+from gapsense.fmi.tables import read_table
+from gapsense.kernel import Kernel
+
+Function = Callable[..., tuple[Any, Any]]
+
+
+def settings(component: Component) -> list[dict[str, Any]]:
+    """The defaults, and every option and choice other than the default by itself."""
+    found: list[dict[str, Any]] = [{}]
+    for port in component.of("parameter"):
+        found += [{port.name: choice} for choice in port.choices[1:]]
+        found += [{port.name: not port.start}] if port.kind == "Boolean" else []
+    return found
+
+
+SETTINGS = {folder: settings(load_component(folder)) for folder in FOLDERS}
+
+
+def parameters(part: Part, setting: dict[str, Any], cls: Any) -> Any:
+    """The kernel's record."""
+    values: dict[str, Any] = {}
+    for port in part.component.of("parameter"):
+        value = setting.get(port.name, port.start)
+        if port.columns:
+            names = [f"{port.field}_{column.partition(':')[0]}" for column in port.columns]
+            values |= dict(zip(names, read_table(part.folder / value, port.columns)))
+        else:
+            values[port.field] = float(port.choices.index(value) if port.choices else value)
+    return cls(**values)
+
+
+def direct(
+    initial: Function, step: Function, run: dict[str, Any], period: float, cls: Any, par: tuple[Any, Any]
+) -> list[list[float]]:
+    """Outputs of a kernel at the start and after each communication step.
+
+    `cls` is its record of inputs, `par` its parameters in the first and in the second half.
+    """
+    signals = [name for name in cls._fields if name not in ("time", "dt")]
+
+    def inputs(k: int, time: float, dt: float) -> Any:
+        values = {"time": time, "dt": dt, **dict(zip(signals, run["inputs"][k]))}
+        return cls(**{name: values[name] for name in cls._fields})
+
+    h = run["step"]
+    dt = period or h
+    state, outputs = initial(inputs(0, 0.0, 0.0), par[0])
+    trace = [outputs]
+    for k in range(1, STEPS + 1):
+        end = (k - 1) * h + h
+        for m in reversed(range(round(h / dt))):
+            state, outputs = step(state, inputs(k, end - m * dt, dt), par[k >= STEPS // 2])
+        trace.append(outputs)
+    return [[float(value) for value in outputs] for outputs in trace]
+
+
+def bits(trace: list[list[float]]) -> list[list[str]]:
+    return [[float(value).hex() for value in row] for row in trace]
+
+
+@pytest.mark.parametrize(
+    ("part", "index"),
+    [
+        pytest.param(folder, k, id=f"{folder.name}-{'default' if not s else '='.join(map(str, *s.items()))}")
+        for folder, found in SETTINGS.items()
+        for k, s in enumerate(found)
+    ],
+    indirect=["part"],
+)
+def test_fmu_and_kernel_give_equal_bits(part: Part, fmu: str, index: int) -> None:
+    module = importlib.import_module(part.component.kernel)
+    kernel, period = Kernel(module), sample_time(part.component)
+    setting, tuning = SETTINGS[part.folder][index], tuned(part.component)
+    par = parameters(part, setting, module.Parameters), parameters(part, setting | tuning, module.Parameters)
+    run = fresh("variants", fmu, SETTINGS[part.folder], tuning)[index]
+    generated = direct(kernel.initial, kernel.step, run, period, module.Inputs, par)
+    source = direct(module.initial, module.step, run, period, module.Inputs, par)
+    assert bits(run["outputs"]) == bits(generated)
+    assert run["outputs"] == source  # the sign of a zero may differ

@@ -1,0 +1,92 @@
+"""Tables from CSV files: what is read, and that all problems of a file are told at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gapsense.fmi.tables import read_table
+
+COLUMNS = ("time", "voltage")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "für 100 %s.csv"
+
+
+def refused(file: Path, content: str | bytes, columns: tuple[str, ...] = COLUMNS) -> str:
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ValueError) as caught:
+        read_table(file, columns)
+    assert file.name in str(caught.value)
+    return str(caught.value)
+
+
+def test_columns_come_in_the_order_asked_for(file: Path) -> None:
+    file.write_text("voltage,remark,time\n1.5,a,0\n-2e1,b,1\n")
+    assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.5, -20.0]]
+
+
+def test_spaces_blank_lines_and_byte_order_mark_do_no_harm(file: Path) -> None:
+    file.write_bytes(b"\xef\xbb\xbf time , voltage\r\n0, 1\r\n\r\n1, 2\r\n")
+    assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.0, 2.0]]
+
+
+def test_repeated_value_of_the_first_column_is_a_jump(file: Path) -> None:
+    file.write_text("time,voltage\n0,0\n1,0\n1,5\n2,5\n")
+    assert read_table(file, COLUMNS) == [[0.0, 1.0, 1.0, 2.0], [0.0, 0.0, 5.0, 5.0]]
+
+
+def test_integral_is_that_of_straight_lines(file: Path) -> None:
+    file.write_text("time,voltage\n0,0\n2,4\n3,4\n3,-2\n5,-2\n")
+    assert read_table(file, ("time", "integral:voltage"))[1] == [0.0, 4.0, 8.0, 8.0, 4.0]
+
+
+def test_missing_file_is_told_with_its_columns(file: Path) -> None:
+    with pytest.raises(ValueError, match="is not a file") as caught:
+        read_table(file, COLUMNS)
+    assert str(file) in str(caught.value) and "time, voltage" in str(caught.value)
+
+
+def test_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is not a file"):
+        read_table(tmp_path, COLUMNS)
+
+
+def test_all_missing_columns_are_named_with_those_found(file: Path) -> None:
+    text = refused(file, "t,u\n0,1\n")
+    assert "time, voltage is missing" in text and "has t, u" in text
+
+
+def test_empty_file_has_no_header(file: Path) -> None:
+    assert "has nothing" in refused(file, "")
+
+
+def test_all_problems_are_told_at_once_with_row_and_column(file: Path) -> None:
+    text = refused(file, "time,voltage\n0,1\n2,high\n1\n1,nan\n3,inf\n")
+    assert "row 3: `voltage` is `high`" in text
+    assert "row 4: `voltage` is ``" in text
+    assert "row 4: `time` decreases from 2 to 1" in text
+    assert "row 5: `voltage` is `nan`" in text
+    assert "row 6: `voltage` is `inf`" in text
+
+
+def test_rows_are_counted_as_an_editor_does(file: Path) -> None:
+    assert "row 5: `voltage` is `x`" in refused(file, "time,voltage\n0,1\n\n\n1,x\n")
+
+
+def test_bad_cell_is_told_once(file: Path) -> None:
+    text = refused(file, "time,voltage\n1,1\nx,2\n3,3\ny,4\n")
+    assert text.count("row") == 2 and "decreases" not in text
+
+
+@pytest.mark.parametrize("rows", ["", "0,1\n", "0,1\n0,2\n"])
+def test_too_few_rows_are_told(file: Path, rows: str) -> None:
+    assert "at least 2 with different `time` are needed" in refused(file, "time,voltage\n" + rows)
+
+
+@pytest.mark.parametrize("content", [b"time,voltage\n0,\xff\n", "time,voltage\n0,1\n".encode("utf-16")])
+def test_other_encodings_are_told(file: Path, content: bytes) -> None:
+    assert "not a CSV file in UTF-8" in refused(file, content)
