@@ -36,7 +36,8 @@ def _parameters(component: Component) -> Iterator[tuple[str, Case]]:
 
     parameters = component.of("parameter")
     wrong = {p.name: _wrong(p) for p in parameters if p.kind in ("Real", "Integer") or p.choices}
-    yield "all parameters out of range at once", (at_start(**wrong), [f"`{name}` is " for name in wrong])
+    if wrong:
+        yield "all parameters out of range at once", (at_start(**wrong), [f"`{name}` is " for name in wrong])
     for port in parameters:
         if port.choices:
             words = [f"`{port.name}` is `%s für`", *port.choices]
@@ -58,10 +59,10 @@ def _wrong(port: Port) -> Any:
 def _references(component: Component) -> Iterator[tuple[str, Case]]:
     value = {"Real": 0.0, "Integer": 0, "Boolean": False, "String": "0"}
     for kind in KINDS:
-        other = next(k for k, p in enumerate(component.ports) if p.kind != kind)
-        words = [f"no {kind} variable with value reference {other}"]
-        yield f"get {kind} of another type", ({"call": [f"get{kind}", [other]]}, words)
-        yield f"set {kind} of another type", ({"call": [f"set{kind}", [other], [value[kind]]]}, words)
+        for other in [k for k, p in enumerate(component.ports) if p.kind != kind][:1]:
+            words = [f"no {kind} variable with value reference {other}"]
+            yield f"get {kind} of another type", ({"call": [f"get{kind}", [other]]}, words)
+            yield f"set {kind} of another type", ({"call": [f"set{kind}", [other], [value[kind]]]}, words)
         yield f"get unknown {kind}", ({"call": [f"get{kind}", [9999]]}, ["value reference 9999"])
         yield f"set unknown {kind}", ({"call": [f"set{kind}", [9999], [value[kind]]]}, ["value reference 9999"])
     yield "set the largest reference", ({"call": ["setReal", [2**32 - 1], [0.0]]}, ["value reference"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import csv
+import json
 import math
 import os
 import subprocess
@@ -155,8 +156,8 @@ def test_runs_twice_in_one_process(life: dict[str, Any]) -> None:
     assert life["again"] == life["first"]
 
 
-def test_stimulus_moves_every_output(part: Part, life: dict[str, Any]) -> None:
-    """Or else equal traces would say little; an output may rest at the default parameters if another one moves."""
+def test_stimulus_moves_at_least_half_of_the_outputs(part: Part, life: dict[str, Any]) -> None:
+    """Or else equal traces would say little."""
     moving = sum(len({row[k] for row in life["first"]}) > 1 for k in range(len(part.names("output"))))
     assert moving >= (len(part.names("output")) + 1) // 2
 
@@ -430,6 +431,8 @@ def test_processes_always_exit_cleanly(all_fmus: list[str], broken: Path) -> Non
     with ThreadPoolExecutor(2) as pool:
         runs = list(pool.map(lambda job: call("end", *job), jobs))
     assert [run.returncode for run in runs] == [0] * EXITS, [run.stderr for run in runs if run.returncode]
+    failed = [json.loads(run.stdout)[0] >= ERROR for run in runs]
+    assert failed == [paths[0] in failing for paths, *_ in jobs]
 
 
 def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path: Path) -> None:
@@ -438,7 +441,7 @@ def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path
         folders.append(tmp_path / Path(path).stem)
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folders[-1])
-    step = max(load_component(folder).step_size for folder in FOLDERS)
+    step = 1e-3  # a whole multiple of all sample times
     groups = [[folder] for folder in folders] + list(map(list, zip(folders, folders[1:] + folders[:1]))) + [folders[:8]]
     with ThreadPoolExecutor(2) as pool:
         codes = list(pool.map(lambda group: in_c_host(c_host, group, step), groups))

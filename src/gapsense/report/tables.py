@@ -54,7 +54,7 @@ def metrics(result: Result) -> list[Table]:
         table = _table(title or "Metrics", "metric", "published", "this run", "bounds")
         for m in group:
             bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
-            shown = (m.label or m.name, _published(m), quantity(m.value, m.unit), bounds)
+            shown = (m.label, _published(m), quantity(m.value, m.unit), bounds)
             _row(table, *shown, style=None if m.passed else "red")
         made.append(table)
     return made
@@ -74,7 +74,7 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
         low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
         published = "" if metric.published is None else quantity(metric.published, unit)
         first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
-        _row(groups[title], metric.label or metric.name, published, first, median, low, high)
+        _row(groups[title], metric.label, published, first, median, low, high)
     return list(groups.values())
 
 

@@ -58,6 +58,8 @@ def along(t: Vector, current: Vector, dt: float, tolerance: float) -> list[str]:
     ):
         lines.append(f"  {label:18} {100 * mask.mean():5.1f} % of the samples")
     lines.append(f"  {'none so far':18} {100 * (~finite).mean():5.1f} %")
+    if not finite.any():
+        return lines
     worst = int(np.argmax(np.where(finite, steps, -1.0)))
     return [*lines, f"  longest: {steps[worst]:.0f} steps, at t = {1e3 * t[worst]:.3f} ms"]
 

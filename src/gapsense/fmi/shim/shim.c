@@ -170,8 +170,8 @@ static int local_path(const char *location, char *path, size_t size, Reason *why
 
 /* --- Messages --- */
 
-/* `text` may hold anything, also `%n`, and must not be read as a format. Text without a percent sign goes in the place
- * of the format all the same, for the sake of hosts that ignore the arguments after it. */
+/* `text` may hold anything, also `%n`, and the host reads it as a format: the percent signs are doubled. A host that
+ * ignores the arguments after the format, and would lose the text behind a "%s", then still shows it. */
 static void tell(const fmi2CallbackFunctions *host, fmi2String instance, fmi2Status status, fmi2String category,
                  fmi2String text)
 {
@@ -181,10 +181,15 @@ static void tell(const fmi2CallbackFunctions *host, fmi2String instance, fmi2Sta
         return;
     if (!category) /* exceptions come without one, and some hosts make a std::string of it */
         category = categories[status >= fmi2OK && status <= fmi2Fatal ? status : fmi2OK];
-    if (strchr(text, '%'))
-        host->logger(host->componentEnvironment, instance, status, category, "%s", text);
-    else
-        host->logger(host->componentEnvironment, instance, status, category, text);
+    char *format = malloc(2 * strlen(text) + 1), *end = format;
+    if (!format)
+        return;
+    for (; *text; *end++ = *text++)
+        if (*text == '%')
+            *end++ = '%';
+    *end = 0;
+    host->logger(host->componentEnvironment, instance, status, category, format);
+    free(format);
 }
 
 static void relay(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,

@@ -1,0 +1,313 @@
+"""The command line: what it prints, what it writes, how it ends."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import typer
+
+from gapsense.cli import app
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMANDS = sorted(typer.main.get_command(app).commands)
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+# Help -----------------------------------------------------------------------------------------------------------------
+
+
+def test_help_names_every_command_and_the_exit_codes(gapsense):
+    done = gapsense("--help")
+    assert done.exit_code == 0
+    assert all(re.search(rf"^\W*{name}\b", done.output, re.MULTILINE) for name in COMMANDS)
+    assert "130 interrupted" in " ".join(re.sub(r"[^\w\s]", " ", done.output).split())
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_each_command_says_what_it_does(gapsense, command):
+    done = gapsense(command, "--help")
+    assert done.exit_code == 0
+    assert f"gapsense {command}" in done.output or f" {command} " in done.output
+    assert len(done.output.splitlines()) > 5
+
+
+def test_without_a_command_the_help_is_shown(gapsense):
+    assert "Usage" in gapsense().output
+
+
+@pytest.mark.parametrize(
+    "arguments", [["runn"], ["run"], ["run", "x", "--colour", "red"], ["sweep", "x", "--seeds", "y"]]
+)
+def test_wrong_usage_is_wrong_input(gapsense, arguments):
+    assert gapsense(*arguments).exit_code == 2
+
+
+# Checkout -------------------------------------------------------------------------------------------------------------
+
+
+def test_list_shows_components_and_scenarios(gapsense, monkeypatch):
+    monkeypatch.chdir(ROOT / "docs")  # the checkout is found from below
+    done = gapsense("list")
+    assert done.exit_code == 0
+    for name in ("SolenoidValve", "Semera", "scenarios/semera_valve", "literal"):
+        assert name in done.output
+
+
+@pytest.mark.parametrize("command", ["list", "build"])
+def test_outside_a_checkout_is_said_and_what_to_do(gapsense, command):
+    done = gapsense(command)
+    assert done.exit_code == 2
+    assert "is a checkout of Gapsense" in done.stderr and "Change there" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+# Checks ---------------------------------------------------------------------------------------------------------------
+
+
+def problems(done) -> list[str]:
+    """Lines on the error stream of a command that found wrong input: sentences, nothing else."""
+    assert done.exit_code == 2, done.output
+    assert not done.stdout
+    lines = done.stderr.splitlines()
+    assert all(line.endswith((".", "?")) for line in lines), lines
+    return lines
+
+
+def test_good_scenario_has_no_problems(gapsense, write, fmus):
+    done = gapsense("check", write(), "--fmus", fmus)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "no problems" in done.stdout
+
+
+WRONG = {
+    "unknown key": ("\nstep = 2", "\nstepp = 2", ["components.sensor.stepp: unknown key", "`step`"]),
+    "unknown variable": ('"valve.current"\nto', '"valve.curent"\nto', ["connections[2]", "`curent`", "`current`"]),
+    "syntax": ("stop = 2e-3", "stop = = 2e-3", ["scenario.toml", "line 5"]),
+    "unknown FMU": (
+        '"SolenoidValve"',
+        '"SolenoidValvee"',
+        ["components.valve.fmu", "`SolenoidValve`", "gapsense build"],
+    ),
+    "not a number": ('waveform = "square" }', '"square.duty" = nan }', ["square.duty", "nan"]),
+    "out of range": ('waveform = "square" }', '"square.duty" = 2.0 }', ["square.duty", "2.0", "0 to 1"]),
+    "step and sample time": ("\nstep = 2", "\nstep = 3", ["components.sensor", "sample_time", "7.5e-05 s"]),
+    "no whole number of steps": ("stop = 2e-3", "stop = 2.01e-3", ["80.4 steps"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_wrong_scenario_is_refused_in_one_sentence(gapsense, write, fmus, command, case):
+    old, new, words = WRONG[case]
+    lines = problems(gapsense(command, write((old, new)), "--fmus", fmus))
+    assert len(lines) == 1
+    assert all(word in lines[0] for word in words), lines
+    assert not Path("results").exists()
+
+
+def test_all_problems_come_at_once(gapsense, write, fmus):
+    cases = [WRONG[name][:2] for name in ("unknown key", "unknown variable", "out of range")]
+    lines = problems(gapsense("check", write(*cases), "--fmus", fmus))
+    text = "\n".join(lines)
+    assert len(lines) >= 3
+    assert all(word in text for word in ("stepp", "curent", "square.duty"))
+
+
+def test_missing_folder_of_fmus_is_named_for_every_component(gapsense, write):
+    lines = problems(gapsense("check", write(), "--fmus", "nowhere"))
+    assert len(lines) == 3
+    assert all("nowhere" in line and "gapsense build" in line for line in lines)
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "observability", "test"])
+def test_missing_scenario_is_named(gapsense, fmus, command):
+    lines = problems(gapsense(command, "nowhere", "--fmus", fmus))
+    assert len(lines) == 1 and "nowhere" in lines[0]
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "observability"])
+def test_unknown_variant_is_named(gapsense, write, fmus, command):
+    lines = problems(gapsense(command, write(), "--variant", "other", "--fmus", fmus))
+    assert len(lines) == 1 and "`other`" in lines[0]
+
+
+def test_folder_without_scenarios_is_refused(gapsense, fmus):
+    Path("empty").mkdir()
+    assert "no `scenario.toml`" in problems(gapsense("test", "empty", "--fmus", fmus))[0]
+
+
+# Runs -----------------------------------------------------------------------------------------------------------------
+
+
+def test_run_writes_csv_and_json_and_prints_tables(gapsense, write, fmus):
+    done = gapsense("run", write(), "--fmus", fmus)
+    assert (done.exit_code, done.stderr) == (0, "")
+    for word in ("Errors", "current [mA]", "1 mA", "this run", "real-time factor", "sensor", "us per step"):
+        assert word in done.stdout, word
+    header, *rows = Path("results", "short.csv").read_text("utf-8").splitlines()
+    assert header.startswith('"time","drive.voltage"') and len(rows) == 81
+    side = json.loads(Path("results", "short.json").read_text("utf-8"))
+    assert side["rows"] == 81 and not side["interrupted"] and side["metrics"]["current_error"]["unit"] == "A"
+    assert sorted(p.name for p in Path("results").iterdir()) == ["short.csv", "short.json"]
+
+
+def test_run_with_check_does_not_run(gapsense, write, fmus):
+    assert gapsense("run", write(), "--check", "--fmus", fmus).exit_code == 0
+    assert not Path("results").exists()
+
+
+def test_metric_outside_its_bounds_fails_but_keeps_the_results(gapsense, write, fmus):
+    done = gapsense("run", write(("bounds = [0.0, 0.01]", "bounds = [0.0, 1e-9]")), "--fmus", fmus)
+    assert done.exit_code == 1
+    assert re.fullmatch(r"outside its bounds: current_error = \S+ A, bounds 0 to 1e-09 A\n", done.stderr)
+    assert Path("results", "short.csv").is_file()
+
+
+def test_component_that_refuses_its_parameters_is_quoted(gapsense, write, fmus):
+    wrong = ('fmu = "Sensor"', 'fmu = "Sensor"\nset = { "contact.lower" = 1e-3 }')
+    done = gapsense("run", write(wrong), "--fmus", fmus)
+    assert done.exit_code == 3
+    assert len(done.stderr.splitlines()) == 1
+    assert "`contact.lower` is 0.001; expected less than `contact.upper` = 0.00085" in done.stderr
+    assert not Path("results").exists()
+
+
+def test_component_that_fails_in_mid_run_is_quoted_and_the_rows_before_are_kept(gapsense, write, fmus):
+    wrong = ('waveform = "square" }', '"square.delay" = 1e-3, "square.amplitude" = 1e308 }')
+    done = gapsense("run", write(wrong), "--fmus", fmus)
+    assert done.exit_code == 3
+    kept, told = done.stderr.splitlines()
+    assert re.fullmatch(r"results/short.csv: 4\d rows from before the failure\.", kept)
+    assert re.match(
+        r"valve, t = 0\.001\d* s \(base step 4\d\): fmi2DoStep returned fmi2(Error|Fatal); the component says: ", told
+    )
+    side = json.loads(Path("results", "short.json").read_text("utf-8"))
+    assert side["failure"] == told and side["rows"] == int(kept.split()[1])
+
+
+def test_folder_that_cannot_be_made_is_named(gapsense, write, fmus):
+    Path("taken").write_text("a file")
+    done = gapsense("run", write(), "--fmus", fmus, "--out", "taken")
+    assert done.exit_code == 2
+    assert "`taken`" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+# Sweeps ---------------------------------------------------------------------------------------------------------------
+
+
+def test_sweep_goes_on_where_it_was(gapsense, write, fmus):
+    arguments = ("sweep", write(), "--fmus", fmus, "--workers", 1)
+    first = gapsense(*arguments, "--seeds", 2)
+    assert first.exit_code == 0, first.output
+    assert "2 runs, 2 of them computed now" in first.stdout
+    again, more = gapsense(*arguments, "--seeds", 2), gapsense(*arguments, "--seeds", 3)
+    assert "2 runs, 0 of them computed now" in again.stdout
+    assert "3 runs, 1 of them computed now" in more.stdout
+    for word in ("Errors, 3 seeds", "median", "5 %", "95 %", "first seed", "current [mA]"):
+        assert word in more.stdout, word
+
+
+def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus):
+    wrong = ('fmu = "Sensor"', 'fmu = "Sensor"\nset = { "contact.lower" = 1e-3 }')
+    done = gapsense("sweep", write(wrong), "--fmus", fmus, "--seeds", 2, "--workers", 1)
+    assert done.exit_code == 3
+    assert [line[:14] for line in done.stderr.splitlines()] == ["run 0: sensor,", "run 1: sensor,"]
+
+
+def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):
+    assert "at least 1" in problems(gapsense("sweep", write(), "--fmus", fmus, "--seeds", 0))[0]
+    seedless = write(("[seeds]\nsensor = 1", ""))
+    assert "Add `[seeds]`" in problems(gapsense("sweep", seedless, "--fmus", fmus))[0]
+
+
+# Figures --------------------------------------------------------------------------------------------------------------
+
+
+def test_figure_is_a_png(gapsense, write, fmus):
+    done = gapsense("figure", write(), "--fmus", fmus)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert Path("results", "short.png").read_bytes()[:8] == PNG
+    assert [p.name for p in Path("results").iterdir()] == ["short.png"]
+
+
+@pytest.mark.parametrize("ending", ["jpg", "csv"])
+def test_figure_of_another_ending_is_refused_before_the_run(gapsense, write, fmus, ending, monkeypatch):
+    monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("ran"))
+    lines = problems(gapsense("figure", write(), "--fmus", fmus, "--out", f"x.{ending}"))
+    assert len(lines) == 1 and f"`x.{ending}`" in lines[0] and ".svg" in lines[0]
+
+
+def test_figure_that_there_is_none_of_is_refused(gapsense, write, fmus):
+    lines = problems(gapsense("figure", write(("[experiment]", 'figure = "pie"\n[experiment]')), "--fmus", fmus))
+    assert len(lines) == 1 and "`pie`" in lines[0] and "overview" in lines[0]
+
+
+def test_figure_names_the_signals_it_lacks(gapsense, write, fmus):
+    lines = problems(gapsense("figure", write(("[experiment]", 'figure = "semera"\n[experiment]')), "--fmus", fmus))
+    assert len(lines) == 1 and "`semera.quality`" in lines[0] and "`valve.current`" not in lines[0]
+    assert not Path("results").exists()
+
+
+# Regression tests -----------------------------------------------------------------------------------------------------
+
+
+def test_scenarios_are_tested_and_reported_as_junit(gapsense, write, fmus):
+    write(folder="all/good")
+    write(("bounds = [0.0, 0.01]", "bounds = [0.0, 1e-9]"), folder="all/bad")
+    done = gapsense("test", "all", "--fmus", fmus, "--junit", "reports/junit.xml")
+    assert done.exit_code == 1
+    assert re.search(r"FAILED  bad .*\n  metric current_error: .*outside its bounds", done.stdout)
+    assert "passed  good" in done.stdout and "1 passed, 1 failed" in done.stdout
+    root = ElementTree.parse("reports/junit.xml").getroot()
+    assert root.get("failures") == "1"
+    assert {suite.get("name") for suite in root} == {"good", "bad"}
+
+
+def test_scenarios_that_hold_pass(gapsense, write, fmus):
+    done = gapsense("test", write(), "--fmus", fmus)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "1 passed, 0 failed" in done.stdout
+
+
+def test_wrong_scenario_fails_the_test_with_its_problems(gapsense, write, fmus):
+    done = gapsense("test", write(("\nstep = 2", "\nstepp = 2")), "--fmus", fmus)
+    assert done.exit_code == 1
+    assert "sensor.stepp: unknown key" in done.stdout
+
+
+def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
+    folder = write()
+    shown = gapsense("baseline", folder, "--fmus", fmus)
+    assert shown.exit_code == 0
+    assert "new: " in shown.stdout and "Not written." in shown.stdout
+    assert [p.name for p in folder.iterdir()] == ["scenario.toml"]
+    written = gapsense("baseline", folder, "--fmus", fmus, "--write")
+    assert written.exit_code == 0 and written.stdout.endswith("Written.\n")
+    kept = (folder / "baseline.csv").read_bytes()
+    assert "nothing changes" in gapsense("baseline", folder, "--fmus", fmus, "--write").stdout
+    changed = gapsense("baseline", write(('waveform = "square" }', '"square.amplitude" = 20.0 }')), "--fmus", fmus)
+    assert changed.exit_code == 0 and "valve.current" in changed.stdout and "Not written." in changed.stdout
+    assert (folder / "baseline.csv").read_bytes() == kept
+    failed = gapsense("test", folder, "--fmus", fmus)
+    assert failed.exit_code == 1 and "baseline: " in failed.stdout
+
+
+# Observability --------------------------------------------------------------------------------------------------------
+
+
+def test_observability_prints_ranks_and_counts(gapsense, write, fmus):
+    done = gapsense("observability", write(), "--fmus", fmus)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert re.search(r"^linear \(33\)-\(35\) +2 ", done.stdout, re.MULTILINE)
+    assert "longest: " in done.stdout
+
+
+def test_observability_needs_a_current_and_samples(gapsense, write, fmus):
+    without = write(('"valve.*", ', ""), ("reference = ", "# reference = "), ('"rmse"', '"std"'))
+    assert "no `current`" in problems(gapsense("observability", without, "--fmus", fmus))[0]
+    brief = write(("stop = 2e-3", "stop = 1e-4"))
+    assert "at least 4" in problems(gapsense("observability", brief, "--fmus", fmus))[0]

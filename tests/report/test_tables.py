@@ -1,0 +1,125 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from gapsense.cosim import Sweep, load
+from gapsense.cosim.regression import Check, Outcome
+from gapsense.fmi.ports import Component, input_
+from gapsense.report import tables
+from gapsense.studies import observability_report
+
+VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
+
+
+def shown(table) -> str:
+    """A table as the command line shows it in a log file."""
+    console = Console(file=io.StringIO(), width=110, highlight=False, soft_wrap=True)
+    console.print(table)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (4.199e-3, "Ohm", "4.199 mOhm"),
+        (1.244, "Ohm", "1.244 Ohm"),
+        (1.136e-4, "Wb", "113.6 uWb"),
+        (-5.022e-3, "H", "-5.022 mH"),
+        (0.0, "V", "0 V"),
+        (3e-9, "V", "0.003 uV"),
+        (1500.0, "Ohm", "1500 Ohm"),
+        (0.99999, "Ohm", "1 Ohm"),
+        (9.99999e-4, "A", "1 mA"),
+        (0.5, "1", "0.5"),
+        (0.5, "", "0.5"),
+        (float("nan"), "Ohm", "nan"),
+        (float("inf"), "H", "inf H"),
+        (1.75e-5, "m2", "1.75e-05 m2"),
+        (1.6e-3, "kg", "0.0016 kg"),
+        (0.25, "1/H", "0.25 1/H"),
+    ],
+)
+def test_quantity_has_four_digits_and_a_prefix_where_one_is_possible(value, unit, text):
+    assert tables.quantity(value, unit) == text
+
+
+def test_metrics_are_grouped_by_the_titles_of_the_scenario(valve):
+    third, fourth = map(shown, tables.metrics(valve))
+    assert third.startswith("Table III of [SEMERA]") and fourth.startswith("Table IV of [SEMERA]")
+    assert third.count("SEMERA ") == fourth.count("SEMERA ") == 3
+    for text in ("1.244 Ohm", "102.2 mH", "3.602 mWb"):
+        assert text in third and text not in fourth
+
+
+def test_metric_outside_its_bounds_is_red(valve):
+    bad = {"m": replace(next(iter(valve.metrics.values())), value=9.0, bounds=(0.0, 1.0))}
+    (table,) = tables.metrics(replace(valve, metrics=bad))
+    assert [row.style for row in table.rows] == ["red"]
+    assert "0 Ohm to 1 Ohm" in shown(table)
+
+
+def swept(indices: tuple[int, ...]) -> Sweep:
+    names = [metric.name for metric in load(VALVE).metrics]
+    values = np.linspace(1e-3, 2e-3, len(indices))
+    columns = {name: values for name in names} if indices else {}
+    return Sweep(indices, columns, {}, 0, False, None, dict.fromkeys(names, "H"))
+
+
+def test_sweep_shows_median_and_range_beside_what_was_published():
+    third, fourth = map(shown, tables.sweep(load(VALVE), swept(tuple(range(21)))))
+    assert third.startswith("Table III of [SEMERA]") and "21 seeds" in third
+    assert "Table IV of [SEMERA]" in fourth
+    row = next(line for line in third.splitlines() if line.startswith("  SEMERA l "))
+    assert row.split()[2:] == ["102.2", "mH", "1", "mH", "1.5", "mH", "1.05", "mH", "1.95", "mH"]
+
+
+def test_sweep_without_its_first_run_has_no_first_seed_and_without_any_no_table():
+    table = tables.sweep(load(VALVE), swept((1, 2)))[0]
+    assert "  -  " in shown(table)
+    assert tables.sweep(load(VALVE), swept(())) == []
+
+
+def test_brackets_in_names_are_shown(valve):
+    metric = replace(next(iter(valve.metrics.values())), table="Currents [mA]", label="peak [red]")
+    text = shown(tables.metrics(replace(valve, metrics={"m": metric}))[0])
+    assert "Currents [mA]" in text and "peak [red]" in text
+    component = Component("Coil", "a coil [bold]", "none", (input_("voltage", "V", "Voltage"),))
+    assert "a coil [bold]" in shown(tables.components([component], {"Coil"}))
+
+
+def test_timing_shows_every_component_and_shares_below_the_whole(valve):
+    text = shown(tables.timing(valve))
+    assert all(name in text for name in valve.run.components)
+    assert "real-time factor" in text
+    assert sum(t.seconds for t in valve.timing.values()) <= valve.wall
+
+
+def test_outcome_has_a_line_for_each_failure():
+    good = Outcome("a", VALVE, None, (Check("run"), Check("metric x")), 1.25)
+    assert tables.outcome(good) == "passed  a  2 checks, 1.2 s"
+    bad = Outcome("a[b]", VALVE, "b", (Check("run"), Check("metric x", "too large.")), 1.25)
+    assert tables.outcome(bad) == "FAILED  a[b]  2 checks, 1.2 s\n  metric x: too large."
+
+
+def test_observability_report_has_the_ranks_of_the_paper_and_shares_of_all_samples(valve):
+    lines = observability_report.text(valve).splitlines()
+    ranks = {line[:20].strip(): line.split()[-3:] for line in lines[3:7]}
+    assert ranks["linear (33)-(35)"] == ["2", "2", "2"]
+    assert ranks["quadratic"] == ["3", "3", "2"]
+    assert ranks["constant"][0] != "3" and ranks["exponential"][2] != "3"
+    shares = [float(line.split("%")[0].split()[-1]) for line in lines if line.endswith(" %") or "% of" in line]
+    assert len(shares) == 4 and sum(shares) == pytest.approx(100.0, abs=0.3)
+
+
+def test_observability_report_of_a_dead_coil_says_that_nothing_was_observable(valve):
+    dead = {name: 0.0 * values[:200] for name, values in valve.signals.items()}
+    text = observability_report.text(replace(valve, times=valve.times[:200], signals=dead))
+    assert "100.0 %" in text and "longest" not in text

@@ -1,0 +1,118 @@
+"""The sources of the repository, as text and as syntax trees."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SRC = ROOT / "src" / "gapsense"
+FOLDERS = ("src", "fmus", "scenarios", "tests", "docs", "benchmarks", ".ci")
+TEXT = (".py", ".md", ".toml", ".txt", ".csv", ".c", ".h", ".css", ".yml", ".yaml", "")
+PYTHON = sorted(SRC.rglob("*.py"))
+MODULES = [path for path in PYTHON if path != SRC / "__init__.py"]
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def name_of(path: Path) -> str:
+    """Path of a file as messages show it."""
+    return path.relative_to(ROOT).as_posix()
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    """Syntax tree of a Python file."""
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def texts() -> Iterator[Path]:
+    """All text files that belong to the repository; nothing that was built, cached or installed."""
+    yield from (p for p in sorted(ROOT.iterdir()) if p.is_file() and p.suffix in TEXT and p.name[:9] != ".coverage")
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*")):
+            is_made = any(part == "__pycache__" or part.endswith(".egg-info") for part in path.parts)
+            if path.is_file() and path.suffix in TEXT and not is_made:
+                yield path
+
+
+def functions(path: Path) -> Iterator[tuple[str, Function]]:
+    """Every function of a file, methods and inner ones too, with the place to show."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, Function):
+            yield f"{name_of(path)}:{node.lineno} {node.name}", node
+
+
+def length(function: Function) -> int:
+    """Lines of the body without its docstring."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    return body[-1].end_lineno - body[0].lineno + 1 if body else 0
+
+
+def public(path: Path) -> Iterator[tuple[str, ast.AST]]:
+    """The module, its public classes and functions, and their public methods, each with the place to show."""
+    yield name_of(path), tree(path)
+    yield from _public(path, tree(path).body)
+
+
+def _public(path: Path, body: list[ast.stmt]) -> Iterator[tuple[str, ast.AST]]:
+    for node in body:
+        if isinstance(node, (Function, ast.ClassDef)) and not node.name.startswith("_"):
+            yield f"{name_of(path)}:{node.lineno} {node.name}", node
+            if isinstance(node, ast.ClassDef):
+                yield from _public(path, node.body)
+
+
+def documented(docstring: str) -> list[str] | None:
+    """Arguments in the Parameters section of a docstring, or None where there is no such section."""
+    lines = docstring.splitlines()
+    starts = [k for k, line in enumerate(lines[:-1]) if line == "Parameters" and set(lines[k + 1]) == {"-"}]
+    if not starts:
+        return None
+    section = lines[starts[0] + 2 :]
+    ends = [k for k, line in enumerate(section) if k and line and set(line) == {"-"}]
+    entries = [line for line in section[: ends[0] - 1 if ends else None] if re.match(r"\*{0,2}\w", line)]
+    return [name.strip(" *") for line in entries for name in line.partition(" : ")[0].split(",")]
+
+
+def arguments(function: Function) -> list[str]:
+    """Names of all arguments but `self` and `cls`."""
+    a = function.args
+    every = [*a.posonlyargs, *a.args, *([a.vararg] if a.vararg else []), *a.kwonlyargs, *([a.kwarg] if a.kwarg else [])]
+    return [arg.arg for arg in every if arg.arg not in ("self", "cls")]
+
+
+def part_of(path: Path) -> str:
+    """The part of the package that a file belongs to: a folder, or a module at the top."""
+    return path.relative_to(SRC).parts[0].removesuffix(".py")
+
+
+def imports(path: Path) -> Iterator[tuple[str, int]]:
+    """Full names that a file imports, wherever in it, with their lines."""
+    package = ("gapsense", *path.relative_to(SRC).parts[:-1])
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) + 1 - node.level] if node.level else ()
+            module = ".".join((*base, *([node.module] if node.module else [])))
+            yield from ((f"{module}.{alias.name}", node.lineno) for alias in node.names)
+
+
+def ours(path: Path) -> Iterator[tuple[str, int]]:
+    """Parts of the package that a file imports; the package itself, for its version, is free to all."""
+    for name, line in imports(path):
+        top, _, rest = name.partition(".")
+        if top == "gapsense" and rest:
+            yield rest.partition(".")[0], line
+
+
+def others(path: Path) -> Iterator[tuple[str, int]]:
+    """Packages of others that a file imports."""
+    for name, line in imports(path):
+        top = name.partition(".")[0]
+        if top not in {"gapsense", "tomllib", *sys.stdlib_module_names}:  # tomllib: since Python 3.11
+            yield top, line

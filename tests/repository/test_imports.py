@@ -1,0 +1,76 @@
+"""Imports point downwards only."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+from sources import MODULES, SRC, imports, name_of, others, ours, part_of, tree
+
+FOUNDATIONS = {"trace", "derivative", "emit", "records", "kernel", "units", "linalg", "integrate", "random"}
+SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
+NUMBERS = FOUNDATIONS | SIDE_BY_SIDE | {"cosim", "studies"}
+MAY_IMPORT = {
+    **{part: FOUNDATIONS for part in FOUNDATIONS},
+    **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
+    "fmi": FOUNDATIONS | {"fmi"},
+    "cosim": {"cosim"},
+    "studies": NUMBERS,
+    "report": NUMBERS | {"fmi", "report"},
+    "cli": NUMBERS | {"fmi", "report"},
+}
+PACKAGES = {  # beside the standard library
+    **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE},
+    "fmi": {"pythonfmu", "markdown_it"},
+    "cosim": {"numpy", "scipy", "fmpy", "tomli"},
+    "studies": {"numpy", "scipy", "matplotlib", "fmpy"},
+    "report": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
+    "cli": {"typer", "rich"},
+}
+TRAVELLERS = {"slave", "ports", "tables"}  # their copies are in every FMU
+
+
+def test_every_part_of_the_package_has_its_place():
+    assert {part_of(path) for path in MODULES} == set(MAY_IMPORT)
+
+
+def test_imports_of_our_own_parts_point_downwards():
+    wrong = [
+        f"{name_of(path)}:{line} imports gapsense.{part}"
+        for path in MODULES
+        for part, line in ours(path)
+        if part not in MAY_IMPORT[part_of(path)]
+    ]
+    assert not wrong
+
+
+def test_packages_of_others_stay_where_they_belong():
+    wrong = [
+        f"{name_of(path)}:{line} imports {package}"
+        for path in MODULES
+        for package, line in others(path)
+        if package not in PACKAGES[part_of(path)]
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("name", sorted(TRAVELLERS))
+def test_what_travels_in_an_fmu_needs_only_the_standard_library_and_pythonfmu(name):
+    path = SRC / "fmi" / f"{name}.py"
+    assert {package for package, _ in others(path)} <= {"pythonfmu"}
+    relative = {n.removeprefix("gapsense.fmi.").partition(".")[0] for n, _ in imports(path) if n[:8] == "gapsense"}
+    assert relative <= TRAVELLERS
+    assert all(n.level == 1 for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom) and n.module in TRAVELLERS)
+
+
+def test_list_of_travellers_is_that_of_the_packager():
+    from gapsense.fmi.package import SHELL
+
+    assert {name.removesuffix(".py") for name in SHELL} == TRAVELLERS
+
+
+def test_components_import_their_port_tables_makers_only():
+    folder = SRC.parents[1] / "fmus"
+    for path in sorted(folder.glob("*/component.py")):
+        modules = {n.module for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom)}
+        assert modules == {"gapsense.fmi.ports"}, name_of(path)

@@ -1,0 +1,97 @@
+"""The house style, as far as a program can see it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from statistics import median
+
+from sources import PYTHON, ROOT, SRC, Function, arguments, documented, functions, length, name_of, public, texts
+
+LONGEST_FUNCTION, MEDIAN_FUNCTION, LONGEST_FILE = 45, 10, 400
+CALLBACKS = {"slave.py"}  # its public methods are the callbacks of FMI 2.0
+MACHINE = re.compile(r"(?<![\w.:/*-])(/(home|Users|root|work|mnt)/\w|/tmp/\w/|[A-Z]:\\+Users)")
+UNFINISHED = re.compile(r"\b(TO" + r"DO|FIX" + r"ME|XX" + r"X)\b")
+
+
+def test_everything_public_has_a_docstring():
+    missing = [
+        place
+        for path in PYTHON
+        for place, node in public(path)
+        if not ast.get_docstring(node) and not (path.name in CALLBACKS and isinstance(node, Function))
+    ]
+    assert not missing
+
+
+def test_parameters_sections_document_every_argument_and_no_other():
+    wrong = []
+    for path in PYTHON:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, (Function, ast.ClassDef)):
+                names = documented(ast.get_docstring(node) or "")
+                owner = constructor(node) if isinstance(node, ast.ClassDef) else node
+                if names is not None and names != (arguments(owner) if owner else []):
+                    wrong.append(f"{name_of(path)}:{node.lineno} {node.name}: documented {', '.join(names)}")
+    assert not wrong
+
+
+def constructor(node: ast.ClassDef) -> Function | None:
+    return next((n for n in node.body if isinstance(n, Function) and n.name == "__init__"), None)
+
+
+def test_reader_of_parameters_sections_sees_all_of_them():
+    text = "What.\n\nParameters\n----------\na : float\n    A, or b : none.\nb, c : int\n\nReturns\n-------\nd : float"
+    assert documented(text) == ["a", "b", "c"]
+    assert documented("What.\n\nReturns\n-------\nfloat") is None
+    assert sum(documented(ast.get_docstring(f) or "") is not None for p in PYTHON for _, f in functions(p)) > 15
+
+
+def test_functions_are_short():
+    lengths = {place: length(node) for path in PYTHON for place, node in functions(path)}
+    assert not {place: n for place, n in lengths.items() if n > LONGEST_FUNCTION}
+    assert median(lengths.values()) < MEDIAN_FUNCTION
+
+
+def test_files_are_short():
+    lines = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in PYTHON}
+    assert not {name: n for name, n in lines.items() if n > LONGEST_FILE}
+
+
+def test_no_file_knows_a_machine():
+    wrong = [f"{name_of(p)}:{k}: {line.strip()[:80]}" for p, k, line in lines() if MACHINE.search(line)]
+    assert not wrong
+
+
+def test_no_binary_knows_a_machine():
+    folders = (b"/ho" + b"me/", b"/wo" + b"rk/", b"/tm" + b"p/", b"/ro" + b"ot/")
+    for path in SRC.rglob("*.so"):
+        assert not [folder for folder in folders if folder in path.read_bytes()], name_of(path)
+
+
+def test_nothing_is_left_unfinished():
+    assert not [f"{name_of(p)}:{k}: {line.strip()[:80]}" for p, k, line in lines() if UNFINISHED.search(line)]
+
+
+def test_indents_are_blanks_and_no_blanks_trail():
+    wrong = [
+        f"{name_of(p)}:{k}"
+        for p, k, line in lines()
+        if (p.name != "Makefile" and "\t" in line)
+        or (p.suffix in (".py", ".toml", ".c", ".h") and line != line.rstrip())
+    ]
+    assert not wrong
+
+
+def test_texts_end_with_one_line_end():
+    kept = [p for p in texts() if p.suffix in (".py", ".md", ".toml", ".c", ".h")]
+    assert not [name_of(p) for p in kept if p.stat().st_size and not re.search(r"[^\n]\n\Z", p.read_text("utf-8"))]
+    assert len(kept) > 100
+    assert ROOT / "README.md" in kept
+
+
+def lines():
+    """Path, number and content of every line of text."""
+    for path in texts():
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            yield path, number, line
