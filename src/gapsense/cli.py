@@ -247,7 +247,7 @@ def baseline(
     with reported():
         update = cosim.update_baseline(scenario, variant, fmus, write)
         out.print(str(update), markup=False)
-    raise typer.Exit(INTERRUPTED if write and update.changes and not update.written else 0)
+    raise typer.Exit(INTERRUPTED if update.interrupted else 0)
 
 
 @app.command()

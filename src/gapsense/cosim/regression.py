@@ -60,6 +60,7 @@ class Update:
     file: Path
     changes: tuple[str, ...]
     written: bool
+    interrupted: bool = False
 
     def __str__(self) -> str:
         if not self.changes:
@@ -175,7 +176,7 @@ def update_baseline(
     """
     read, result = load(scenario, variant), run(scenario, variant, fmus)
     if result.interrupted:
-        return Update(read.baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False)
+        return Update(read.baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
     changes = baseline_changes(read, result)
     if write and changes:
         rows = thinned(result, read.baseline)
