@@ -46,6 +46,7 @@ build/fmus/.built: .venv/installed $(SOURCES)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "$(PYTHON) is older than 3.10. Name another one: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(INSTALL) --editable '.[dev]'
+	@$(INSTALL) libcosimpy==0.0.6 2>/dev/null || echo "libcosimpy is not available for this Python: its test is skipped"
 	@touch $@
 
 clean:
