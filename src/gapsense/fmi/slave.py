@@ -22,9 +22,8 @@ from .tables import read_table
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
 TOLERANCE = 1e-9  # relative, on times: hosts round
-HELD: list[
-    dict[str, Any]
-] = []  # the script's globals: pythonfmu's wrapper drops one reference too many at each instantiation
+# The script's globals, held because pythonfmu's wrapper drops one reference too many at each instantiation.
+HELD: list[dict[str, Any]] = []
 
 
 class Refusal(ValueError):
@@ -132,7 +131,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.parameters[ref - len(self.signals)] = value
         if is_running:
             self._check_parameters()
-            self.par = self._kernel_parameters()
+            par = list(self.par)
+            par[self.kernel.PARAMETERS.index(port.field)] = float(value)
+            self.par = tuple(par)
 
     # --- life ---
 
