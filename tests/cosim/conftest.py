@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from gapsense.cosim import turn
+
 HERE = Path(__file__).parent
 SRC = HERE.parents[1] / "src"
 
@@ -38,13 +40,20 @@ def write(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
+@pytest.fixture(scope="session")
+def turn_binary() -> Path:
+    """The library that does component-steps; a module may override it to do without."""
+    return turn.BINARY
+
+
 @pytest.fixture
-def python(fmus: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def python(fmus: Path, turn_binary: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Runs Python code in a process of its own, for what may crash or kill it; `fmus` is defined in it."""
 
     def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(SRC)}
         head = f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n"
+        head += f"from gapsense.cosim import turn\nturn.BINARY = Path({str(turn_binary)!r})\n"
         return subprocess.run(
             [sys.executable, "-c", head + code], capture_output=True, text=True, env=environment, timeout=60, **options
         )

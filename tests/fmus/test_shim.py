@@ -16,7 +16,7 @@ from urllib.parse import quote
 import pytest
 
 from gapsense.fmi.shim import BINARY, WRAPPER
-from gapsense.fmi.shim.build import check, compile_with, exported, fingerprint, headers, problems
+from gapsense.fmi.shim.build import SHIM, headers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
 
@@ -165,21 +165,21 @@ def in_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]
 
 
 def test_committed_binary_belongs_to_the_sources() -> None:
-    check()  # where Zig is installed, also byte for byte with a rebuild
+    SHIM.check()  # where Zig is installed, also byte for byte with a rebuild
 
 
 def test_stale_binary_is_noticed(tmp_path: Path) -> None:
     stale = tmp_path / "stale.so"
-    stale.write_bytes(BINARY.read_bytes().replace(fingerprint().encode(), b"0" * 64))
-    assert "not made from the present sources" in problems(stale)[0]
+    stale.write_bytes(BINARY.read_bytes().replace(SHIM.fingerprint().encode(), b"0" * 64))
+    assert "not made from the present sources" in SHIM.problems(stale)[0]
 
 
 def test_all_functions_of_fmi_2_co_simulation_are_exported() -> None:
-    assert len(exported()) == 34
+    assert len(SHIM.exports) == 34
 
 
 def test_compiles_with_gcc_without_warning(gcc: str, tmp_path: Path) -> None:
-    assert problems(compile_with([gcc], tmp_path / "shim.so")) == []
+    assert SHIM.problems(SHIM.compile_with([gcc], tmp_path / "shim.so")) == []
 
 
 # A host without Python ------------------------------------------------------------------------------------------------

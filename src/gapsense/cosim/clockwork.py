@@ -23,21 +23,22 @@ class Clockwork:
 
     def stepper(self) -> BaseStep:
         """Function of the base step that lets every part step that is due, in order."""
-        parts, steps, seconds, calls, clock = self.parts, self.steps, self.seconds, self.calls, perf_counter
-        start, base, everyone = self.experiment.start, self.experiment.base_step, range(len(self.parts))
-        due = [offset + step for offset, step in zip(self.offsets, steps)]
+        parts, seconds, calls, clock = self.parts, self.seconds, self.calls, perf_counter
+        start, base = self.experiment.start, self.experiment.base_step
+        due = [offset + every for offset, every in zip(self.offsets, self.steps)]
         is_sequential = self.experiment.method == "gauss-seidel"
-        advance = [part.stepper(base, takes_inputs=is_sequential) for part in parts]
+        advances = [part.stepper(base, takes_inputs=is_sequential) for part in parts]
+        turns = list(zip(range(len(parts)), self.steps, advances))
 
         def step(k: int) -> None:
             last = clock()
-            for i in everyone:
+            for i, every, advance in turns:
                 if due[i] == k:
-                    begin = start + (k - steps[i]) * base
-                    failed = advance[i](begin)
+                    begin = start + (k - every) * base
+                    failed = advance(begin)
                     if failed:
                         raise parts[i].failure(failed, begin, k)
-                    due[i] = k + steps[i]
+                    due[i] = k + every
                     calls[i] += 1
                     now = clock()
                     seconds[i] += now - last

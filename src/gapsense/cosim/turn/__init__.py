@@ -1,0 +1,58 @@
+"""A component-step as one call into a small C library, on the platform that has one: Linux on x86-64."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+_FOLDER = Path(__file__).resolve().parent
+
+SOURCE = _FOLDER / "turn.c"
+BINARY = _FOLDER / "linux64" / "turn.so"
+
+
+class Link(ctypes.Structure):
+    """One connection into a component, as turn.c has it."""
+
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("target", "source", "converts")),
+        *((name, ctypes.c_double) for name in ("factor", "bias")),
+    ]
+
+
+class Turn(ctypes.Structure):
+    """One component, as turn.c has it; arrays given to it live as long as it does."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("instance", "set", "get", "step")),
+        *((name, ctypes.POINTER(ctypes.c_uint)) for name in ("inputs", "outputs")),
+        *((name, ctypes.POINTER(ctypes.c_double)) for name in ("input_values", "output_values")),
+        *((name, ctypes.c_size_t) for name in ("input_count", "output_count")),
+        ("buffer", ctypes.POINTER(ctypes.c_double)),
+        ("links", ctypes.POINTER(Link)),
+        ("link_count", ctypes.c_size_t),
+        ("duration", ctypes.c_double),
+        ("status", ctypes.c_int),
+    ]
+
+
+def entry() -> Callable[..., int] | None:
+    """Function `turn` of the library, or None where it does not load: Python then does the same, more slowly."""
+    return _load(BINARY)
+
+
+@cache
+def _load(binary: Path) -> Callable[..., int] | None:
+    try:
+        function: Callable[..., int] = ctypes.CDLL(str(binary)).turn
+    except OSError:  # another platform, or no file
+        return None
+    return function
+
+
+def address(function: Any) -> int | None:
+    """Address of a function that ctypes has loaded."""
+    return ctypes.cast(function, ctypes.c_void_p).value

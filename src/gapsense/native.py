@@ -1,0 +1,145 @@
+"""Small C libraries whose binaries for Linux are committed: compile them, or see if they belong to their sources.
+
+Zig's C compiler (`pip install ziglang`) makes them, because it can build against an old glibc and gives the same bytes
+on every machine. Needed only after a change to C sources: each binary has a fingerprint of its own in it, by which a
+stale one is noticed without a compiler.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+ZIG = "0.17.1"  # another version may give other bytes
+TARGET = "x86_64-linux-gnu.2.17"  # CentOS 7
+FLAGS = ("-std=gnu11", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror")
+ZIG_FLAGS = ("-target", TARGET, "-fno-sanitize=all", "-Wl,--build-id=none")
+
+
+class NativeError(RuntimeError):
+    """A library cannot be compiled, or its binary does not belong to its sources."""
+
+
+def zig_version() -> str | None:
+    """Version of the installed Zig compiler, if there is one."""
+    try:
+        return version("ziglang")
+    except PackageNotFoundError:
+        return None
+
+
+@dataclass(frozen=True)
+class Library:
+    """A C library of one source file, besides headers in the same folder.
+
+    Attributes
+    ----------
+    module : str
+        Module that `python -m` runs to build the library.
+    source, binary : Path
+        For `x.c` the compiler defines `X_FINGERPRINT`, which the source puts behind `gapsense-x:` into the binary.
+    exports : tuple of str
+        Functions that the binary must export.
+    options, libraries : tuple of str
+        Options for the compiler, and for the linker at the end of the command.
+    headers : callable, optional
+        Gives the folder of headers from elsewhere.
+    """
+
+    module: str
+    source: Path
+    binary: Path
+    exports: tuple[str, ...]
+    options: tuple[str, ...] = ()
+    libraries: tuple[str, ...] = ()
+    headers: Callable[[], Path] | None = None
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Options for any compiler."""
+        return (*FLAGS, *self.options, "-s")
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the C sources, the compiler's version and its options; line ends do not count."""
+        digest = hashlib.sha256()
+        texts = (file.read_text("utf-8") for file in sorted(self.source.parent.glob("*.[ch]")))
+        for part in (*texts, ZIG, *ZIG_FLAGS, *self.flags, *self.libraries):
+            digest.update(part.encode())
+            digest.update(b"\0")
+        return digest.hexdigest()
+
+    def compile_with(self, compiler: Sequence[str], destination: Path) -> Path:
+        """Compile into `destination` with a command that takes the options of gcc."""
+        mark = f'-D{self.source.stem.upper()}_FINGERPRINT="{self.fingerprint()}"'
+        include = [f"-I{self.headers()}"] if self.headers else []
+        # Relative to the folder, so that its absolute path cannot reach the binary.
+        output = ("-o", str(destination.resolve()))
+        command = [*compiler, *self.flags, mark, *include, self.source.name, *output, *self.libraries]
+        done = subprocess.run(command, cwd=self.source.parent, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise NativeError(f"`{compiler[0]}` could not compile `{self.source.name}`:\n{done.stderr.strip()}")
+        return destination
+
+    def build(self, destination: Path) -> Path:
+        """Compile for old and new Linux systems into the file `destination`."""
+        found = zig_version()
+        if found != ZIG:
+            raise NativeError(
+                f"`{self.source.name}` is compiled with ziglang {ZIG}; found {found or 'none'}."
+                f" Run `pip install ziglang=={ZIG}`."
+            )
+        return self.compile_with((sys.executable, "-m", "ziglang", "cc", *ZIG_FLAGS), destination)
+
+    def problems(self, binary: Path | None = None) -> list[str]:
+        """What is wrong with a binary, found without a compiler; empty if it belongs to the sources."""
+        binary = binary or self.binary
+        again = f"Run `python -m {self.module}`."
+        if not binary.is_file():
+            return [f"`{binary}` does not exist. {again}"]
+        found = []
+        if f"gapsense-{self.source.stem}:{self.fingerprint()}".encode() not in binary.read_bytes():
+            found.append(f"`{binary}` was not made from the present sources and options. {again}")
+        if sys.platform == "linux" and platform.machine() == "x86_64":
+            library = ctypes.CDLL(str(binary))
+            missing = [name for name in self.exports if not hasattr(library, name)]
+            if missing:
+                found.append(f"`{binary}` does not export {', '.join(missing)}. {again}")
+        return found
+
+    def check(self) -> None:
+        """Compare the committed binary with its sources and, where Zig is installed, with a rebuild, byte for byte."""
+        found = self.problems()
+        if not found and zig_version() == ZIG:
+            with tempfile.TemporaryDirectory() as folder:
+                rebuilt = self.build(Path(folder) / self.binary.name).read_bytes()
+            if rebuilt != self.binary.read_bytes():
+                found = [
+                    f"`{self.binary}` differs from a rebuild with ziglang {ZIG}. Rebuild it and commit the result."
+                ]
+        if found:
+            raise NativeError("\n".join(found))
+
+    def main(self, arguments: Sequence[str] | None = None) -> int:
+        """Entry point of `python -m <module>`; returns the exit code."""
+        parser = argparse.ArgumentParser(prog=f"python -m {self.module}", description=f"Compile {self.source.name}.")
+        parser.add_argument("--check", action="store_true", help="only compare the committed binary with its sources")
+        try:
+            if parser.parse_args(arguments).check:
+                self.check()
+                extent = "with a rebuild" if zig_version() == ZIG else f"by fingerprint only, for want of ziglang {ZIG}"
+                print(f"{self.binary} is current (compared {extent}).")
+            else:
+                print(self.build(self.binary))
+        except NativeError as error:
+            print(error, file=sys.stderr)
+            return 1
+        return 0
