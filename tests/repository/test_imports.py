@@ -7,14 +7,14 @@ import ast
 import pytest
 from sources import MODULES, SRC, imports, name_of, others, ours, part_of, tree
 
-FOUNDATIONS = {"trace", "derivative", "emit", "records", "kernel", "units", "linalg", "integrate", "random"}
+FOUNDATIONS = {"trace", "derivative", "emit", "records", "kernel", "units", "linalg", "integrate", "native", "random"}
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | SIDE_BY_SIDE | {"cosim", "studies"}
 MAY_IMPORT = {
     **{part: FOUNDATIONS for part in FOUNDATIONS},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "fmi": FOUNDATIONS | {"fmi"},
-    "cosim": {"cosim"},
+    "cosim": {"cosim", "native"},
     "studies": NUMBERS,
     "report": NUMBERS | {"fmi", "report"},
     "cli": NUMBERS | {"fmi", "report"},
