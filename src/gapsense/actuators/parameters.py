@@ -95,7 +95,7 @@ RTS_VALVE = reluctance_actuator.Parameters(
     gap_slope=4.7e10,
     gap_fringing=300.0,
     gap_window=9.73e-3,
-    gap_file_gap=[0.0, 1.0],
+    gap_file_gap=[0.0, 1.0],  # of no importance with gap_law=0.0
     gap_file_reluctance=[0.0, 4.7e10],
     gap_file_spline=[0.0, 0.0],
     mover_mass=1.6e-3,
