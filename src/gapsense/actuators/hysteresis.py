@@ -27,7 +27,7 @@ from gapsense.trace import clip, cond, exp, fabs, log, square, tanh, where
 SMALL = 0.1  # argument below which the Langevin function is taken from its series
 UNSATURABLE = 1e9  # factor of M_sat and a by which the core becomes linear at the same initial slope
 FULL = 1.0 - 1e-6  # |M_irr| / M_sat at most, where the inverse Langevin function is needed
-NEWTON_STEPS = 3  # from 5 %; its error enters the energy squared
+NEWTON_STEPS = 2  # from 5 %; the energy takes the square of the error
 
 
 class Core(NamedTuple):
@@ -43,6 +43,7 @@ class Core(NamedTuple):
     uncoupled: Scalar  # 1 - alpha [1]
     pinning: Scalar  # kappa [A/m]
     reversible: Scalar  # c [1]; 1 without hysteresis
+    reversible_slope: Scalar  # c M_sat / a [1]
     steepest: Scalar  # largest susceptibility of moving walls, (1 - c) M_sat / (3 a) [1]
     is_hysteretic: Scalar
 
@@ -72,6 +73,7 @@ def make_core(
         uncoupled=1.0 - coupling,
         pinning=pinning,
         reversible=c,
+        reversible_slope=c * slope,
         steepest=(1.0 - c) * slope / 3.0,
         is_hysteretic=is_hysteretic,
     )
@@ -107,7 +109,7 @@ def langevin_integral(x: Scalar) -> Scalar:
 
 
 def inverse_langevin(m: Scalar) -> Scalar:
-    """Root x of L(x) = m to about 1e-6, by Newton's method from Cohen's approximation."""
+    """Root x of L(x) = m to about 1e-5, by Newton's method from Cohen's approximation."""
     x = m * (3.0 - m * m) / (1.0 - m * m)
     for _ in range(NEWTON_STEPS):
         value, slope = langevin(x)
@@ -116,9 +118,9 @@ def inverse_langevin(m: Scalar) -> Scalar:
 
 
 def anhysteretic(H_e: Scalar, core: Core) -> tuple[Scalar, Scalar]:
-    """M_an = M_sat L(H_e / a) [A/m], and its derivative by H_e [1]."""
-    value, slope = langevin(H_e / core.shape)
-    return core.saturation * value, core.slope * slope
+    """M_an = M_sat L(H_e / a) [A/m], and L'(H_e / a)."""
+    value, steepness = langevin(H_e / core.shape)
+    return core.saturation * value, steepness
 
 
 def magnetization(flux: Scalar, H_e: Scalar, core: Core) -> Scalar:
@@ -131,9 +133,9 @@ def moving_walls(direction: Scalar, excess: Scalar) -> Scalar:
     return where(direction * excess < 0.0, 0.0, direction)
 
 
-def susceptibility(excess: Scalar, slope: Scalar, walls: Scalar, core: Core) -> Scalar:
-    """dM/dH_e [1]; `slope` is that of M_an.  The upper limit is never reached but by absurd steps."""
-    return core.reversible * slope + clip(walls * excess / core.pinning, 0.0, core.steepest)
+def susceptibility(excess: Scalar, steepness: Scalar, walls: Scalar, core: Core) -> Scalar:
+    """dM/dH_e [1]; `steepness` is that of `anhysteretic`.  The upper limit is never reached but by absurd steps."""
+    return core.reversible_slope * steepness + clip(walls * excess / core.pinning, 0.0, core.steepest)
 
 
 def field_rate(flux_rate: Scalar, chi: Scalar, core: Core) -> Scalar:
@@ -150,8 +152,9 @@ def settled(flux: Scalar, H_e: Scalar, core: Core) -> Scalar:
     """H_e, put onto the anhysteretic curve if there is no hysteresis: integration errors do not add up."""
 
     def corrected() -> Scalar:
-        M_an, slope = anhysteretic(H_e, core)
-        return H_e + (core.per_flux * flux - H_e - core.uncoupled * M_an) / (1.0 + core.uncoupled * slope)
+        M_an, steepness = anhysteretic(H_e, core)
+        residue = core.per_flux * flux - H_e - core.uncoupled * M_an
+        return H_e + residue / (1.0 + core.uncoupled * core.slope * steepness)
 
     return cond(core.is_hysteretic, lambda: H_e, corrected)
 

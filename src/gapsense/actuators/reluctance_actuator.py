@@ -130,7 +130,7 @@ class Circuit(NamedTuple):
     current: Scalar
     flux_rate: Scalar
     excess: Scalar  # M_an - M
-    steepness: Scalar  # dM_an/dH_e
+    steepness: Scalar  # of M_an
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -148,8 +148,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     A step of no length changes nothing.
     """
     act = _actuator(inputs, par)
-    start = (inputs.dt, *state[:6], 0.0, 0.0, 0.0)
-    _, flux, H_e, h, v, mode, heat, eddy, work, charge = loop(MICRO_STEPS, partial(_micro_step, act), start)
+    start = (inputs.dt, *state[:6], 0.0, 0.0)
+    _, flux, H_e, h, v, mode, heat, eddy, work = loop(MICRO_STEPS, partial(_micro_step, act), start)
+    charge = (inputs.voltage * inputs.dt - act.turns * (flux - state.flux)) / act.resistance  # (1), integrated
     state = State(
         flux=flux,
         effective_field=hysteresis.settled(flux, H_e, act.core),
@@ -238,7 +239,7 @@ def _circuit(act: Actuator, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
 
 
 def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Current (7), rate of the flux (8), M_an - M and dM_an/dH_e."""
+    """Current (7), rate of the flux (8), M_an - M and the steepness of M_an."""
     core = act.core
     M = hysteresis.magnetization(flux, H_e, core)
     mmf = reluctance * flux + (H_e - core.coupling * M) * core.length
@@ -263,10 +264,10 @@ def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scal
 
 
 def _magnetic_rates(act: Actuator, walls: Scalar, electric: Any) -> tuple[Any, Any, Any]:
-    """Rates of flux (8) and effective field (10); integrands: copper, eddy currents / k, walls / volume, current."""
+    """Rates of flux (8) and effective field (10); integrands: copper, eddy currents / k, walls / volume."""
     i, rate, excess, steepness = electric
     field_rate = hysteresis.field_rate(rate, hysteresis.susceptibility(excess, steepness, walls, act.core), act.core)
-    return (rate, field_rate), (act.resistance * (i * i), rate * rate, excess * field_rate, i), (rate, excess)
+    return (rate, field_rate), (act.resistance * (i * i), rate * rate, excess * field_rate), (rate, excess)
 
 
 def _moving_rates(act: Actuator, walls: Scalar, y: Any) -> tuple[Any, Any, Any]:
