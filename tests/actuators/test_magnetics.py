@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import magnetics
-from gapsense.actuators.parameters import GAP_AREA, VALVE, fringing_table
+from gapsense.actuators.parameters import GAP_AREA, RTS_VALVE, VALVE, fringing_table
+from gapsense.actuators.reluctance_actuator import Inputs as ActuatorInputs
+from gapsense.actuators.reluctance_actuator import _actuator
 from gapsense.actuators.solenoid_valve import Inputs, _valve
 
 LAWS = [0.0, 1.0, 2.0]
@@ -43,6 +46,41 @@ def test_table_interpolates_both_columns_and_extrapolates():
     assert middle == pytest.approx((0.5 * (reluctances[7] + reluctances[8]), 0.5 * (slopes[7] + slopes[8])))
     outside = magnetics.gap_law(2 * gaps[18] - gaps[17], c)
     assert outside == pytest.approx((2 * reluctances[18] - reluctances[17], 2 * slopes[18] - slopes[17]))
+
+
+SMOOTH = {
+    "fringing": RTS_VALVE,
+    "table": RTS_VALVE._replace(
+        gap_law=1.0,
+        gap_file_gap=[0.2e-3, 0.5e-3, 0.9e-3, 1.6e-3],
+        gap_file_reluctance=[7.6e6, 1.6e7, 2.5e7, 3.5e7],
+        gap_file_spline=CubicSpline([0.2e-3, 0.5e-3, 0.9e-3, 1.6e-3], [7.6e6, 1.6e7, 2.5e7, 3.5e7])(
+            [0.2e-3, 0.5e-3, 0.9e-3, 1.6e-3], 2
+        ).tolist(),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("h", [-0.1e-3, 0.1e-3, 0.4e-3, 0.5e-3, 0.7e-3, 1.4e-3, 2e-3])
+def test_smooth_laws_have_two_derivatives(name, h):
+    gap = _actuator(ActuatorInputs(0.0, 0.0, 0.0), SMOOTH[name]).gap
+    d = 1e-8
+    before, law, after = (magnetics.smooth_gap_law(x, gap) for x in (h - d, h, h + d))
+    assert all(map(math.isfinite, law))
+    assert law[1] == pytest.approx((after[0] - before[0]) / (2 * d), rel=1e-6)
+    assert law[2] == pytest.approx((after[1] - before[1]) / (2 * d), rel=1e-4, abs=1e6)
+
+
+def test_spline_goes_through_its_rows_and_keeps_its_curvature_beyond():
+    par = SMOOTH["table"]
+    gap = _actuator(ActuatorInputs(0.0, 0.0, 0.0), par).gap
+    for h, R in zip(par.gap_file_gap, par.gap_file_reluctance):
+        assert magnetics.smooth_gap_law(h, gap)[0] == pytest.approx(R, rel=1e-14)
+    assert magnetics.smooth_gap_law(5e-3, gap)[2] == par.gap_file_spline[-1]
+    inside = CubicSpline(par.gap_file_gap, par.gap_file_reluctance)
+    for h in (0.3e-3, 0.77e-3, 1.2e-3):
+        assert magnetics.smooth_gap_law(h, gap) == pytest.approx([float(inside(h, k)) for k in range(3)], rel=1e-12)
 
 
 @given(FLUXES)

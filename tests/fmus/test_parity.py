@@ -12,7 +12,7 @@ from parts import FOLDERS, Part, sample_time, tuned
 
 from gapsense.fmi.package import load_component
 from gapsense.fmi.ports import Component
-from gapsense.fmi.tables import read_table
+from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
 
 Function = Callable[..., tuple[Any, Any]]
@@ -36,7 +36,7 @@ def parameters(part: Part, setting: dict[str, Any], cls: Any) -> Any:
     for port in part.component.of("parameter"):
         value = setting.get(port.name, port.start)
         if port.columns:
-            names = [f"{port.field}_{column.partition(':')[0]}" for column in port.columns]
+            names = [f"{port.field}_{column_name(column)}" for column in port.columns]
             values |= dict(zip(names, read_table(part.folder / value, port.columns)))
         else:
             values[port.field] = float(port.choices.index(value) if port.choices else value)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
-from gapsense.fmi.tables import read_table
+from gapsense.fmi.tables import column_name, read_table
 
 COLUMNS = ("time", "voltage")
 
@@ -90,3 +92,35 @@ def test_too_few_rows_are_told(file: Path, rows: str) -> None:
 @pytest.mark.parametrize("content", [b"time,voltage\n0,\xff\n", "time,voltage\n0,1\n".encode("utf-16")])
 def test_other_encodings_are_told(file: Path, content: bytes) -> None:
     assert "not a CSV file in UTF-8" in refused(file, content)
+
+
+GAP = ("rising:gap", "rising:reluctance", "spline:reluctance")
+
+
+def test_marks_name_their_tables() -> None:
+    assert [column_name(c) for c in ("time", *GAP, "integral:voltage")] == [
+        "time", "gap", "reluctance", "spline", "integral",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [4, 5, 12])
+def test_spline_is_that_of_scipy(file: Path, count: int) -> None:
+    rng = np.random.default_rng(count)
+    x, y = np.cumsum(rng.uniform(0.5, 2.0, count)), np.cumsum(rng.uniform(0.1, 1.0, count))
+    file.write_text("gap,reluctance\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), y.tolist())))
+    gaps, reluctances, curvatures = read_table(file, GAP)
+    assert gaps == x.tolist() and reluctances == y.tolist()
+    assert curvatures == pytest.approx(CubicSpline(x, y)(x, 2), rel=1e-9, abs=1e-12)
+
+
+def test_rising_column_that_does_not_rise_is_told_with_its_row(file: Path) -> None:
+    text = refused(file, "gap,reluctance\n0,0\n1,2\n1,3\n0.5,3\n4,nan\n5,1\n6,0\n", GAP)
+    assert "row 4: `gap` does not rise from 1 to 1" in text
+    assert "row 5: `gap` decreases from 1 to 0.5" in text
+    assert "row 5: `reluctance` does not rise from 3 to 3" in text
+    assert "row 6: `reluctance` is `nan`" in text
+    assert "row 8: `reluctance` decreases from 1 to 0" in text
+
+
+def test_spline_needs_four_rows(file: Path) -> None:
+    assert "3 rows, but at least 4 with different `gap`" in refused(file, "gap,reluctance\n0,0\n1,2\n2,3\n", GAP)

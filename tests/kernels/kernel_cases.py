@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.fmi.tables import read_table
+from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
 from gapsense.records import fields
 
@@ -64,7 +64,7 @@ def _draw(port: Any, rng: random.Random, folder: Path) -> Iterator[tuple[str, An
     if port.columns:
         columns = read_table(folder / port.start, port.columns)
         for name, values in zip(port.columns, columns):
-            yield f"{port.field}_{name.partition(':')[0]}", values
+            yield f"{port.field}_{column_name(name)}", values
     elif port.choices:
         yield port.field, float(rng.randrange(len(port.choices)))
     elif port.kind == "Boolean":

@@ -10,7 +10,7 @@ import math
 from typing import Any, NamedTuple
 
 from gapsense.records import Array, Scalar
-from gapsense.trace import cond, fabs, load, locate, log, square, where
+from gapsense.trace import clip, cond, fabs, load, locate, log, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
 SATURATED = 0.999  # |lambda| / lambda_sat from which the core reluctance stays constant
@@ -40,7 +40,7 @@ def gap_law(h: Scalar, c: Circuit) -> Any:
     return cond(
         c.is_table,
         lambda: _table(h, c),
-        lambda: cond(c.is_fringing, lambda: fringing(h, c.unfringed, c.fringing, c.window), lambda: _linear(h, c)),
+        lambda: cond(c.is_fringing, lambda: fringing(h, c.unfringed, c.fringing, c.window)[:2], lambda: _linear(h, c)),
     )
 
 
@@ -49,15 +49,60 @@ def _linear(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
     return c.slope * h, c.slope
 
 
-def fringing(h: Scalar, r0: Scalar, k: Scalar, window: Scalar) -> tuple[Scalar, Scalar]:
-    """R = r0 h / (1 + k h ln(2G/h)) and dR/dh = r0 (1 + k h) / (1 + k h ln(2G/h))^2, with `window` = 2G.
+def fringing(h: Scalar, r0: Scalar, k: Scalar, window: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """R = r0 h / w with w = 1 + k h ln(W/h) and W = `window`, dR/dh = r0 (1 + k h) / w^2, and d2R/dh2.
 
-    Continued by r0 h below zero, and above 2G, where the logarithm changes its sign.
+    Continued by r0 h below zero, and above W, where the logarithm changes its sign.
     """
     has_fringes = (h > SMALLEST_GAP) & (h < window)
     z = where(has_fringes, h, window)
-    widening = 1.0 + k * z * log(window / z)
-    return r0 * h / widening, r0 * where(has_fringes, 1.0 + k * z, 1.0) / (widening * widening)
+    bulge = log(window / z)
+    widening = 1.0 + k * z * bulge
+    squared = widening * widening
+    curvature = r0 * k * (widening - 2.0 * (1.0 + k * z) * (bulge - 1.0)) / (squared * widening)
+    return r0 * h / widening, r0 * where(has_fringes, 1.0 + k * z, 1.0) / squared, where(has_fringes, curvature, 0.0)
+
+
+class SmoothGap(NamedTuple):
+    """Gap law with a continuous second derivative, by formula or by a cubic spline."""
+
+    is_table: Scalar
+    closed: Scalar  # R_g0, reluctance of the closed gap [1/H]
+    unfringed: Scalar  # R_gp [1/(H m)]
+    fringing: Scalar  # k_f [1/m]
+    window: Scalar  # c_f [m]
+    knots: Array  # increasing, at least two [m]
+    reluctance: Array  # [1/H]
+    curvature: Array  # second derivative of the spline [1/(H m^2)]
+
+
+def smooth_gap_law(h: Scalar, gap: SmoothGap) -> Any:
+    """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap.
+
+    R_g = R_g0 + R_gp h / (1 + k_f h ln(c_f/h)), our reading of [RTS] Fig. 4, or the spline of a table.
+    """
+
+    def formula() -> tuple[Scalar, Scalar, Scalar]:
+        R, slope, curvature = fringing(h, gap.unfringed, gap.fringing, gap.window)
+        return gap.closed + R, slope, curvature
+
+    return cond(gap.is_table, lambda: spline(h, gap.knots, gap.reluctance, gap.curvature), formula)
+
+
+def spline(x: Scalar, knots: Array, values: Array, curvatures: Array) -> tuple[Scalar, Scalar, Scalar]:
+    """Value, first and second derivative of a cubic spline; beyond its ends the second derivative stays."""
+    k = locate(knots, x)
+    left, right = load(knots, k), load(knots, k, 1)
+    width, inside = right - left, clip(x, left, right)
+    a, b = (right - inside) / width, (inside - left) / width
+    y, y_next = load(values, k), load(values, k, 1)
+    c, c_next = load(curvatures, k), load(curvatures, k, 1)
+    sixth = width / 6.0
+    value = a * y + b * y_next - a * b * width * sixth * ((1.0 + a) * c + (1.0 + b) * c_next)
+    slope = (y_next - y) / width + sixth * ((3.0 * b * b - 1.0) * c_next - (3.0 * a * a - 1.0) * c)
+    curvature = a * c + b * c_next
+    beyond = x - inside
+    return value + beyond * (slope + 0.5 * beyond * curvature), slope + beyond * curvature, curvature
 
 
 def _table(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
@@ -86,7 +131,11 @@ def current(lam: Scalar, R: Scalar, c: Circuit) -> Scalar:
 
 def force(lam: Scalar, slope: Scalar, c: Circuit) -> Scalar:
     """Magnetic force along the gap [N], (53): negative, it closes the gap."""
-    flux = lam / c.turns
+    return flux_force(lam / c.turns, slope)
+
+
+def flux_force(flux: Scalar, slope: Scalar) -> Scalar:
+    """Magnetic force along the gap [N], [RTS] (12)."""
     return -0.5 * (flux * flux) * slope
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.actuators.solenoid_valve import Parameters
 
@@ -20,7 +21,7 @@ def fringing_table(
     """
     gaps = [largest * k / (points - 1) for k in range(points)]
     laws = [fringing(h, 1.0 / (MU_0 * area), 1.0 / math.sqrt(area), 2.0 * window) for h in gaps]
-    return gaps, [R for R, _ in laws], [slope for _, slope in laws]
+    return gaps, [R for R, _, _ in laws], [slope for _, slope, _ in laws]
 
 
 _GAPS, _RELUCTANCES, _SLOPES = fringing_table()
@@ -72,4 +73,37 @@ RELAY = VALVE._replace(
     stop_lower=0.05e-3,
     stop_upper=0.8e-3,
     initial_position=0.8e-3,
+)
+
+# The linear travel solenoid valve of [RTS] Table I; the gap law is ours, papers.md on [RTS].
+RTS_VALVE = reluctance_actuator.Parameters(
+    coil_resistance=48.0,
+    coil_turns=1200.0,
+    hysteresis=1.0,
+    saturation=1.0,
+    eddy_currents=1.0,
+    core_length=0.055,
+    core_area=1.26e-5,
+    core_magnetization=1.45e6,
+    core_shape=1949.6,
+    core_coupling=3.66e-3,
+    core_pinning=942.0,
+    core_reversibility=0.736,
+    core_eddy_conductance=1630.0,
+    gap_law=0.0,
+    gap_reluctance=0.0,
+    gap_slope=4.7e10,
+    gap_fringing=300.0,
+    gap_window=9.73e-3,
+    gap_file_gap=[0.0, 1.0],  # of no importance with gap_law=0.0
+    gap_file_reluctance=[0.0, 4.7e10],
+    gap_file_spline=[0.0, 0.0],
+    mover_mass=1.6e-3,
+    spring_stiffness=61.8,
+    spring_rest=0.0192,
+    damping=0.8,
+    stop_lower=0.4e-3,
+    stop_upper=1.4e-3,
+    initial_position=1.4e-3,
+    micro_step=10e-6,
 )

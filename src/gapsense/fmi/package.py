@@ -19,6 +19,7 @@ from pythonfmu import FmuBuilder
 import gapsense
 from gapsense.fmi import describe, page, shim
 from gapsense.fmi.ports import Component
+from gapsense.fmi.tables import column_name
 from gapsense.kernel import Kernel
 from gapsense.records import fields
 
@@ -118,7 +119,7 @@ def check_records(component: Component, kernel: Kernel) -> None:
 
 
 def _parameter_fields(field: str, columns: tuple[str, ...]) -> list[str]:
-    return [f"{field}_{c.partition(':')[0]}" for c in columns] or [field]
+    return [f"{field}_{column_name(c)}" for c in columns] or [field]
 
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
@@ -127,7 +128,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
     table = (
-        '"""The port table."""\n\nfrom .ports import Component, Port\n\n'
+        '"""The port table."""\n\nfrom .ports import Component, Limit, Port  # noqa: F401\n\n'
         f"COMPONENT = {component._replace(ports=())!r}._replace(\n    ports=(\n{ports}    )\n)\n"
     )
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}

@@ -24,12 +24,26 @@ class Port(NamedTuple):
     variability: str = "continuous"
     feedthrough: tuple[str, ...] = ()  # inputs that an output depends on at the same instant
     choices: tuple[str, ...] = ()  # of a String parameter: the kernel gets the index
-    columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: the kernel gets one table per column
+    columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: one table each, see `read_table`
 
     @property
     def field(self) -> str:
         """Name of the port in the kernel's records."""
         return self.name.replace(".", "_")
+
+
+class Limit(NamedTuple):
+    """A rule for several parameters: the product of their powers stays below a limit."""
+
+    powers: tuple[tuple[str, int], ...]  # real parameters that are not zero, and the power of each
+    below: float
+    reason: str  # what happens otherwise
+
+    def text(self) -> str:
+        """The product, as a reader writes it."""
+        over = [f"`{name}`" for name, power in self.powers for _ in range(power)]
+        under = [f"`{name}`" for name, power in self.powers for _ in range(-power)]
+        return " / ".join([" * ".join(over or ["1"]), *under])
 
 
 class Component(NamedTuple):
@@ -43,6 +57,7 @@ class Component(NamedTuple):
     step_size: float = 25e-6  # s
     resources: tuple[str, ...] = ()  # files of the component's folder that travel with it
     rising: tuple[tuple[str, str], ...] = ()  # pairs of parameters of which the second must be larger
+    limits: tuple[Limit, ...] = ()
 
     def of(self, causality: str) -> tuple[Port, ...]:
         """Ports of one causality, in order."""

@@ -17,8 +17,8 @@ from typing import Any, NoReturn
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
-from .ports import Component, Port
-from .tables import read_table
+from .ports import Component, Limit, Port
+from .tables import column_name, read_table
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
 TOLERANCE = 1e-9  # relative, on times: hosts round
@@ -238,8 +238,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         for low, high in self.component.rising:
             if not self._value(low) < self._value(high):
                 problems.append(f"`{low}` is {self._value(low)!r}; expected less than `{high}` = {self._value(high)!r}")
+        if not problems:  # a limit is for parameters in their ranges
+            problems = [problem for limit in self.component.limits if (problem := self._excess(limit))]
         if problems:
             raise Refusal(f"{'; '.join(problems)}. Correct the parameters.")
+
+    def _excess(self, limit: Limit) -> str:
+        value = math.prod(self._value(name) ** power for name, power in limit.powers)
+        return (
+            ""
+            if value < limit.below
+            else f"{limit.text()} is {value:g}; expected less than {limit.below:g}: {limit.reason}"
+        )
 
     def _kernel_parameters(self) -> tuple[Any, ...]:
         values: dict[str, Any] = {}
@@ -256,7 +266,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
         except (OSError, ValueError) as error:
             raise Refusal(f"`{port.name}`: {error}") from error
-        return {f"{port.field}_{c.partition(':')[0]}": t for c, t in zip(port.columns, tables)}
+        return {f"{port.field}_{column_name(c)}": t for c, t in zip(port.columns, tables)}
 
     # --- saving the state: all of it ---
 
