@@ -27,10 +27,12 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = 
     rate : callable
         What more it returns than rates and integrands is returned as of the last stage, which lies at the end of the
         step with an error of order 3: good enough to see a switch coming, at no cost.
+    y : sequence of scalars
+        States at the start.
+    dt : scalar
+        Step.
     first : tuple, optional
         `rate(y)`, where it is known.
-    y, dt : scalars, float
-        States at the start, and the step.
 
     Notes
     -----
