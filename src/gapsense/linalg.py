@@ -6,12 +6,15 @@ does not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from gapsense.trace import sqrt, where
+
+ROUNDING = 1e-13  # part of a variance below which what is left of it is but rounding
 
 
 def vector(items: Sequence[Any]) -> Any:
@@ -43,6 +46,47 @@ def symmetric(P: Any) -> Any:
 def outer(a: Any, b: Any) -> Any:
     """Product a b' (m, n)."""
     return matrix([[x * y for y in b] for x in a])
+
+
+def nonnegative(P: Any) -> Any:
+    """Covariance with the upper triangle of `P`; variances that rounding has made negative are zero."""
+    n = len(P)
+    variances = [where(P[i, i] > 0.0, P[i, i], 0.0) for i in range(n)]
+    return matrix([[variances[i] if i == j else P[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
+
+
+def pivot(S: Any, floor: Any = 0.0) -> Any:
+    """Divisor `S`; infinite unless it is above `floor`: no information in this direction, and a gain of zero."""
+    return where(S > floor, S, math.inf)  # noqa: SIM300
+
+
+def ldl(P: Any) -> tuple[Any, Any]:
+    """Factors of P = L D L' for a covariance (n, n): unit lower triangle L, and D (n,) with infinity for a zero pivot.
+
+    A pivot is zero if all but `ROUNDING` of the variance is explained by the directions before it.
+    """
+    n = len(P)
+    L, C, D = identity(n), identity(n), vector([0.0] * n)  # C = L D, also where a pivot is zero
+    for j in range(n):
+        for i in range(j, n):
+            C[i, j] = P[i, j] - sum(C[i, k] * L[j, k] for k in range(j))
+        D[j] = pivot(C[j, j], ROUNDING * P[j, j] if j else 0.0)
+        L[j + 1 :, j] = C[j + 1 :, j] / D[j]
+    return L, D
+
+
+def solve(factors: tuple[Any, Any], B: Any) -> Any:
+    """X = P^- B from the factors of `ldl`, with a generalised inverse of P: P X = B wherever that can be solved."""
+    L, D = factors
+    X, n = B + 0.0, len(D)
+    for i in range(n):
+        for k in range(i):
+            X[i] = X[i] - L[i, k] * X[k]
+    for i in reversed(range(n)):
+        X[i] = X[i] / D[i]
+        for k in range(i + 1, n):
+            X[i] = X[i] - L[k, i] * X[k]
+    return X
 
 
 def gain(PH: Any, S: Any) -> Any:
