@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import and_
 from typing import Any
 
 import numpy as np
 
-from gapsense.trace import sqrt, where
+from gapsense.trace import cond, is_traced, sqrt, where
 
 ROUNDING = 1e-13  # part of a variance below which what is left of it is but rounding
 
@@ -49,10 +51,16 @@ def outer(a: Any, b: Any) -> Any:
 
 
 def nonnegative(P: Any) -> Any:
-    """Covariance with the upper triangle of `P`; variances that rounding has made negative are zero."""
-    n = len(P)
-    variances = [where(P[i, i] > 0.0, P[i, i], 0.0) for i in range(n)]
-    return matrix([[variances[i] if i == j else P[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
+    """Covariance with the upper triangle of `P`; what rounding has made a negative variance is zero, with its row."""
+    positive = [variance > 0.0 for variance in P.diagonal()]
+    P = _without(symmetric(P), [is_traced(p) or p for p in positive])  # what is known while tracing costs nothing
+    return cond(reduce(and_, filter(is_traced, positive), True), lambda: P, lambda: _without(P, positive))
+
+
+def _without(P: Any, positive: Sequence[Any]) -> Any:
+    """Covariance without the rows and columns of variances that are not positive."""
+    pairs = [[p if p is q else p & q for q in positive] for p in positive]
+    return symmetric(matrix([[where(c, v, 0.0) for c, v in zip(*row)] for row in zip(pairs, P)]))
 
 
 def pivot(S: Any, floor: Any = 0.0) -> Any:

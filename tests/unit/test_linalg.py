@@ -62,5 +62,5 @@ def test_factors_give_the_matrix_back_and_solve_with_zero_pivots() -> None:
 
 
 def test_no_variance_is_negative_and_none_is_divided_by_when_zero() -> None:
-    np.testing.assert_array_equal(nonnegative(matrix([[-1e-20, 2.0], [9.0, 3.0]])), [[0.0, 2.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(nonnegative(matrix([[-1e-20, 2.0], [9.0, 3.0]])), [[0.0, 0.0], [0.0, 3.0]])
     assert [1.0 / pivot(S) for S in (2.0, 0.0, -1.0)] == [0.5, 0.0, 0.0]

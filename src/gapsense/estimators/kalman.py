@@ -43,6 +43,16 @@ def condition(prior: Gaussian, innovation: Array, H: Array, R: Array) -> Gaussia
     return Gaussian(x, P)
 
 
+def fix(prior: Gaussian, k: int, value: Scalar) -> Gaussian:
+    """Estimate given x_k = value without noise: its variance is then exactly zero; if it was, x_k is replaced."""
+    x, P = prior
+    K = P[:, k] / pivot(P[k, k])
+    mean, cov = x + K * (value - x[k]), P - outer(K, P[k])
+    mean[k] = value
+    cov[k, :] = cov[:, k] = 0.0
+    return Gaussian(mean, cov)
+
+
 def project(estimate: Gaussian, k: int, low: Scalar, high: Scalar) -> Gaussian:
     """Most likely estimate with low <= x_k <= high; the covariance is kept, which is cautious, [RTS] (39)-(42)."""
     x, P = estimate
