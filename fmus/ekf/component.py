@@ -13,7 +13,15 @@ COMPONENT = Component(
     ports=(
         input_("voltage", "V", "Measured coil voltage", nominal=30.0),
         input_("current", "A", "Measured coil current", nominal=0.4),
-        input_("mode", "1", "1: at the lower stop, 2: moving, 3: at the upper stop", start=3.0, min=1.0, max=3.0),
+        input_(
+            "mode",
+            "1",
+            "1: at the lower stop, 2: moving, 3: at the upper stop",
+            start=3.0,
+            min=1.0,
+            max=3.0,
+            nominal=2.0,
+        ),
         output("position", "m", "Estimated position", nominal=1e-3, feedthrough=BOTH),
         output("velocity", "m/s", "Estimated mean velocity since the last sample", nominal=0.5, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),

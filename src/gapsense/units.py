@@ -27,6 +27,7 @@ UNITS = {
     "s": Unit(s=1, display=DisplayUnit("ms", 1e3)),
     "Hz": Unit(s=-1),
     "m": Unit(m=1, display=DisplayUnit("mm", 1e3)),
+    "1/m": Unit(m=-1),
     "m2": Unit(m=2, display=DisplayUnit("mm2", 1e6)),
     "m/s": Unit(m=1, s=-1),
     "kg": Unit(kg=1, display=DisplayUnit("g", 1e3)),
