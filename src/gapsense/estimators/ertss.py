@@ -22,8 +22,10 @@ from gapsense.estimators.reduced_model import (
     Held,
     Model,
     acceleration,
+    gap_law,
     is_moving,
     limit,
+    magnetic_force,
     normalised,
     transition,
 )
@@ -183,7 +185,8 @@ def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, par: Any
 def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """Time of the landing [s] and speed before it [m/s], from the last state in motion, one sample before `time`."""
     z, mean_v = x[POSITION], (x[POSITION] - x[POSITION_PREV]) / m.T_s
-    a = acceleration(z, mean_v, x[FLUX_LINKAGE], x[FORCE_ERROR], m)
+    force = magnetic_force(gap_law(z, m)[1], x[FLUX_LINKAGE]) + x[FORCE_ERROR]
+    a = acceleration(z, mean_v, force, m)
     v = mean_v + 0.5 * m.T_s * a
     approaches = (stop - z) * v > 0.0
     delay = clip(where(approaches, (stop - z) / where(approaches, v, 1.0), 0.0), 0.0, m.T_s)

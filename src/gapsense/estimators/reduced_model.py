@@ -96,11 +96,19 @@ def normalised(par: Any) -> Model:
 def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """R_g* = (R_g0 + R_g0' g / (1 + k g ln(c/g))) / N^2 with the gap g = z_min + l_z z*, and its derivative by z*."""
     g = m.z_min + m.l_z * z
-    inside = clip(g, SMALLEST_GAP, m.gap_window)
-    widening = 1.0 + m.gap_fringing * inside * log(m.gap_window / inside)
-    slope = m.gap_slope * (1.0 + m.gap_fringing * inside) / square(widening)
-    R = m.gap_slope / m.l_z * inside / widening + slope * ((g - inside) / m.l_z)
+
+    def beyond() -> tuple[Scalar, Scalar]:
+        end = where(g < m.gap_window, SMALLEST_GAP, m.gap_window)
+        R, slope = _fringing(end, m)
+        return R + slope * ((g - end) / m.l_z), slope
+
+    R, slope = cond((g > SMALLEST_GAP) & (g < m.gap_window), lambda: _fringing(g, m), beyond)
     return m.gap_offset + R + (z - 0.5) * m.gap_tilt, slope + m.gap_tilt
+
+
+def _fringing(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    widening = 1.0 + m.gap_fringing * g * log(m.gap_window / g)
+    return m.gap_slope / m.l_z * g / widening, m.gap_slope * (1.0 + m.gap_fringing * g) / square(widening)
 
 
 def core_law(lam: Scalar, m: Model) -> Scalar:
@@ -110,16 +118,19 @@ def core_law(lam: Scalar, m: Model) -> Scalar:
     return m.R_c0 / (1.0 - y) + m.R_c0 / square(1.0 - SATURATED) * (x - y)
 
 
-def current(x: Array, m: Model) -> Scalar:
-    """f_i* (14) [A]."""
-    z, _, lam, e_i, _ = x
-    return (gap_law(z, m)[0] + core_law(lam, m)) * lam + e_i
+def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model) -> Scalar:
+    """f_i* (14) [A], for the reluctance of the gap."""
+    return (R_g + core_law(lam, m)) * lam + e_i
 
 
-def acceleration(z: Scalar, v: Scalar, lam: Scalar, e_F: Scalar, m: Model) -> Scalar:
-    """f_v* (16) [1/s^2]."""
-    force = m.k_sp * (m.z_sp - z) - m.c_f * v - 0.5 * gap_law(z, m)[1] * square(lam) + e_F
-    return force / m.m
+def acceleration(z: Scalar, v: Scalar, force: Scalar, m: Model) -> Scalar:
+    """f_v* (16) [1/s^2], for the sum of the magnetic force and e_F."""
+    return (m.k_sp * (m.z_sp - z) - m.c_f * v + force) / m.m
+
+
+def magnetic_force(slope: Scalar, lam: Scalar) -> Scalar:
+    """Its part of (16), for the slope of the gap reluctance."""
+    return -0.5 * slope * square(lam)
 
 
 def is_moving(mode: Scalar) -> Scalar:
@@ -135,27 +146,30 @@ def limit(mode: Scalar) -> Scalar:
 def transition(x: Array, u: Held, m: Model) -> Array:
     """f(x, u) (20): position (22), (66), its past value (24), flux linkage (25), with minus R i, and errors (26)."""
     z, z_prev, lam, e_i, e_F = x
+    R_g, slope = gap_law(z, m)
 
     def moving() -> Scalar:
-        return 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, lam, e_F, m)
+        force = magnetic_force(slope, lam) + e_F
+        return 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
 
     def resting() -> Scalar:
         z_stop = limit(u.mode)
-        step = square(m.T_s) * acceleration(z_stop, 0.0, lam, e_F, m)
-        return z_stop + where(m.has_force_error > 0.0, step, 0.0)
+        force = magnetic_force(gap_law(z_stop, m)[1], lam) + e_F
+        return z_stop + where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
 
     z_next = cond(is_moving(u.mode), moving, resting)
-    lam_next = lam + m.T_s * (u.voltage - m.R * current(x, m))
+    lam_next = lam + m.T_s * (u.voltage - m.R * current(R_g, lam, e_i, m))
     return vector([z_next, z, clip(lam_next, -FLUX_LIMIT * m.lam_sat, FLUX_LIMIT * m.lam_sat), e_i, e_F])
 
 
 def observation(x: Array, m: Model) -> Array:
     """The current of h(x) (28); the position of a stop is a row of its own."""
-    return vector([current(x, m)])
+    return vector([current(gap_law(x[POSITION], m)[0], x[FLUX_LINKAGE], x[CURRENT_ERROR], m)])
 
 
 def rest(mode: Scalar, lam: Scalar, m: Model) -> Array:
     """State at rest on a stop (61): e_F holds the mover there."""
     z = limit(mode)
-    e_F = where(m.has_force_error > 0.0, -m.m * acceleration(z, 0.0, lam, 0.0, m), 0.0)
+    force = magnetic_force(gap_law(z, m)[1], lam)
+    e_F = where(m.has_force_error > 0.0, -m.m * acceleration(z, 0.0, force, m), 0.0)
     return vector([z, z, lam, 0.0, e_F])
