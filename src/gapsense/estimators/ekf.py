@@ -135,20 +135,27 @@ def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pa
     h, H = linearise(observation, x, m)
     innovation, R = inputs.current - h[0], square(par.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
-    posterior = _update(prior, innovation, H[0], R, inputs.mode)
+    posterior = _update(prior, innovation, H[0], R, (held.mode, inputs.mode))
     return Pass(project(posterior, POSITION, 0.0, 1.0), prior, F, innovation, deviation(S))
 
 
-def _update(prior: Gaussian, innovation: Scalar, H: Array, R: Scalar, mode: Scalar) -> Gaussian:
+def _update(prior: Gaussian, innovation: Scalar, H: Array, R: Scalar, modes: tuple[Scalar, Scalar]) -> Gaussian:
     """On a stop the position is measured as well, without noise (27)-(29)."""
+    mode_before, mode = modes
 
     def moving() -> Gaussian:
         return condition(prior, vector([innovation]), matrix([H]), vector([R]))
 
     def resting() -> Gaussian:
         known = fix(prior, POSITION, limit(mode))
-        rest_of_it = innovation - H @ (known.mean - prior.mean)
-        return condition(known, vector([rest_of_it]), matrix([H]), vector([R]))
+        rest_of_it = vector([innovation - H @ (known.mean - prior.mean)])
+        still = Gaussian(known.mean, known.cov.copy())
+        still.cov[POSITION_PREV, :] = still.cov[:, POSITION_PREV] = 0.0  # as it is already: fewer operations
+        return cond(  # type: ignore[no-any-return]
+            is_moving(mode_before),
+            lambda: condition(known, rest_of_it, matrix([H]), vector([R])),
+            lambda: condition(still, rest_of_it, matrix([H]), vector([R])),
+        )
 
     return cond(is_moving(mode), moving, resting)  # type: ignore[no-any-return]
 
