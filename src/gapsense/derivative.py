@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.emit import Graph, Python
 from gapsense.emit.printer import operands
-from gapsense.trace import BOOLEAN, Expr, TraceError, cos, select, sin, where
+from gapsense.records import flatten
+from gapsense.trace import BOOLEAN, Expr, Tape, TraceError, cos, is_traced, select, sin, where
 
 _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost everywhere
 
@@ -63,6 +65,34 @@ def jacobian(functions: Sequence[Any], variables: Sequence[Expr]) -> Any:
     return np.array(rows, dtype=object)
 
 
+def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any, Any]:
+    """Value (m,) of `function(x, *records)` and its Jacobian by the vector `x`, an object array (m, n).
+
+    The same bits on floats as traced: for floats, `function` is traced and compiled once; it must be one of a module,
+    and `records` named tuples of scalars.
+    """
+    if is_traced(*x, *(value for record in records for value in record)):
+        values = function(x, *records)
+        return np.array([*values], dtype=object), jacobian(values, x)
+    flat = _linearised(function, len(x), *map(type, records))((*x, *(v for record in records for v in record)))
+    m = len(flat) // (len(x) + 1)
+    return np.array(flat[:m], dtype=object), np.array(flat[m:], dtype=object).reshape(m, len(x))
+
+
+@cache
+def _linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
+    tape = Tape()
+    x = np.array([tape.node("in", ()) for _ in range(n)], dtype=object)
+    records = [cls(*(tape.node("in", ()) for _ in cls._fields)) for cls in classes]
+    values, J = linearise(function, x, *records)
+    symbols = flatten([x, records])
+    layout = NamedTuple("layout", [(f"a{k}", Any) for k in range(len(symbols))])  # type: ignore[misc]
+    graph = Graph("linearised", tape, [("at", layout, symbols)], [(tuple, [*values, *J.ravel()])])
+    space: dict[str, Any] = {}
+    exec(compile(f"{Python.head}\n\n{Python(graph).source()}", f"<{function.__name__}, linearised>", "exec"), space)
+    return space["linearised"]
+
+
 _Rule = Callable[[Expr, Callable[[Any], Any]], Any]
 
 
@@ -112,7 +142,7 @@ _RULES: dict[str, _Rule] = {
     "*": lambda y, d: d(y.args[0]) * y.args[1] + y.args[0] * d(y.args[1]),
     "/": lambda y, d: (d(y.args[0]) - y * d(y.args[1])) / y.args[1],
     "where": lambda y, d: where(y.args[0], d(y.args[1]), d(y.args[2])),
-    "fabs": lambda y, d: where(y.args[0] < 0.0, -d(y.args[0]), d(y.args[0])),
+    "fabs": lambda y, d: where(y.args[0] < 0.0, 0.0 - d(y.args[0]), d(y.args[0])),
     "sqrt": lambda y, d: d(y.args[0]) / (2.0 * y),
     "log": lambda y, d: d(y.args[0]) / y.args[0],
     "exp": lambda y, d: d(y.args[0]) * y,

@@ -190,9 +190,9 @@ def _binary(op: str, a: Any, b: Any) -> Any:
 
 def _logic(op: str, a: Any, b: Any) -> Any:
     constant, other = (b, a) if isinstance(a, Expr) else (a, b)
-    if isinstance(constant, Expr):
-        return _make(op, a, b)
-    return other if bool(constant) is (op == "and") else bool(constant)
+    return (
+        _make(op, a, b) if isinstance(constant, Expr) else other if bool(constant) is (op == "and") else bool(constant)
+    )
 
 
 def _unary(name: str) -> Callable[[Any], Any]:
@@ -218,7 +218,9 @@ def not_(c: Any) -> Any:
 
 def where(c: Any, a: Any, b: Any) -> Any:
     """`a` if `c` else `b`; both are computed, so both must be harmless."""
-    return _make("where", c, a, b) if isinstance(c, Expr) and a is not b else b if a is b or not c else a
+    if not isinstance(c, Expr):
+        return a if c else b
+    return a if _key(_scalar(a)) == _key(_scalar(b)) else _make("where", c, a, b)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:

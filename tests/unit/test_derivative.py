@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import cmath
+import math
 import random
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from traced import Inputs, Outputs, Parameters, State, compiled, python_text
+from traced import Inputs, Outputs, Parameters, State, compiled, python_text, run_python
 
-from gapsense.derivative import derivative, jacobian
+from gapsense.derivative import derivative, jacobian, linearise
 from gapsense.emit import Python
 from gapsense.kernel import trace
 from gapsense.trace import (
@@ -190,3 +191,27 @@ def test_random_programs_against_finite_differences(program: list[tuple[str, int
         8 * (function(a + h, b, c) - function(a - h, b, c)) - (function(a + 2 * h, b, c) - function(a - 2 * h, b, c))
     ) / (12 * h)
     assert slope(function)(a, b, c) == pytest.approx(numeric, rel=1e-6, abs=1e-8)
+
+
+class Constants(NamedTuple):
+    k: Any
+    c: Any
+
+
+def curve(x: Any, pair: Constants) -> Any:
+    return [pair.k * x[0] * log(x[1]), x[1] * x[1] + pair.c, cond(x[0] > 0.0, lambda: x[0] * x[1], lambda: pair.c)]
+
+
+@pytest.mark.parametrize("x", [(1.5, 2.0), (-1.5, 0.25)])
+def test_linearise_gives_value_and_jacobian_on_floats_and_the_same_bits_traced(x: tuple[float, float]) -> None:
+    values, J = linearise(curve, x, Constants(3.0, 0.5))
+    a, b = x
+    assert values.tolist() == [3.0 * a * math.log(b), b * b + 0.5, a * b if a > 0.0 else 0.5]
+    slopes = [[3.0 * math.log(b), 3.0 * a / b], [0.0, 2.0 * b], [b, a] if a > 0.0 else [0.0, 0.0]]
+    np.testing.assert_allclose(J.astype(float), slopes, rtol=1e-15)
+    for row in range(3):
+        for column in range(2):
+            traced = run_python(
+                lambda p, q, k, i=row, j=column: linearise(curve, (p, q), Constants(k, 0.5))[1][i, j], *x, 3.0
+            )
+            assert traced == J[row, column]

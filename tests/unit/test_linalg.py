@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gapsense.linalg import deviation, diagonal, gain, identity, matrix, outer, symmetric, vector
+from gapsense.linalg import (
+    deviation,
+    diagonal,
+    gain,
+    identity,
+    ldl,
+    matrix,
+    nonnegative,
+    outer,
+    pivot,
+    solve,
+    symmetric,
+    vector,
+)
 
 
 def test_constructors_equal_numpy() -> None:
@@ -33,3 +46,21 @@ def test_gain_is_zero_without_information() -> None:
 @pytest.mark.parametrize(("variance", "expected"), [(4.0, 2.0), (0.0, 0.0), (-1e-20, 0.0)])
 def test_deviation_of_a_variance_that_rounding_made_negative_is_zero(variance: float, expected: float) -> None:
     assert deviation(variance) == expected
+
+
+def test_factors_give_the_matrix_back_and_solve_with_zero_pivots() -> None:
+    rng = np.random.default_rng(1)
+    for rank in (0, 1, 2, 4):
+        root = np.array([[1e6], [1.0], [1e-6], [1e-3]]) * rng.standard_normal((4, rank))
+        P, B = root @ root.T, root @ rng.standard_normal((rank, 2))
+        L, D = ldl(matrix(P.tolist()))
+        assert sum(d < np.inf for d in D) == rank
+        X = solve((L, D), matrix(B.tolist()))
+        np.testing.assert_allclose(
+            (P @ np.array(X, float)) / [[1e6], [1.0], [1e-6], [1e-3]], B / [[1e6], [1.0], [1e-6], [1e-3]], atol=1e-9
+        )
+
+
+def test_no_variance_is_negative_and_none_is_divided_by_when_zero() -> None:
+    np.testing.assert_array_equal(nonnegative(matrix([[-1e-20, 2.0], [9.0, 3.0]])), [[0.0, 0.0], [0.0, 3.0]])
+    assert [1.0 / pivot(S) for S in (2.0, 0.0, -1.0)] == [0.5, 0.0, 0.0]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.linalg import deviation, diagonal, gain, identity, matrix, outer, symmetric, vector
+from gapsense.estimators.kalman import Gaussian, condition, predict
+from gapsense.linalg import deviation, diagonal, gain, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
 from gapsense.trace import cond, fabs, square, where
 
@@ -78,11 +79,14 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     is_high = (fabs(i) > band) & (fabs(i_prev) > band)  # line 13
 
     H = vector([i, i / dt, -i_prev / dt])  # (11)
-    PH = state.P @ H
-    S = H @ PH + square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    R = square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    S = H @ (state.P @ H) + R
     innovation = u - H @ state.x
     is_used = (fabs(i) > band) | (par.gate_update > 0.0)
-    x, P = cond(is_used, lambda: _update(state, H, PH, S, innovation, par), lambda: _rest(state, par))
+    prior = Gaussian(state.x, state.P)
+    x, P = cond(  # lines 8 to 10, the covariance of Joseph: in float32 the printed one doubles the resistance error
+        is_used, lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])), lambda: _rest(prior, par)
+    )
 
     r = where(is_high, x[0], state.resistance)  # lines 14 and 15
     l = where(is_high, x[1], par.prior_inductance)
@@ -90,24 +94,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
     Q = diagonal([square(par.process_resistance_rate * dt), square(par.process_inductance_acceleration * dt * dt), 0.0])
-    return State(F @ x, symmetric(F @ symmetric(P) @ F.T + Q), i, r), outputs  # lines 11 and 12
+    return State(F @ x, predict(P, F, Q), i, r), outputs  # lines 11 and 12
 
 
-def _update(state: State, H: Array, PH: Array, S: Scalar, innovation: Scalar, par: Parameters) -> tuple[Array, Array]:
-    """Lines 8 to 10, the covariance in Joseph form: in float32 the printed one doubles the resistance error."""
-    K = gain(PH, S)
-    A = identity(3) - outer(K, H)
-    P = symmetric(A @ state.P @ A.T + outer(K, K) * square(par.noise_voltage))
-    return state.x + K * innovation, P
-
-
-def _rest(state: State, par: Parameters) -> tuple[Array, Array]:
+def _rest(prior: Gaussian, par: Parameters) -> Gaussian:
     """The device rests: l is that of the prior, as if measured, and what this says of r is kept; l then restarts."""
     l, l_var = par.prior_inductance, square(par.prior_inductance_std)
-    K = gain(state.P[:, 1], state.P[1, 1] + l_var)
-    r = state.x[0] + K[0] * (l - state.x[1])
-    r_var = state.P[0, 0] - K[0] * state.P[0, 1]
-    return vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
+    x, P = prior
+    K = gain(P[:, 1], P[1, 1] + l_var)
+    r = x[0] + K[0] * (l - x[1])
+    r_var = P[0, 0] - K[0] * P[0, 1]
+    return Gaussian(vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]]))
 
 
 def _outputs(

@@ -1,0 +1,194 @@
+"""Extended Kalman filter on the reduced model: position, velocity and flux linkage from voltage, current and contact.
+
+Forward pass of [RTS], Section III-A.  While the mover rests its position is measured without noise, which teaches the
+filter the force error; while it moves only the current is.  Outputs are in SI units; the state is normalised.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+from gapsense.derivative import linearise
+from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
+from gapsense.estimators.reduced_model import (
+    CURRENT_ERROR,
+    FLUX_LINKAGE,
+    FORCE_ERROR,
+    POSITION,
+    POSITION_PREV,
+    Held,
+    Model,
+    is_moving,
+    limit,
+    normalised,
+    observation,
+    rest,
+    transition,
+)
+from gapsense.linalg import deviation, diagonal, matrix, vector
+from gapsense.records import Array, Covariance, Scalar, Vector
+from gapsense.trace import cond, square, where
+
+
+class Parameters(NamedTuple):
+    """The reduced model, `reduced_model.Physics`, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    gap_reluctance: Scalar  # R_g0 [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f [m]
+    gap_tilt: Scalar  # [1/(H m)]
+    option_force_error: Scalar  # 1: with e_F
+    option_current_error: Scalar  # 1: with e_i
+    process_flux_linkage: Scalar  # standard deviation of w_lambda, per sample [Wb]
+    process_current_error: Scalar  # that of w_ei [A]
+    process_force_error: Scalar  # that of w_eF [N]
+    noise_current: Scalar  # sigma_i [A]
+    prior_flux_linkage: Scalar  # lambda_0 [Wb]
+    prior_flux_linkage_std: Scalar  # its standard deviation; 0 in the paper [Wb]
+    health_samples: Scalar  # over how many samples the health looks back [1]
+    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+
+
+class State(NamedTuple):
+    """What is carried from sample to sample."""
+
+    x: Annotated[Array, Vector(5)]  # projected posterior estimate
+    P: Annotated[Array, Covariance(5)]  # its covariance
+    voltage: Scalar  # voltage of this sample, held until the next [V]
+    mode: Scalar  # mode of this sample
+    surprise: Scalar  # mean of the squared normalised innovation [1]
+
+
+class Inputs(NamedTuple):
+    """Measurements."""
+
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+    mode: Scalar  # 1: lower stop, 2: moving, 3: upper stop
+
+
+class Outputs(NamedTuple):
+    """Estimates at the sample."""
+
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    current_error: Scalar
+    force_error: Scalar
+    position_std: Scalar
+    velocity_std: Scalar
+    flux_linkage_std: Scalar
+    current_error_std: Scalar
+    force_error_std: Scalar
+    innovation: Scalar
+    innovation_std: Scalar
+    health: Scalar  # 1 while the innovations are as large as expected, else 0
+
+
+class Pass(NamedTuple):
+    """One sample of the forward pass; the backward pass needs the rest of it."""
+
+    filtered: Gaussian  # projected
+    predicted: Gaussian
+    F: Array
+    innovation: Scalar
+    innovation_std: Scalar
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest on the stop that the mode names (61); a mode that says moving counts as the upper stop."""
+    m = normalised(par)
+    x = rest(inputs.mode, par.prior_flux_linkage, m)
+    variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
+    P = diagonal(variances)
+    state = State(x, P, inputs.voltage, inputs.mode, 1.0)
+    return state, Outputs(*(*physical(Gaussian(x, P), m), 0.0, par.noise_current, 1.0))
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: prediction, update, projection."""
+    m = normalised(par)
+    new = forward(Gaussian(state.x, state.P), Held(state.voltage, state.mode), inputs, m, par)
+    surprise = _surprise(state.surprise, new, par)
+    health = where(surprise < par.health_limit, 1.0, 0.0)
+    x, P = new.filtered
+    outputs = Outputs(*(*physical(new.filtered, m), new.innovation, new.innovation_std, health))
+    return State(x, P, inputs.voltage, inputs.mode, surprise), outputs
+
+
+def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pass:
+    """Prediction (32)-(33), update (34)-(36) with H at the prior, projection (39)-(42)."""
+    x, F = linearise(transition, before.mean, held, m)
+    prior = Gaussian(x, predict(before.cov, F, process_noise(m, par)))
+    h, H = linearise(observation, x, m)
+    innovation, R = inputs.current - h[0], square(par.noise_current)
+    S = H[0] @ (prior.cov @ H[0]) + R
+    posterior = _update(prior, innovation, H[0], R, (held.mode, inputs.mode))
+    return Pass(project(posterior, POSITION, 0.0, 1.0), prior, F, innovation, deviation(S))
+
+
+def _update(prior: Gaussian, innovation: Scalar, H: Array, R: Scalar, modes: tuple[Scalar, Scalar]) -> Gaussian:
+    """On a stop the position is measured as well, without noise (27)-(29)."""
+    mode_before, mode = modes
+
+    def moving() -> Gaussian:
+        return condition(prior, vector([innovation]), matrix([H]), vector([R]))
+
+    def resting() -> Gaussian:
+        known = fix(prior, POSITION, limit(mode))
+        rest_of_it = vector([innovation - H @ (known.mean - prior.mean)])
+        still = Gaussian(known.mean, known.cov.copy())
+        still.cov[POSITION_PREV, :] = still.cov[:, POSITION_PREV] = 0.0  # as it is already: fewer operations
+        return cond(  # type: ignore[no-any-return]
+            is_moving(mode_before),
+            lambda: condition(known, rest_of_it, matrix([H]), vector([R])),
+            lambda: condition(still, rest_of_it, matrix([H]), vector([R])),
+        )
+
+    return cond(is_moving(mode), moving, resting)  # type: ignore[no-any-return]
+
+
+def process_noise(m: Model, par: Any) -> Array:
+    """Q: none on the positions; without e_i or e_F that state stays zero (64), (65)."""
+    current_error = where(par.option_current_error > 0.0, square(par.process_current_error), 0.0)
+    force_error = where(par.option_force_error > 0.0, square(par.process_force_error * m.l_z), 0.0)
+    return diagonal([0.0, 0.0, square(par.process_flux_linkage), current_error, force_error])
+
+
+def physical(estimate: Gaussian, m: Model) -> tuple[Scalar, ...]:
+    """Position, velocity (23), flux linkage, current and force error in SI units, then their standard deviations."""
+    x, P = estimate
+    v_var = P[POSITION, POSITION] - 2.0 * P[POSITION, POSITION_PREV] + P[POSITION_PREV, POSITION_PREV]
+    speed = m.l_z / m.T_s
+    return (
+        m.z_min + m.l_z * x[POSITION],
+        (x[POSITION] - x[POSITION_PREV]) * speed,
+        x[FLUX_LINKAGE],
+        x[CURRENT_ERROR],
+        x[FORCE_ERROR] / m.l_z,
+        m.l_z * deviation(P[POSITION, POSITION]),
+        speed * deviation(v_var),
+        deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
+        deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
+        deviation(P[FORCE_ERROR, FORCE_ERROR]) / m.l_z,
+    )
+
+
+def _surprise(before: Scalar, new: Pass, par: Parameters) -> Scalar:
+    """Mean of the squared normalised innovation over about `health_samples` samples."""
+    is_known = new.innovation_std > 0.0
+    normalised_innovation = new.innovation / where(is_known, new.innovation_std, 1.0)
+    squared = where(is_known, square(normalised_innovation), 0.0)
+    return before + (squared - before) / where(par.health_samples > 1.0, par.health_samples, 1.0)

@@ -1,0 +1,175 @@
+"""Reduced model of a reluctance actuator, Section II-B of [RTS]: what its estimators believe.
+
+State x = (z*_k, z*_(k-1), lambda_k, e_i, e_F) (19), with the position normalised to [0, 1] and its past value in place
+of the velocity (Verlet).  The mode (1: lower stop, 2: moving, 3: upper stop) is an input.  Hysteresis and eddy currents
+are left out; e_i and e_F, constant but for noise, stand for what the current and the force equation do not say.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from gapsense.linalg import vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, cond, fabs, log, square, where
+
+SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
+SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
+FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable beyond
+POSITION, POSITION_PREV, FLUX_LINKAGE, CURRENT_ERROR, FORCE_ERROR = range(5)
+
+
+class Physics(NamedTuple):
+    """Parameters as a user knows them; the defaults of the components are Table I and Table II."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 = N^2 R_c0* [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    gap_reluctance: Scalar  # R_g0, that of a closed gap [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f, length of the fringing flux [m]
+    gap_tilt: Scalar  # slope added around the middle of the stroke, (56)-(57) [1/(H m)]
+    option_force_error: Scalar  # 1: with e_F, which is the normal force in contact; 0: without, (65)-(66)
+
+
+class Model(NamedTuple):
+    """The same normalised, (13) and (17)."""
+
+    T_s: Scalar
+    R: Scalar
+    m: Scalar
+    k_sp: Scalar
+    z_sp: Scalar
+    c_f: Scalar
+    R_c0: Scalar
+    lam_sat: Scalar
+    l_z: Scalar
+    z_min: Scalar
+    gap_offset: Scalar
+    gap_slope: Scalar
+    gap_fringing: Scalar
+    gap_window: Scalar
+    gap_tilt: Scalar
+    has_force_error: Scalar
+
+
+class Held(NamedTuple):
+    """Input u_k (21), held until the next sample."""
+
+    voltage: Scalar
+    mode: Scalar
+
+
+def normalised(par: Any) -> Model:
+    """The model for physical parameters, `Physics` or a record with the same fields: (17)."""
+    l_z = par.stop_upper - par.stop_lower
+    area, scale = square(l_z), l_z / square(par.coil_turns)
+    return Model(
+        T_s=par.sample_time,
+        R=par.coil_resistance,
+        m=par.mover_mass * area,
+        k_sp=par.spring_stiffness * area,
+        z_sp=(par.spring_rest - par.stop_lower) / l_z,
+        c_f=par.damping * area,
+        R_c0=par.core_reluctance / square(par.coil_turns),
+        lam_sat=par.core_saturation,
+        l_z=l_z,
+        z_min=par.stop_lower,
+        gap_offset=par.gap_reluctance / square(par.coil_turns),
+        gap_slope=par.gap_slope * scale,
+        gap_fringing=par.gap_fringing,
+        gap_window=par.gap_window,
+        gap_tilt=par.gap_tilt * scale,
+        has_force_error=par.option_force_error,
+    )
+
+
+def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """R_g* = (R_g0 + R_g0' g / (1 + k g ln(c/g))) / N^2 with the gap g = z_min + l_z z*, and its derivative by z*."""
+    g = m.z_min + m.l_z * z
+
+    def beyond() -> tuple[Scalar, Scalar]:
+        end = where(g < m.gap_window, SMALLEST_GAP, m.gap_window)
+        R, slope = _fringing(end, m)
+        return R + slope * ((g - end) / m.l_z), slope
+
+    R, slope = cond((g > SMALLEST_GAP) & (g < m.gap_window), lambda: _fringing(g, m), beyond)
+    return m.gap_offset + R + (z - 0.5) * m.gap_tilt, slope + m.gap_tilt
+
+
+def _fringing(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    widening = 1.0 + m.gap_fringing * g * log(m.gap_window / g)
+    return m.gap_slope / m.l_z * g / widening, m.gap_slope * (1.0 + m.gap_fringing * g) / square(widening)
+
+
+def core_law(lam: Scalar, m: Model) -> Scalar:
+    """R_c*(lambda) of Froehlich and Kennelly (15), continued linearly above `SATURATED`."""
+    x = fabs(lam) / m.lam_sat
+    y = where(x < SATURATED, x, SATURATED)
+    return m.R_c0 / (1.0 - y) + m.R_c0 / square(1.0 - SATURATED) * (x - y)
+
+
+def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model) -> Scalar:
+    """f_i* (14) [A], for the reluctance of the gap."""
+    return (R_g + core_law(lam, m)) * lam + e_i
+
+
+def acceleration(z: Scalar, v: Scalar, force: Scalar, m: Model) -> Scalar:
+    """f_v* (16) [1/s^2], for the sum of the magnetic force and e_F."""
+    return (m.k_sp * (m.z_sp - z) - m.c_f * v + force) / m.m
+
+
+def magnetic_force(slope: Scalar, lam: Scalar) -> Scalar:
+    """Its part of (16), for the slope of the gap reluctance."""
+    return -0.5 * slope * square(lam)
+
+
+def is_moving(mode: Scalar) -> Scalar:
+    """Mode 2."""
+    return (mode > 1.5) & (mode < 2.5)
+
+
+def limit(mode: Scalar) -> Scalar:
+    """Normalised position on a stop: 0 on the lower, 1 on the upper."""
+    return where(mode > 1.5, 1.0, 0.0)
+
+
+def transition(x: Array, u: Held, m: Model) -> Array:
+    """f(x, u) (20): position (22), (66), its past value (24), flux linkage (25), with minus R i, and errors (26)."""
+    z, z_prev, lam, e_i, e_F = x
+    R_g, slope = gap_law(z, m)
+
+    def moving() -> Scalar:
+        force = magnetic_force(slope, lam) + e_F
+        return 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
+
+    def resting() -> Scalar:
+        z_stop = limit(u.mode)
+        force = magnetic_force(gap_law(z_stop, m)[1], lam) + e_F
+        return z_stop + where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
+
+    z_next = cond(is_moving(u.mode), moving, resting)
+    lam_next = lam + m.T_s * (u.voltage - m.R * current(R_g, lam, e_i, m))
+    return vector([z_next, z, clip(lam_next, -FLUX_LIMIT * m.lam_sat, FLUX_LIMIT * m.lam_sat), e_i, e_F])
+
+
+def observation(x: Array, m: Model) -> Array:
+    """The current of h(x) (28); the position of a stop is a row of its own."""
+    return vector([current(gap_law(x[POSITION], m)[0], x[FLUX_LINKAGE], x[CURRENT_ERROR], m)])
+
+
+def rest(mode: Scalar, lam: Scalar, m: Model) -> Array:
+    """State at rest on a stop (61): e_F holds the mover there."""
+    z = limit(mode)
+    force = magnetic_force(gap_law(z, m)[1], lam)
+    e_F = where(m.has_force_error > 0.0, -m.m * acceleration(z, 0.0, force, m), 0.0)
+    return vector([z, z, lam, 0.0, e_F])

@@ -1,0 +1,143 @@
+"""Filter and smoother over a record: a Python function from arrays to the posterior, [RTS], Section III.
+
+For studies and measured data; in a co-simulation the component `Ertss` does the same sample by sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapsense.emit import Python
+from gapsense.estimators import ekf
+from gapsense.estimators.ekf import Parameters, physical
+from gapsense.estimators.ertss import backward, impact
+from gapsense.estimators.kalman import Gaussian
+from gapsense.estimators.reduced_model import Held, limit, normalised
+from gapsense.kernel import Kernel, trace
+from gapsense.linalg import vector
+from gapsense.records import Array, Covariance, Vector, record, triangle
+
+Floats = NDArray[np.float64]
+
+
+class Estimate(NamedTuple):
+    """State and covariance of one sample, normalised."""
+
+    x: Annotated[Array, Vector(5)]
+    P: Annotated[Array, Covariance(5)]
+
+
+class Estimates(NamedTuple):
+    """Estimates of all samples; `mean` and `cov` normalised, the others in SI units."""
+
+    mean: Floats  # (N, 5)
+    cov: Floats  # (N, 5, 5)
+    position: Floats  # (N,), as the following
+    velocity: Floats
+    flux_linkage: Floats
+    current_error: Floats
+    force_error: Floats
+    position_std: Floats
+    velocity_std: Floats
+    flux_linkage_std: Floats
+    current_error_std: Floats
+    force_error_std: Floats
+
+
+class Operation(NamedTuple):
+    """One motion: samples `first` to `landed - 1` are in motion."""
+
+    first: int
+    landed: int  # first sample on the stop
+    takeoff_time: float  # of the last sample at rest [s]
+    landing_time: float  # between two samples [s]
+    impact_speed: float  # [m/s]
+
+
+class Posterior(NamedTuple):
+    """What filter and smoother make of a record; outside complete motions the smoothed are the filtered estimates."""
+
+    filtered: Estimates
+    smoothed: Estimates
+    operations: list[Operation]
+
+
+def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: Parameters) -> Posterior:
+    """Filter the record, and smooth every motion of it that lands.
+
+    Parameters
+    ----------
+    voltage, current, mode : (N,) arrays
+        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop.
+    par : Parameters
+        Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
+
+    Returns
+    -------
+    Posterior
+    """
+    v, i, q = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
+    filtered = _filter(list(zip(v, i, q)), par)
+    smoothed, operations = list(filtered), []
+    for first, landed in motions(q):
+        for k in range(landed - 1, first - 1, -1):
+            smoothed[k] = _backward()(filtered[k], (v[k], q[k]), smoothed[k + 1], par)
+        x, m = list(smoothed[landed - 1][:5]), normalised(par)
+        time, speed = impact(vector(x), limit(q[landed]), landed * par.sample_time, m)
+        operations.append(Operation(first, landed, (first - 1) * par.sample_time, time, speed))
+    return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
+
+
+def motions(mode: ArrayLike) -> list[tuple[int, int]]:
+    """First sample and landing sample of every motion that starts and ends at rest."""
+    q = np.asarray(mode, float)
+    moving = (q > 1.5) & (q < 2.5)
+    change = np.flatnonzero(moving[1:] != moving[:-1]) + 1
+    starts, ends = change[moving[change]], change[~moving[change]]
+    ends = ends[ends > starts[0]] if len(starts) else ends[:0]
+    return [(int(a), int(b)) for a, b in zip(starts, ends)]
+
+
+def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[tuple[float, ...]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples."""
+    scalar = _kernel().scalar
+    state, _ = scalar["initial"](inputs[0], tuple(par))
+    found = [state[:20]]
+    for given in inputs[1:]:
+        state, _ = scalar["step"](state, given, tuple(par))
+        found.append(state[:20])
+    return found
+
+
+@cache
+def _kernel() -> Kernel:
+    return Kernel(ekf)
+
+
+@cache
+def _backward() -> Callable[..., tuple[float, ...]]:
+    """`ertss.backward` as scalar Python on flat tuples."""
+
+    def smoothed(filtered: Estimate, held: Held, later: Estimate, par: Parameters) -> Estimate:
+        return Estimate(*backward(Gaussian(*filtered), held, Gaussian(*later), normalised(par), par))
+
+    arguments = {"filtered": Estimate, "held": Held, "later": Estimate, "par": Parameters}
+    space: dict[str, Any] = {}
+    source = f"{Python.head}\n\n{Python(trace(smoothed, arguments)).source()}"
+    exec(compile(source, "<backward pass>", "exec"), space)
+    return space["smoothed"]  # type: ignore[no-any-return]
+
+
+def _estimates(entries: list[tuple[float, ...]], par: Parameters) -> Estimates:
+    values = np.array(entries, float)
+    mean, cov = values[:, :5], np.empty((len(values), 5, 5))
+    for k, (i, j) in enumerate(triangle(5)):
+        cov[:, i, j] = cov[:, j, i] = values[:, 5 + k]
+    m = normalised(par)
+    rows = [physical(Gaussian(*record(Estimate, entry)), m) for entry in entries]
+    return Estimates(mean, cov, *np.array(rows, float).T)

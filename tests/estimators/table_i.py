@@ -1,0 +1,14 @@
+"""Parameters of the estimators of [RTS]: the defaults of their components."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kernel_cases import components
+
+
+def defaults(kernel: Any, **changes: float) -> Any:
+    """The kernel's `Parameters` with the defaults of its component."""
+    component, _ = components()[kernel.__name__]
+    values = {port.field: float(port.start) for port in component.of("parameter")}
+    return kernel.Parameters(**{**values, **changes})
