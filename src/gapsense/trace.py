@@ -2,15 +2,14 @@
 
 A kernel runs on Python floats as it stands.  Run on `Expr` values (in numpy object arrays where it uses matrices) the
 same lines record what they compute: matrix products unroll, structural zeros and ones vanish, common subexpressions are
-shared.  `emit.py` prints the graph as scalar Python, as numpy code over N runs, or as C99.  The order of operations is
-kept: source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
+shared.  `emit` prints the graph as scalar Python, numpy code over N runs, or C99.  The order of operations is kept:
+source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
 
 Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`,
 `loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
 
-An `Expr` is a node: operation and operands.  A `Region` lists the nodes of the function, of a branch or of a loop body;
-they may use those of enclosing regions.  `cond` and `loop` are nodes whose `extra` holds inner regions and what these
-return; `get` nodes pick one returned value each.
+An `Expr` is a node: operation and operands.  A `Region` lists the nodes of a function, branch or loop body; they may
+use those of enclosing regions.  `cond` and `loop` nodes hold inner regions and what these return; `get` picks one value.
 """
 
 from __future__ import annotations
@@ -190,9 +189,9 @@ def _binary(op: str, a: Any, b: Any) -> Any:
 
 def _logic(op: str, a: Any, b: Any) -> Any:
     constant, other = (b, a) if isinstance(a, Expr) else (a, b)
-    return (
-        _make(op, a, b) if isinstance(constant, Expr) else other if bool(constant) is (op == "and") else bool(constant)
-    )
+    if isinstance(constant, Expr):
+        return _make(op, a, b)
+    return other if bool(constant) is (op == "and") else bool(constant)
 
 
 def _unary(name: str) -> Callable[[Any], Any]:
@@ -218,9 +217,8 @@ def not_(c: Any) -> Any:
 
 def where(c: Any, a: Any, b: Any) -> Any:
     """`a` if `c` else `b`; both are computed, so both must be harmless."""
-    if not isinstance(c, Expr):
-        return a if c else b
-    return a if _key(_scalar(a)) == _key(_scalar(b)) else _make("where", c, a, b)
+    same = isinstance(c, Expr) and _key(_scalar(a)) == _key(_scalar(b))
+    return _make("where", c, a, b) if isinstance(c, Expr) and not same else a if same or c else b
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:

@@ -119,11 +119,40 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     )
 
 
+class _Motion(NamedTuple):
+    """Counters of the motion that is recorded and of the one that is smoothed, after this sample."""
+
+    half: Scalar
+    count: Scalar
+    start: Scalar
+    lands: Scalar  # truth value: a motion ends with this sample
+    smoothed_half: Scalar
+    length: Scalar
+    left: Scalar
+    first: Scalar
+    samples: Array
+
+
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published."""
     m = normalised(par)
     before = ekf.State(state.x, state.P, state.voltage, state.mode, state.surprise)
     now, outputs = ekf.step(before, ekf.Inputs(inputs.voltage, inputs.current, inputs.mode), par)
+    motion = _recorded(state, inputs, now, par)
+    left, samples, later, landing = _smoothed(state, inputs, now, outputs, motion, m, par)
+
+    published = where(motion.lands, 0.0, state.published)
+    is_published = (left <= 0.0) & (published < motion.length)
+    shown = _shown(samples, where(is_published, motion.smoothed_half * LENGTH + published, SPARE), m)
+    published = where(is_published, published + 1.0, published)
+    time = where(is_published, motion.first + published * par.sample_time, inputs.time)
+    counters = (motion.half, motion.count, motion.start, motion.smoothed_half, motion.length, left)
+    new = State(*(*now, *counters, published, motion.first, *later, *landing, samples))
+    return new, Outputs(*(*outputs, where(is_published, 1.0, 0.0), time, *shown, *landing))
+
+
+def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> _Motion:
+    """The filtered sample kept, if the mover moves; at a landing the motion becomes the one to be smoothed."""
     moves, moved = is_moving(inputs.mode), is_moving(state.mode)
     takes_off = moves & not_(moved)
     half = where(takes_off, 1.0 - state.half, state.half)
@@ -131,47 +160,47 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     start = where(takes_off, inputs.time - par.sample_time, state.start)
     slot = where(moves & (count <= LENGTH), half * LENGTH + count - 1.0, SPARE)
     entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), inputs.voltage]
-    samples = _stored(state.samples, slot, 0, entries)
-
     lands = moved & not_(moves) & (count > 0.0) & (count <= LENGTH)
-    smoothed_half = where(lands, half, state.smoothed_half)
-    length = where(lands, count, state.length)
-    left = where(lands, count, state.left)
-    first = where(lands, start, state.first)
-    is_busy = left > 0.0
-    slot = where(is_busy, smoothed_half * LENGTH + left - 1.0, SPARE)
+    return _Motion(
+        half,
+        count,
+        start,
+        lands,
+        smoothed_half=where(lands, half, state.smoothed_half),
+        length=where(lands, count, state.length),
+        left=where(lands, count, state.left),
+        first=where(lands, start, state.first),
+        samples=_stored(state.samples, slot, 0, entries),
+    )
+
+
+def _smoothed(
+    state: State, inputs: Inputs, now: ekf.State, outputs: ekf.Outputs, motion: _Motion, m: Model, par: Parameters
+) -> tuple[Scalar, Array, Any, Any]:
+    """One sample of the backward pass, if one is left: samples left, the memory, the later estimate, the landing."""
+    is_busy = motion.left > 0.0
+    slot = where(is_busy, motion.smoothed_half * LENGTH + motion.left - 1.0, SPARE)
+    last_landing = (state.takeoff_time, state.landing_time, state.impact_speed)
+    last = (state.later_mean, state.later_cov)
 
     def back() -> Any:
-        x, P, voltage = _recorded(samples, slot)
-        later = Gaussian(*cond(lands, lambda: (now.x, now.P), lambda: (state.later_mean, state.later_cov)))
+        x, P, voltage = _loaded(motion.samples, slot)
+        later = Gaussian(*cond(motion.lands, lambda: (now.x, now.P), lambda: last))
         found = backward(Gaussian(x, P), Held(voltage, 2.0), later, m, par)
         landing = cond(
-            lands,
-            lambda: (start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
-            lambda: (state.takeoff_time, state.landing_time, state.impact_speed),
+            motion.lands,
+            lambda: (motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
+            lambda: last_landing,
         )
-        stds = physical(found, m)[5:7]
-        return found.mean, found.cov, landing, (*found.mean, *stds)
+        return (found.mean, found.cov), landing, (*found.mean, *physical(found, m)[5:7])
 
     def idle() -> Any:
-        landing = (state.takeoff_time, state.landing_time, state.impact_speed)
-        return state.later_mean, state.later_cov, landing, (*now.x, outputs.position_std, outputs.velocity_std)
+        return last, last_landing, (*now.x, outputs.position_std, outputs.velocity_std)
 
-    later_mean, later_cov, landing, entries = cond(is_busy, back, idle)
-    samples = _stored(samples, slot, 0, entries[:5])
+    later, landing, entries = cond(is_busy, back, idle)
+    samples = _stored(motion.samples, slot, 0, entries[:5])
     samples = _stored(samples, slot, STD, entries[5:])
-    left = where(is_busy, left - 1.0, left)
-
-    published = where(lands, 0.0, state.published)
-    is_published = (left <= 0.0) & (published < length)
-    shown = _shown(samples, where(is_published, smoothed_half * LENGTH + published, SPARE), m)
-    published = where(is_published, published + 1.0, published)
-    time = where(is_published, first + published * par.sample_time, inputs.time)
-    new = State(
-        *(*now, half, count, start, smoothed_half, length, left, published, first),
-        *(later_mean, later_cov, *landing, samples),
-    )
-    return new, Outputs(*(*outputs, where(is_published, 1.0, 0.0), time, *shown, *landing))
+    return where(is_busy, motion.left - 1.0, motion.left), samples, later, landing
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, par: Any) -> Gaussian:
@@ -199,7 +228,7 @@ def _stored(samples: Array, slot: Scalar, place: int, entries: Any) -> Array:
     return samples
 
 
-def _recorded(samples: Array, slot: Scalar) -> tuple[Array, Array, Scalar]:
+def _loaded(samples: Array, slot: Scalar) -> tuple[Array, Array, Scalar]:
     """Filtered estimate and voltage of a sample."""
     values = [load(samples, slot * WIDTH, k) for k in range(STD)]
     place = {pair: 5 + k for k, pair in enumerate(triangle(5))}
