@@ -8,8 +8,8 @@ source, scalar Python and C give the same bits, but for the sign of a zero and f
 Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`,
 `loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
 
-An `Expr` is a node: operation and operands.  A `Region` lists the nodes of a function, branch or loop body;
-they may use those of enclosing regions.  `cond` and `loop` nodes hold inner regions and what these return; `get` picks one value.
+An `Expr` is a node: operation and operands.  A `Region` lists the nodes of a function, branch or loop body; they may
+use those of enclosing regions.  `cond` and `loop` nodes hold regions and what these return; `get` picks one value.
 """
 
 from __future__ import annotations
