@@ -84,7 +84,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     innovation = u - H @ state.x
     is_used = (fabs(i) > band) | (par.gate_update > 0.0)
     prior = Gaussian(state.x, state.P)
-    x, P = cond(  # lines 8 to 10, the covariance of Joseph: in float32 the printed one doubles the resistance error
+    x, P = cond(  # lines 8 to 10, Joseph form: in float32 the printed one spoils r
         is_used, lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])), lambda: _rest(prior, par)
     )
 
