@@ -97,12 +97,6 @@ def solve(factors: tuple[Any, Any], B: Any) -> Any:
     return X
 
 
-def gain(PH: Any, S: Any) -> Any:
-    """Kalman gain PH / S of a scalar measurement; zero where S is zero: no information in this direction."""
-    is_positive = S > 0.0
-    return PH * where(is_positive, 1.0 / where(is_positive, S, 1.0), 0.0)
-
-
 def deviation(variance: Any) -> Any:
     """Standard deviation; zero where rounding has made the variance negative."""
     return sqrt(where(variance > 0.0, variance, 0.0))

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gapsense.drive import drive_voltage as drive
 from gapsense.drive.drive_voltage import PWM, SQUARE, STEP, TABLE, Inputs, Parameters, State
+from gapsense.fmi.tables import running_integral
 from gapsense.kernel import Kernel
 from gapsense.records import flat
 
@@ -31,7 +32,7 @@ BASE = Parameters(
     step_time=7e-3,
     table_file_time=TIMES,
     table_file_voltage=VOLTAGES,
-    table_file_integral=drive.running_integral(TIMES, VOLTAGES),
+    table_file_integral=running_integral(TIMES, VOLTAGES),
     pwm_high=30.0,
     pwm_low=-30.0,
     pwm_frequency=1e3,
@@ -177,7 +178,7 @@ def test_jump_on_a_summed_communication_point(is_table, k):
         step_time=jump,
         table_file_time=table,
         table_file_voltage=[1.5, 1.5, 30.1, 30.1],
-        table_file_integral=drive.running_integral(table, [1.5, 1.5, 30.1, 30.1]),
+        table_file_integral=running_integral(table, [1.5, 1.5, 30.1, 30.1]),
     )
     points = [*accumulate([dt] * (2 * k), initial=0.0)]
     voltages, means = run(points, par, steps=[dt] * (2 * k))
@@ -220,7 +221,7 @@ def test_table_holds_its_ends_and_takes_jumps_in_its_first_and_last_row():
         waveform=TABLE,
         table_file_time=times,
         table_file_voltage=voltages,
-        table_file_integral=drive.running_integral(times, voltages),
+        table_file_integral=running_integral(times, voltages),
     )
     shown, means = run([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0], par)
     assert [*shown] == [5.0, 5.0, 5.0, 15.0, 20.0, -3.0, -3.0]
@@ -237,7 +238,7 @@ def test_enable_switches_both_outputs_to_zero(waveform, enable, is_on):
 
 
 def test_running_integral_of_a_ramp_and_a_jump():
-    assert drive.running_integral([0.0, 2.0, 2.0, 3.0], [0.0, 4.0, 1.0, 1.0]) == [0.0, 4.0, 4.0, 5.0]
+    assert running_integral([0.0, 2.0, 2.0, 3.0], [0.0, 4.0, 1.0, 1.0]) == [0.0, 4.0, 4.0, 5.0]
 
 
 def steps_of(seed, count):

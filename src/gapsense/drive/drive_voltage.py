@@ -10,8 +10,6 @@ step after starts on it, so that its volt-seconds are neither lost nor counted t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import accumulate
 from typing import Annotated, NamedTuple
 
 from gapsense.records import Array, Scalar, Table
@@ -35,7 +33,7 @@ class Parameters(NamedTuple):
     step_time: Scalar  # [s]
     table_file_time: Annotated[Array, Table()]  # not decreasing, a repeated time is a jump; at least two rows [s]
     table_file_voltage: Annotated[Array, Table()]  # linear in between, the ends are held [V]
-    table_file_integral: Annotated[Array, Table()]  # `running_integral` of the two [V s]
+    table_file_integral: Annotated[Array, Table()]  # its running integral, made by the shell [V s]
     pwm_high: Scalar  # above `pwm_low` [V]
     pwm_low: Scalar  # [V]
     pwm_frequency: Scalar  # of the carrier, positive [Hz]
@@ -89,20 +87,6 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     is_on = inputs.enable > 0.5
     return State(inputs.time), Outputs(where(is_on, voltage, 0.0), where(is_on, mean, 0.0))
-
-
-def running_integral(time: Sequence[float], voltage: Sequence[float]) -> list[float]:
-    """Integral of a piecewise linear voltage from the first time to each time, the column `table_file_integral` [V s].
-
-    Parameters
-    ----------
-    time : (n,) sequence
-        Times, not decreasing [s].
-    voltage : (n,) sequence
-        Voltages at these times [V].
-    """
-    pieces = ((t1 - t0) * (u0 + u1) / 2.0 for t0, t1, u0, u1 in zip(time, time[1:], voltage, voltage[1:]))
-    return list(accumulate(pieces, initial=0.0))
 
 
 def _wave(inputs: Inputs, par: Parameters) -> _Wave:

@@ -31,7 +31,7 @@ from gapsense.trace import cond, square, where
 
 
 class Parameters(NamedTuple):
-    """The reduced model, `reduced_model.Physics`, and the tuning."""
+    """The reduced model as a user knows it, Tables I and II, and the tuning."""
 
     sample_time: Scalar  # T_s [s]
     coil_resistance: Scalar  # R [ohm]

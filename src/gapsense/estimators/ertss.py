@@ -91,9 +91,7 @@ class Outputs(NamedTuple):
     innovation: Scalar
     innovation_std: Scalar
     health: Scalar
-    smoothed_published: (
-        Scalar  # 1: smoothed values of a sample in motion, 0: there is none to publish, and they are the filter's
-    )
+    smoothed_published: Scalar  # 1: values of a sample in motion; 0: there is none, they are the filter's
     smoothed_time: Scalar
     smoothed_position: Scalar
     smoothed_velocity: Scalar

@@ -19,28 +19,6 @@ FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable be
 POSITION, POSITION_PREV, FLUX_LINKAGE, CURRENT_ERROR, FORCE_ERROR = range(5)
 
 
-class Physics(NamedTuple):
-    """Parameters as a user knows them; the defaults of the components are Table I and Table II."""
-
-    sample_time: Scalar  # T_s [s]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    core_reluctance: Scalar  # R_c0 = N^2 R_c0* [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
-    gap_reluctance: Scalar  # R_g0, that of a closed gap [1/H]
-    gap_slope: Scalar  # R_g0' [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f, length of the fringing flux [m]
-    gap_tilt: Scalar  # slope added around the middle of the stroke, (56)-(57) [1/(H m)]
-    option_force_error: Scalar  # 1: with e_F, which is the normal force in contact; 0: without, (65)-(66)
-
-
 class Model(NamedTuple):
     """The same normalised, (13) and (17)."""
 
@@ -70,7 +48,7 @@ class Held(NamedTuple):
 
 
 def normalised(par: Any) -> Model:
-    """The model for physical parameters, `Physics` or a record with the same fields: (17)."""
+    """The model for physical parameters, a record with the fields of `ekf.Parameters`: (17)."""
     l_z = par.stop_upper - par.stop_lower
     area, scale = square(l_z), l_z / square(par.coil_turns)
     return Model(

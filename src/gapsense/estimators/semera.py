@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.linalg import deviation, diagonal, gain, matrix, vector
+from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
 from gapsense.trace import cond, fabs, square, where
 
@@ -64,12 +64,16 @@ class Outputs(NamedTuple):
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """Prior (25)-(26), and iota_0 registered; the prior belongs to sample 1 and is not propagated."""
+    """Prior, and iota_0 registered; the prior belongs to sample 1 and is not propagated."""
     r, l = par.prior_resistance, par.prior_inductance
-    l_var = square(par.prior_inductance_std)
-    P = matrix([[square(par.prior_resistance_std), 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]])
-    state = State(vector([r, l, l]), P, inputs.current, r)
-    return state, _outputs(inputs, par, r, l, 0.0, P, 0.0, par.noise_voltage)
+    x, P = _at_rest(r, square(par.prior_resistance_std), par)
+    return State(x, P, inputs.current, r), _outputs(inputs, par, r, l, 0.0, P, 0.0, par.noise_voltage)
+
+
+def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
+    """Estimate for a device at rest, (25)-(26)."""
+    l, l_var = par.prior_inductance, square(par.prior_inductance_std)
+    return Gaussian(vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]]))
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -99,12 +103,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def _rest(prior: Gaussian, par: Parameters) -> Gaussian:
     """The device rests: l is that of the prior, as if measured, and what this says of r is kept; l then restarts."""
-    l, l_var = par.prior_inductance, square(par.prior_inductance_std)
-    x, P = prior
-    K = gain(P[:, 1], P[1, 1] + l_var)
-    r = x[0] + K[0] * (l - x[1])
-    r_var = P[0, 0] - K[0] * P[0, 1]
-    return Gaussian(vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]]))
+    innovation = vector([par.prior_inductance - prior.mean[1]])
+    x, P = condition(prior, innovation, matrix([[0.0, 1.0, 0.0]]), vector([square(par.prior_inductance_std)]))
+    return _at_rest(x[0], P[0, 0], par)
 
 
 def _outputs(

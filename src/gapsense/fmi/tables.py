@@ -48,7 +48,7 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
         problems.append(f"{len(xs)} rows, but at least {fewest} with different `{read[0]}` are needed")
     if problems:
         raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
-    made = {"integral": _integral, "spline": _spline}
+    made = {"integral": running_integral, "spline": _spline}
     return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name in marks]
 
 
@@ -79,7 +79,8 @@ def _number(row: list[str], index: int, column: str, line: int, problems: list[s
     return value
 
 
-def _integral(xs: list[float], ys: list[float]) -> list[float]:
+def running_integral(xs: list[float], ys: list[float]) -> list[float]:
+    """Integral of a piecewise linear `ys` over `xs`, from the first row to each row."""
     pieces = ((x1 - x0) * (y0 + y1) / 2.0 for x0, x1, y0, y1 in zip(xs, xs[1:], ys, ys[1:]))
     return list(accumulate(pieces, initial=0.0))
 
