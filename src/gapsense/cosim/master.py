@@ -146,7 +146,7 @@ class Master:
         self.view[:] = 0.0
         for part in self.parts:
             component = part.component
-            own = {"seed": seeds[component.name]} if component.name in seeds else {}
+            own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
             own.update({p.variable: value for p, value in (values or {}).items() if p.component == component.name})
             part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)

@@ -78,7 +78,7 @@ class Sweep:
 
 def sweep(
     scenario: str | Path,
-    seeds: int = 1,
+    seeds: int | None = None,
     variant: str | None = None,
     workers: int = 2,
     out: str | Path | None = None,
@@ -93,8 +93,8 @@ def sweep(
     ----------
     scenario : str or Path
         Scenario file, or its folder; it must have `[sweep]` or `[seeds]`.
-    seeds : int
-        Number of runs of each combination.
+    seeds : int, optional
+        Number of runs of each combination; by default 1, or 200 of a scenario without `[sweep]`.
     variant : str, optional
         Variant of the scenario.
     workers : int
@@ -116,6 +116,7 @@ def sweep(
     Sweep
     """
     read, descriptions = prepare(scenario, variant, fmus)
+    seeds = (1 if read.grid else 200) if seeds is None else seeds
     refuse_senseless(read, seeds, workers, keep and out is None)
     total = seeds * len(read.points())
     hashes = {name: description.sha256 for name, description in descriptions.items()}
