@@ -34,7 +34,7 @@ def branch(start, H, par):
 
 
 def closed_loop(peak, par, cycles=8, points=4001):
-    """Field and flux density of the symmetric loop up to `peak` [A/m], after some cycles from the demagnetized state."""
+    """Field and flux density of the symmetric loop up to `peak` [A/m], some cycles after the demagnetized state."""
     state, _ = branch([0.0, 0.0], np.linspace(0.0, peak, points), par)
     for _ in range(cycles):
         down, up = np.linspace(peak, -peak, points), np.linspace(-peak, peak, points)
