@@ -26,7 +26,15 @@ else:
     import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parents[2]
-VALVE, RELAY = ROOT / "scenarios" / "semera_valve", ROOT / "scenarios" / "semera_relay"
+VALVE, RELAY, PROFILES = (ROOT / "scenarios" / name for name in ("semera_valve", "semera_relay", "profiles"))
+CASES = [
+    (VALVE, None),
+    (VALVE, "literal"),
+    (VALVE, "gated"),
+    (RELAY, None),
+    (PROFILES, None),
+    (PROFILES, "thresholds"),
+]
 FOLDERS = {load_component(folder).name: folder for folder in find_components(ROOT / "fmus")}
 
 
@@ -127,7 +135,7 @@ def by_hand(folder: Path, variant: str | None) -> dict[str, np.ndarray]:
     return {name: np.array([row[name] for row in rows]) for name in now}
 
 
-@pytest.mark.parametrize(("folder", "variant"), [(VALVE, None), (VALVE, "literal"), (VALVE, "gated"), (RELAY, None)])
+@pytest.mark.parametrize(("folder", "variant"), CASES)
 def test_run_through_fmus_equals_the_kernels_called_in_a_plain_loop(fmus, folder, variant):
     expected, result = by_hand(folder, variant), run(folder, variant, fmus)
     patterns = read(folder, variant)["record"]["signals"]
