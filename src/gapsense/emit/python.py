@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from gapsense.emit.names import renamed
 from gapsense.emit.printer import Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
@@ -75,7 +76,7 @@ def locate(table, x):
         self.region(g.tape.root)
         self.write(f"return {', '.join(self._tuple(entries) for _, entries in g.results)}")
         arguments = ", ".join(name for name, _, _ in g.arguments)
-        return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(self.lines) + "\n"
+        return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(renamed(self.lines)) + "\n"
 
     def _tuple(self, entries: list[Any]) -> str:
         texts = [self.memory(len(e)) if isinstance(e, list) else self.ref(e) for e in entries]
