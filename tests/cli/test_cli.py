@@ -29,7 +29,7 @@ def test_help_names_every_command_and_the_exit_codes(gapsense):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_each_command_says_what_it_does(gapsense, command):
-    done = gapsense(command, "--help")
+    done = gapsense(*command.split(), "--help")
     assert done.exit_code == 0
     assert f"gapsense {command}" in done.output or f" {command} " in done.output
     assert len(done.output.splitlines()) > 5
@@ -103,7 +103,7 @@ WRONG = {
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_wrong_scenario_is_refused_in_one_sentence(gapsense, write, fmus, command, case):
     old, new, words = WRONG[case]
-    lines = problems(gapsense(command, write((old, new)), "--fmus", fmus))
+    lines = problems(gapsense(*command.split(), write((old, new)), "--fmus", fmus))
     assert len(lines) == 1
     assert all(word in lines[0] for word in words), lines
     assert not Path("results").exists()
@@ -123,15 +123,15 @@ def test_missing_folder_of_fmus_is_named_for_every_component(gapsense, write):
     assert all("nowhere" in line and "gapsense build" in line for line in lines)
 
 
-@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "observability", "test"])
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "study observability", "test"])
 def test_missing_scenario_is_named(gapsense, fmus, command):
-    lines = problems(gapsense(command, "nowhere", "--fmus", fmus))
+    lines = problems(gapsense(*command.split(), "nowhere", "--fmus", fmus))
     assert len(lines) == 1 and "nowhere" in lines[0]
 
 
-@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "observability"])
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure", "baseline", "study observability"])
 def test_unknown_variant_is_named(gapsense, write, fmus, command):
-    lines = problems(gapsense(command, write(), "--variant", "other", "--fmus", fmus))
+    lines = problems(gapsense(*command.split(), write(), "--variant", "other", "--fmus", fmus))
     assert len(lines) == 1 and "`other`" in lines[0]
 
 
@@ -300,7 +300,7 @@ def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
 
 
 def test_observability_prints_ranks_and_counts(gapsense, write, fmus):
-    done = gapsense("observability", write(), "--fmus", fmus)
+    done = gapsense("study", "observability", write(), "--fmus", fmus)
     assert (done.exit_code, done.stderr) == (0, "")
     assert re.search(r"^linear \(33\)-\(35\) +2 ", done.stdout, re.MULTILINE)
     assert "longest: " in done.stdout
@@ -308,6 +308,6 @@ def test_observability_prints_ranks_and_counts(gapsense, write, fmus):
 
 def test_observability_needs_a_current_and_samples(gapsense, write, fmus):
     without = write(('"valve.*", ', ""), ("reference = ", "# reference = "), ('"rmse"', '"std"'))
-    assert "no `current`" in problems(gapsense("observability", without, "--fmus", fmus))[0]
+    assert "no `current`" in problems(gapsense("study", "observability", without, "--fmus", fmus))[0]
     brief = write(("stop = 2e-3", "stop = 1e-4"))
-    assert "at least 4" in problems(gapsense("observability", brief, "--fmus", fmus))[0]
+    assert "at least 4" in problems(gapsense("study", "observability", brief, "--fmus", fmus))[0]

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 LOUD = """
 import contextlib, sys
-from gapsense import cli
+from gapsense.cli import app, scenarios
 
 @contextlib.contextmanager
 def bar(title):
@@ -24,8 +24,8 @@ def bar(title):
             said.append(print(title))
     yield progress
 
-cli.bar = bar  # says when the run is under way
-cli.app()
+scenarios.bar = bar  # says when the run is under way
+app()
 """
 
 

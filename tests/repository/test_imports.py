@@ -17,7 +17,7 @@ MAY_IMPORT = {
     "cosim": {"cosim", "native"},
     "studies": NUMBERS,
     "report": NUMBERS | {"fmi", "report"},
-    "cli": NUMBERS | {"fmi", "report"},
+    "cli": NUMBERS | {"fmi", "report", "cli"},
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE},

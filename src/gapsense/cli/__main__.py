@@ -1,0 +1,5 @@
+"""`python -m gapsense.cli`."""
+
+from gapsense.cli import app
+
+app()

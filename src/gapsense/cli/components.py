@@ -1,0 +1,46 @@
+"""Commands for components: build them, list them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense import cosim
+from gapsense.cli.common import app, checkout, out, reported
+from gapsense.report import tables
+
+
+@app.command()
+def build(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
+    ] = None,
+    to: Annotated[Path | None, typer.Option("--out", help="Where to write them", show_default="build/fmus")] = None,
+) -> None:
+    """Build and validate the FMUs of the components in fmus/."""
+    with reported():
+        command = [
+            sys.executable,
+            str(checkout() / "build_fmus.py"),
+            *(names or []),
+            *(["--out", str(to)] if to else []),
+        ]
+        raise typer.Exit(subprocess.run(command).returncode)
+
+
+@app.command("list")
+def list_() -> None:
+    """List components, whether they are built, and scenarios with their variants."""
+    from gapsense.fmi.package import find_components, load_component
+
+    with reported():
+        root = checkout()
+        components = [load_component(p) for p in find_components(root / "fmus")]
+        built = {p.stem for p in (root / "build" / "fmus").glob("*.fmu")}
+        out.print(tables.components(components, built))
+        scenarios = [(p.parent, cosim.load(p)) for p in cosim.find_scenarios(root / "scenarios")]
+        out.print(tables.scenarios(root, scenarios))
