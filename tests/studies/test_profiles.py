@@ -65,7 +65,7 @@ def test_errors_are_those_of_the_samples_in_motion(first):
         expected = abs(first["ekf.velocity"][m.landed - 1] - speed) / 1e-3
         assert errors.velocity["EKF", operation][-1] == pytest.approx(expected, rel=1e-9)
     text = profiles_report.text([profile, profile], errors)
-    assert "making: 2 motions from stop to stop, 1 different; 0 back" in text
+    assert "making: 2 motions from stop to stop, 1 of them different; 0 back" in text
     median = f"{np.median(errors.velocity['ERTSS', 'breaking']):10.4g}"
     assert median in next(line for line in text.splitlines()[::-1] if line.startswith("  breaking  ERTSS  "))
 

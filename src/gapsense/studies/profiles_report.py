@@ -26,8 +26,8 @@ def counts(profiles: Sequence[Profile]) -> Iterator[str]:
         back, late = sum(m.returns for m in found), sum(not m.published for m in found)
         samples = sum(m.landed - m.first for m in found)
         yield (
-            f"  {operation}: {len(found) - back} motions from stop to stop, {different(profiles, operation)} different; "
-            f"{back} back to the stop they left; {samples} samples"
+            f"  {operation}: {len(found) - back} motions from stop to stop, {different(profiles, operation)} of them "
+            f"different; {back} back to the stop they left; {samples} samples"
         )
         yield f"    {late} were cut off by a landing before they were published, and are smoothed from the record"
     worst = max((profile.difference for profile in profiles), default=0.0)
