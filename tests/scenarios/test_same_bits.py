@@ -17,7 +17,7 @@ import pytest
 from gapsense.cosim import Master, prepare, run, run_once
 from gapsense.fmi.package import find_components, kernel_of, load_component
 from gapsense.fmi.ports import Component
-from gapsense.fmi.tables import read_table
+from gapsense.fmi.tables import column_name, read_table
 from gapsense.records import fields
 
 if sys.version_info >= (3, 11):
@@ -61,7 +61,7 @@ def flat_parameters(component: Component, folder: Path, names: list[str], values
         value = values.get(port.name, port.start)
         if port.columns:
             columns = read_table(folder / value, port.columns)
-            by_field |= {f"{port.field}_{c.partition(':')[0]}": column for c, column in zip(port.columns, columns)}
+            by_field |= {f"{port.field}_{column_name(c)}": column for c, column in zip(port.columns, columns)}
         else:
             by_field[port.field] = float(port.choices.index(value) if port.choices else value)
     return [by_field[name] for name in names]

@@ -7,7 +7,7 @@ sample, and against its velocity since the sample before, which is what a positi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,12 @@ ESTIMATORS = (FILTER, *SMOOTHERS)
 OPERATIONS = ("making", "breaking")
 HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
 LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)  # of the box plots [%]
+GAP_LAW: Any = {  # the formula; the table is of no importance then
+    "gap_law": 0.0,
+    "gap_file_gap": [0.0, 1.0],
+    "gap_file_reluctance": [0.0, 1.0],
+    "gap_file_spline": [0.0, 0.0],
+}
 PUBLISHED = {"position": 0.1, "velocity": 130.0}  # 75 % of the errors of the ERTSS are smaller, about
 
 
@@ -99,7 +105,10 @@ def from_record(result: Result, name: str) -> Estimates:
     """Smoothed estimates from the recorded measurements, with the parameters of a component."""
     start = f"{name}."
     known = {key[len(start) :].replace(".", "_"): v for key, v in result.parameters.items() if key.startswith(start)}
-    par = Parameters(**{field: float(known[field]) for field in Parameters._fields})
+    if known["gap_law"] != "fringing":
+        raise ValueError(f"`{name}.gap.law` is `{known['gap_law']}`; this study needs the law `fringing`. Change it.")
+    numbers = {field: float(known[field]) for field in Parameters._fields if field not in GAP_LAW}
+    par = Parameters(**numbers, **GAP_LAW)
     voltage, current, mode = (result[f"sensor.{signal}_measured"] for signal in ("voltage", "current", "mode"))
     return smooth_record(voltage, current, mode, par).smoothed
 
