@@ -9,6 +9,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import COMPONENT_FAILED, INTERRUPTED, Fmus, Scenario, bar, err, out, reported, stem, study
+from gapsense.cosim.signals import recorded_signals
 
 ALL = (None, "thresholds", "threshold_mode", "early")
 Variants = Annotated[
@@ -42,6 +43,8 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     from gapsense.studies import profiles as experiment
     from gapsense.studies import profiles_report
 
+    read, descriptions = cosim.prepare(scenario, variant, fmus)
+    experiment.require(recorded_signals(read, descriptions), read.name)
     with bar("sweeping") as progress:
         swept = cosim.sweep(scenario, None, variant, workers, to, fmus, progress=progress, keep=True)
     for index, error in swept.errors.items():

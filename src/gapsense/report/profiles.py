@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, TRUE, line, recorded
-from gapsense.studies.profiles import ESTIMATORS, LEVELS, OPERATIONS, SMOOTHERS, Errors, Profile, line_up
+from gapsense.studies.profiles import ESTIMATORS, LEVELS, OPERATIONS, SIGNALS, Errors, Profile, line_up
 
-MEASURED = ("sensor.voltage_measured", "sensor.current_measured", "sensor.mode_measured", "actuator.position")
 MARGIN = 0.5e-3  # time shown before and after an operation [s]
 MEDIAN = {"color": "red"}
 OUTSIDE = {"marker": ".", "markersize": 1.5, "markeredgecolor": FAINT}
@@ -19,8 +18,7 @@ OUTSIDE = {"marker": ".", "markersize": 1.5, "markeredgecolor": FAINT}
 
 def cycle(result: Result) -> Figure:
     """Figure 12: one cycle, and its making and breaking with reference and estimates; positions normalised."""
-    smoothed = (f"{n}.smoothed_{s}" for n in SMOOTHERS.values() for s in ("published", "time", "position", "velocity"))
-    recorded(result, (*MEASURED, "ekf.position", "ekf.velocity", *smoothed))
+    recorded(result, SIGNALS)
     profile, end = line_up(result), 1e3 * result.times[-1]
     figure: Any = Figure(figsize=(9.0, 8.5), layout="constrained")
     figure.suptitle(f"{result.run.scenario}: {result.run.title}")

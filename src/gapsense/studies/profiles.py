@@ -6,7 +6,7 @@ sample, and against its velocity since the sample before, which is what a positi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +20,11 @@ Vector = npt.NDArray[np.float64]
 FILTER, SMOOTHERS = "EKF", {"ERTSS": "ertss", "ERTSS\\e_i": "no_current_error", "ERTSS\\e_F": "no_force_error"}
 ESTIMATORS = (FILTER, *SMOOTHERS)
 OPERATIONS = ("making", "breaking")
+SIGNALS = (
+    *(f"sensor.{signal}_measured" for signal in ("voltage", "current", "mode")),
+    *("actuator.position", "ekf.position", "ekf.velocity"),
+    *(f"{name}.smoothed_{s}" for name in SMOOTHERS.values() for s in ("published", "time", "position")),
+)
 HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
 LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)  # of the box plots [%]
 GAP_LAW: Any = {  # the formula; the table is of no importance then
@@ -66,6 +71,16 @@ class Errors(NamedTuple):
     velocity: dict[tuple[str, str], Vector]
 
 
+def require(signals: Collection[str], scenario: str) -> None:
+    """Refuse a scenario that does not record what the study needs, with all that is missing."""
+    missing = [name for name in SIGNALS if name not in signals]
+    if missing:
+        raise ValueError(
+            f"{scenario}: the study of the profiles needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            "Add them to `[record]`, or take the scenario `profiles`."
+        )
+
+
 def line_up(result: Result) -> Profile:
     """Put the estimates of a run at the samples that they are about.
 
@@ -82,6 +97,7 @@ def line_up(result: Result) -> Profile:
     -------
     Profile
     """
+    require(result.signals, result.run.scenario)
     low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
 
     def curve(position: Vector, velocity: Vector) -> Curve:
