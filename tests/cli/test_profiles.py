@@ -34,8 +34,8 @@ def test_study_runs_the_profiles_prints_numbers_and_draws(gapsense, fmus, tmp_pa
 
 
 def test_what_is_not_recorded_is_told_before_the_runs(gapsense, fmus, tmp_path):
-    scenario = short(tmp_path, ('"*.smoothed_time", ', ""))
+    scenario = short(tmp_path, ('"*.velocity", ', ""))
     done = gapsense("study", "profiles", scenario, "--variant", "threshold_mode", "--fmus", fmus)
     assert done.exit_code == 2
-    assert "`ertss.smoothed_time`, `no_current_error.smoothed_time`" in done.stderr
+    assert "the study of the profiles needs `ekf.velocity`, not recorded" in done.stderr.replace("\n", " ")
     assert not (tmp_path / "results").exists()
