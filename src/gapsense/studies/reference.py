@@ -22,7 +22,7 @@ BLOCK = 100  # runs at once, so that the arrays (runs, N) stay in the cache
 
 
 class Reference(NamedTuple):
-    """States (47) of all samples: (N,), and the errors (runs, N)."""
+    """States (47) of all samples: (N,), and the two errors (runs, N)."""
 
     position: Floats
     position_prev: Floats
@@ -58,9 +58,9 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
 
 
 def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
-    """Mean of w w' over runs and samples, its diagonal (5,): (59)-(60) with the states of each run's own model.
+    """Diagonal (5,) of Q: mean of w^2 over runs and the whole cycle, contacts included, (59)-(60).
 
-    The sum goes over the whole cycle, contacts included; the normalised states make the force error that of e_F [N m].
+    The states are those of each run's own model, so that the positions have no noise; that of e_F is in (N m)^2.
     """
     count, total = np.atleast_1d(varied.m).size, np.zeros(5)
     for k in range(0, count, BLOCK):
