@@ -179,7 +179,7 @@ def varied_model(m: Model, varied: Varied, variant: Variant) -> Model:
 @cache
 def estimate_record(n: int) -> Any:
     """Class of an estimate of which `n` states are uncertain."""
-    return NamedTuple("Estimate", [("x", Annotated[Array, Vector(5)]), ("P", Annotated[Array, Covariance(n)])])  # type: ignore[misc]
+    return NamedTuple("Estimate", [("x", Annotated[Array, Vector(5)]), ("P", Annotated[Array, Covariance(n)])])
 
 
 def embedded(row: Any, states: Sequence[int]) -> Gaussian:
@@ -200,7 +200,7 @@ def compiled(function: Callable[..., Any], **arguments: type) -> Code:
     source = f"{Numpy.head}\n\n{Numpy(trace(function, arguments)).source()}"
     exec(compile(source, f"<{function.__name__} over runs>", "exec"), space)
     made = space[function.__name__]
-    return lambda *rows: made(*rows, 0)  # type: ignore[no-any-return]
+    return lambda *rows: made(*rows, 0)
 
 
 class _Voltage(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from gapsense.studies.perturbation import chunks, errors, noise, perturbed
 from gapsense.studies.reference import process_noise
 from gapsense.studies.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.studies.soft_landing import Samples
-from gapsense.studies.tasks import compute
+from gapsense.studies.tasks import Facts, compute
 
 Floats = NDArray[np.float64]
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
@@ -43,7 +43,7 @@ class Study(NamedTuple):
         return {**self._asdict(), "samples": samples, "model": [*self.model]}
 
 
-def study_of(facts: Mapping[str, Any]) -> Study:
+def study_of(facts: Facts) -> Study:
     """The study of `Study.facts`."""
     samples = Samples(**{name: np.array(values) for name, values in facts["samples"].items()})
     return Study(samples, Model(*facts["model"]), facts["seed"], facts["noise_current"])
@@ -99,9 +99,11 @@ def compare(
     Comparison
     """
     if runs < 1 or not widths or min(widths) < 0.0:
-        raise ValueError(f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative. Correct them.")
+        raise ValueError(
+            f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative. Correct them."
+        )
     parts = chunks(runs)
-    tasks = [{"width": width, "runs": runs} for width in widths]
+    tasks: list[Facts] = [{"width": width, "runs": runs} for width in widths]
     total = len(tasks) * (1 + len(parts))
     noises = compute(noise_of_width, study.facts(), tasks, workers, file, _shifted(progress, 0, total))
     tunings = [tuning(variances, study) for variances in noises.results]
@@ -124,7 +126,7 @@ def tuning(variances: Sequence[float], study: Study) -> Tuning:
     return Tuning(flux_linkage, current_error, force_error / study.model.l_z, study.noise_current)
 
 
-def noise_of_width(facts: Mapping[str, Any], task: Mapping[str, Any]) -> list[float]:
+def noise_of_width(facts: Facts, task: Facts) -> list[float]:
     """Task: the diagonal of Q (60) for one width."""
     study = study_of(facts)
     relative = [errors(study.seed, chunk, size) for chunk, size in chunks(task["runs"])]
@@ -132,7 +134,7 @@ def noise_of_width(facts: Mapping[str, Any], task: Mapping[str, Any]) -> list[fl
     return process_noise(study.samples, varied, study.model).tolist()  # type: ignore[no-any-return]
 
 
-def errors_of_chunk(facts: Mapping[str, Any], task: Mapping[str, Any]) -> dict[str, Any]:
+def errors_of_chunk(facts: Facts, task: Facts) -> dict[str, Any]:
     """Task: squared errors, summed over the runs of a chunk, (estimators, operations, quantities); the worst run."""
     study, runs = study_of(facts), task["runs"]
     varied = perturbed(study.model, task["width"] * errors(study.seed, task["chunk"], runs))

@@ -8,43 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from gapsense.actuators.parameters import RTS_VALVE
-from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.estimators.reduced_model import Model, gap_law
 from gapsense.studies.batch import Varied
 
 Floats = NDArray[np.float64]
 ERRORS = 8  # parameters that are wrong (52)
 CHUNK = 5000  # runs that share a generator, and are computed at once
-
-
-def nominal(
-    actuator: Parameters = RTS_VALVE,
-    core_reluctance: float = 1.75,
-    core_saturation: float = 0.0238,
-    sample_time: float = 20e-6,
-) -> Model:
-    """The reduced model (13)-(17) of an actuator; R_c0* [1/H] and lambda_sat [Wb] are fitted, by default Table II."""
-    l_z = actuator.stop_upper - actuator.stop_lower
-    area, turns = l_z * l_z, actuator.coil_turns * actuator.coil_turns
-    return Model(
-        T_s=sample_time,
-        R=actuator.coil_resistance,
-        m=actuator.mover_mass * area,
-        k_sp=actuator.spring_stiffness * area,
-        z_sp=(actuator.spring_rest - actuator.stop_lower) / l_z,
-        c_f=actuator.damping * area,
-        R_c0=core_reluctance,
-        lam_sat=core_saturation,
-        l_z=l_z,
-        z_min=actuator.stop_lower,
-        gap_offset=actuator.gap_reluctance / turns,
-        gap_slope=actuator.gap_slope * l_z / turns,
-        gap_fringing=actuator.gap_fringing,
-        gap_window=actuator.gap_window,
-        gap_tilt=0.0,
-        has_force_error=1.0,
-    )
 
 
 @cache

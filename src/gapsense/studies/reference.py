@@ -7,18 +7,18 @@ what is then left of its transition from sample to sample.  For one model or for
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
 from gapsense.linalg import vector
-from gapsense.records import Scalar
+from gapsense.records import Array, Scalar, Vector
 from gapsense.studies.batch import Code, Variant, Varied, compiled, varied_model
 
 Floats = NDArray[np.float64]
-BLOCK = 100  # runs at once, so that the arrays (runs, N) stay in the cache
+BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache
 
 
 class Reference(NamedTuple):
@@ -52,7 +52,7 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
     """
     z = (samples.position - m.z_min) / m.l_z
     before, after = np.append(z[0], z[:-1]), np.append(z[1:], z[-1])
-    at = (z, before, after, samples.flux_linkage, samples.voltage, samples.current, samples.mode)
+    at = [z, before, after, samples.flux_linkage, samples.voltage, samples.current, samples.mode]
     e_i, e_F = _over_runs(_error_code(m), at, varied)
     return Reference(z, before, samples.flux_linkage, e_i, e_F)
 
@@ -64,7 +64,8 @@ def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
     """
     count, total = np.atleast_1d(varied.m).size, np.zeros(5)
     for k in range(0, count, BLOCK):
-        total += (transition_errors(samples, _part(varied, k), m) ** 2).sum(axis=(1, 2))
+        block = Varied(*(np.atleast_1d(value)[k : k + BLOCK] for value in varied))
+        total += (transition_errors(samples, block, m) ** 2).sum(axis=(1, 2))
     return np.asarray(total / (count * (samples.time.size - 1)))
 
 
@@ -72,21 +73,17 @@ def transition_errors(samples: Any, varied: Varied, m: Model) -> Floats:
     """w_k = x_(k+1) - f(x_k, u_k) (59) of all states, runs and samples: (5, runs, N - 1)."""
     x = reference_states(samples, varied, m)
     now = [a[..., :-1] for a in (*x, samples.voltage, samples.mode)]
-    predicted = _over_runs(_transition_code(m), now, varied)
-    return np.stack([a[..., 1:] - f for a, f in zip(x, predicted)])
+    with np.errstate(all="ignore"):
+        predicted = _transition_code(m)(now, [np.atleast_1d(value)[:, None] for value in varied])
+    return np.stack([a[..., 1:] - f for a, f in zip(np.broadcast_arrays(*x), predicted)])
 
 
-def _part(varied: Varied, k: int) -> Varied:
-    return Varied(*(np.atleast_1d(value)[k : k + BLOCK] for value in varied))
-
-
-def _over_runs(code: Code, at: Any, varied: Varied) -> list[Floats]:
+def _over_runs(code: Code, at: list[Floats], varied: Varied) -> list[Floats]:
     """Results (runs, N) of generated code: the runs as a column beside the row of the samples."""
     columns = [np.atleast_1d(value)[:, None] for value in varied]
+    blocks = [[value[k : k + BLOCK] for value in columns] for k in range(0, len(columns[0]), BLOCK)]
     with np.errstate(all="ignore"):
-        found = code([np.asarray(value, float) for value in at], columns)
-    shape = np.broadcast_shapes(columns[0].shape, at[0].shape)
-    return [np.broadcast_to(value, shape) for value in found]
+        return [np.concatenate(parts) for parts in zip(*(code(at, block) for block in blocks))]
 
 
 class _At(NamedTuple):
@@ -102,26 +99,18 @@ class _At(NamedTuple):
 
 
 class _Errors(NamedTuple):
-    e_i: Scalar
-    e_F: Scalar
+    current: Scalar
+    force: Scalar
 
 
-class _States(NamedTuple):
-    z: Scalar
-    z_prev: Scalar
-    lam: Scalar
-    e_i: Scalar
-    e_F: Scalar
+class _State(NamedTuple):
+    x: Annotated[Array, Vector(5)]
 
 
 class _Driven(NamedTuple):
-    """All states, and the inputs."""
+    """A state and the inputs."""
 
-    z: Scalar
-    z_prev: Scalar
-    lam: Scalar
-    e_i: Scalar
-    e_F: Scalar
+    x: Annotated[Array, Vector(5)]
     voltage: Scalar
     mode: Scalar
 
@@ -140,8 +129,7 @@ def _error_code(m: Model) -> Code:
 
 @cache
 def _transition_code(m: Model) -> Code:
-    def predicted(at: _Driven, varied: Varied) -> _States:
-        u = Held(at.voltage, at.mode)
-        return _States(*transition(vector([*at[:5]]), u, varied_model(m, varied, Variant())))
+    def predicted(at: _Driven, varied: Varied) -> _State:
+        return _State(transition(at.x, Held(at.voltage, at.mode), varied_model(m, varied, Variant())))
 
     return compiled(predicted, at=_Driven, varied=Varied)

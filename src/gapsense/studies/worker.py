@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from typing import Any
 
 from gapsense.cosim.worker import imported, private_output, send
 from gapsense.studies.tasks import answer
@@ -16,7 +17,7 @@ def main() -> None:
     """Answer requests until the input ends."""
     answers = private_output()
     request = json.loads(sys.stdin.readline())
-    function = imported(request["function"])
+    function: Any = imported(request["function"])
     send(answers, {"problems": []})
     for line in sys.stdin:
         send(answers, answer(function, request, int(line)))
