@@ -72,12 +72,17 @@ class Flux(NamedTuple):
 def mechanics(t: float, m: Motion) -> Mechanics:
     """Position and its derivatives at time `t`."""
     s, travel = (t - m.start) / m.duration, m.last - m.first
+    share = _smooth_step(s) if s < 0.5 else 1.0 - _smooth_step(1.0 - s)  # exact at both ends
     return Mechanics(
-        position=m.first + travel * s**3 * (10.0 - s * (15.0 - 6.0 * s)),
+        position=(1.0 - share) * m.first + share * m.last,
         velocity=travel / m.duration * 30.0 * s**2 * (1.0 - s) ** 2,
         acceleration=travel / m.duration**2 * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
         jerk=travel / m.duration**3 * 60.0 * (1.0 - 6.0 * s * (1.0 - s)),
     )
+
+
+def _smooth_step(s: float) -> float:
+    return s**3 * (10.0 - s * (15.0 - 6.0 * s))
 
 
 def flux_for(x: Mechanics, act: Actuator) -> tuple[float, float, float]:

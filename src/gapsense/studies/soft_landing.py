@@ -8,26 +8,17 @@ model (`inverse_actuator`).  After the making the hold voltage is applied, after
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from scipy.optimize import brentq
 
-from gapsense.actuators import motion, reluctance_actuator
-from gapsense.actuators.magnetics import flux_force, smooth_gap_law
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN
+from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
-from gapsense.actuators.reluctance_steps import Actuator
-from gapsense.kernel import Kernel
-from gapsense.studies.inverse_actuator import Motion, SoftLandingError, follow, needed_flux
+from gapsense.studies.inverse_actuator import Motion, SoftLandingError
+from gapsense.studies.soft_landing_phases import Cycle, Setup, Vector, balancing_voltage, move, rest
 
-Vector = npt.NDArray[np.float64]
-BALANCE = 1e-9  # net force that counts as none, in forces of the spring
 INSTANT = 1e-12  # [s]; times that are closer are the same
-LOCK = 1e9  # rest position of the spring that holds the mover on its stop, by 1 N/m
 
 
 class Trajectory(NamedTuple):
@@ -43,22 +34,6 @@ class Trajectory(NamedTuple):
 
 
 FIG_5 = Trajectory()
-
-
-class Cycle(NamedTuple):
-    """One period, arrays (n,); at the ends of the phases, where the voltage may jump, a time comes twice."""
-
-    time: Vector
-    voltage: Vector
-    position: Vector
-    velocity: Vector
-    acceleration: Vector
-    flux: Vector
-    effective_field: Vector
-    core_field: Vector
-    current: Vector
-    mode: Vector
-    flux_linkage: Vector
 
 
 class Samples(NamedTuple):
@@ -109,7 +84,7 @@ def run(
     """All cycles; arguments of `soft_landing`."""
     check(actuator, trajectory, step)
     par = actuator._replace(micro_step=step)
-    fixed = _Run(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
+    fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
     state = State(0.0, 0.0, actuator.stop_upper, 0.0, OPEN, 0.0, 0.0, 0.0, 0.0)
     found = []
     for _ in range(cycles):
@@ -126,6 +101,8 @@ def check(actuator: Parameters, trajectory: Trajectory, step: float) -> None:
         f"`stop_lower` of {actuator.stop_lower} m must be below `stop_upper` of {actuator.stop_upper} m": (
             actuator.stop_lower < actuator.stop_upper
         ),
+        f"`spring_rest` of {actuator.spring_rest} m must be above `stop_upper` of {actuator.stop_upper} m, or nothing "
+        "holds the mover there": actuator.spring_rest > actuator.stop_upper,
         "`step`, `lead`, `making_duration` and `breaking_duration` must be positive": (
             min(step, c.lead, c.making_duration, c.breaking_duration) > 0.0
         ),
@@ -169,15 +146,7 @@ def sampled(cycle: Cycle, sample_time: float = 20e-6) -> Samples:
     )
 
 
-class _Run(NamedTuple):
-    """What does not change during a run."""
-
-    par: Parameters
-    act: Actuator
-    highest: float
-
-
-def _cycle(run: _Run, c: Trajectory, state: State) -> tuple[Cycle, State]:
+def _cycle(run: Setup, c: Trajectory, state: State) -> tuple[Cycle, State]:
     """One cycle: rest, lead and motion, for the making and for the breaking."""
     making_end, breaking_end = c.making_start + c.making_duration, c.breaking_start + c.breaking_duration
     upper, lower = run.par.stop_upper, run.par.stop_lower
@@ -186,88 +155,9 @@ def _cycle(run: _Run, c: Trajectory, state: State) -> tuple[Cycle, State]:
         (0.0, 0.0, Motion(c.making_start, c.making_duration, upper, lower)),
         (making_end, c.hold_voltage, Motion(c.breaking_start, c.breaking_duration, lower, upper)),
     ):
-        rest, state = _rest(run, state, begin, m.start - c.lead, voltage)
-        lead, state = _rest(run, state, m.start - c.lead, m.start, balancing_voltage(run, state, m, c.lead))
-        moving, state = _move(run, state, m)
-        parts += [rest, lead, moving]
-    rest, state = _rest(run, state, breaking_end, c.period, 0.0)
-    return Cycle(*(np.concatenate(columns) for columns in zip(*parts, rest))), state
-
-
-def balancing_voltage(run: _Run, state: State, m: Motion, lead: float) -> float:
-    """Constant voltage during `lead` after which the magnet balances the spring, as the motion starts with it [V]."""
-    target = needed_flux(m.start, m, run.act).flux
-    par = _locked(run.par, state.mode)
-
-    def lacking(voltage: float) -> float:
-        return float(_kernel().step(state, Inputs(m.start, lead, voltage), par)[0].flux - target)
-
-    low, high = lacking(-run.highest), lacking(run.highest)
-    if not low < 0.0 < high:
-        raise SoftLandingError(
-            f"t = {m.start:.6g} s: the motion needs a flux of {target:.4g} Wb at its start; between "
-            f"-{run.highest} V and {run.highest} V, {lead} s reach {target + low:.4g} to {target + high:.4g} Wb. "
-            "Make `lead` longer, or `highest_voltage` higher."
-        )
-    return float(brentq(lacking, -run.highest, run.highest, xtol=1e-13, rtol=1e-15))
-
-
-def _rest(run: _Run, state: State, begin: float, end: float, voltage: float) -> tuple[Cycle, State]:
-    """Samples of the mover at rest under a constant voltage, and the state at the end."""
-    par, times = _locked(run.par, state.mode), _grid(begin, end, run.par.micro_step)
-    rows = [_kernel().step(state, Inputs(begin, 0.0, voltage), par)]
-    for before, t in zip(times[:-1].tolist(), times[1:].tolist()):
-        rows.append(_kernel().step(rows[-1][0], Inputs(t, t - before, voltage), par))
-    flux = np.array([s.flux for s, _ in rows])
-    _, slope, _ = smooth_gap_law(state.position, run.act.gap)
-    spring = motion.spring_force(state.position, run.act.mover)
-    leaving = motion.inward(state.mode, flux_force(flux, slope) + spring) > BALANCE * abs(spring)
-    if leaving.any():
-        raise SoftLandingError(
-            f"t = {times[leaving.argmax()]:.6g} s: the mover leaves its stop under {voltage:.4g} V, before its time. "
-            "Correct `hold_voltage`, or `lead`."
-        )
-    held = np.ones(times.size)
-    cycle = Cycle(
-        time=times,
-        voltage=voltage * held,
-        position=state.position * held,
-        velocity=0.0 * held,
-        acceleration=0.0 * held,
-        flux=flux,
-        effective_field=np.array([s.effective_field for s, _ in rows]),
-        core_field=np.array([o.core_field for _, o in rows]),
-        current=np.array([o.current for _, o in rows]),
-        mode=state.mode * held,
-        flux_linkage=run.par.coil_turns * flux,
-    )
-    return cycle, rows[-1][0]
-
-
-def _move(run: _Run, state: State, m: Motion) -> tuple[Cycle, State]:
-    """Samples of the motion, and the state of the mover landed."""
-    times = _grid(m.start, m.start + m.duration, run.par.micro_step)
-    rows = follow(m, state.effective_field, run.act, times)
-    beyond = next((r for r in rows if not abs(r.voltage) <= run.highest), None)
-    if beyond:
-        raise SoftLandingError(
-            f"t = {beyond.time:.6g} s: this motion needs {beyond.voltage:.4g} V, more than `highest_voltage` of "
-            f"{run.highest} V. Make its duration longer than {m.duration} s, or `highest_voltage` higher."
-        )
-    last, mode = rows[-1], CLOSED if m.last < m.first else OPEN
-    cycle = Cycle(*np.array([(*r, MOVING, run.par.coil_turns * r.flux) for r in rows]).T)
-    return cycle, State(last.flux, last.effective_field, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
-
-
-def _grid(begin: float, end: float, step: float) -> Vector:
-    return np.linspace(begin, end, math.ceil((end - begin) / step - 1e-6) + 1)
-
-
-def _locked(par: Parameters, mode: float) -> Parameters:
-    """The actuator with its mover held on its stop by a spring that never gives way."""
-    return par._replace(spring_stiffness=1.0, spring_rest=LOCK if mode == OPEN else -LOCK)
-
-
-@cache
-def _kernel() -> Kernel:
-    return Kernel(reluctance_actuator)
+        waiting, state = rest(run, state, begin, m.start - c.lead, voltage)
+        lead, state = rest(run, state, m.start - c.lead, m.start, balancing_voltage(run, state, m, c.lead))
+        moving, state = move(run, state, m)
+        parts += [waiting, lead, moving]
+    waiting, state = rest(run, state, breaking_end, c.period, 0.0)
+    return Cycle(*(np.concatenate(columns) for columns in zip(*parts, waiting))), state
