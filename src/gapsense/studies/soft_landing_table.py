@@ -31,8 +31,8 @@ def voltage_table(cycles: Sequence[Cycle], pieces: int = PIECES) -> tuple[Vector
     Notes
     -----
     In the motions it is the line of least squares: its error has no mean on any pair of pieces, so that it hardly
-    changes the flux.  With 100 pieces the valve of [RTS] follows to 5e-10 m; a line through points of the voltage, which
-    lies on the same side of a curve all along, would be 400 times worse.
+    changes the flux.  With 100 pieces the valve of [RTS] follows to 5e-10 m; a line through points of the
+    voltage, which lies on one side of a curve all along, is some hundred times worse.
     """
     times, voltages = [], []
     for k, cycle in enumerate(cycles):
