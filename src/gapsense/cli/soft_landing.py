@@ -1,4 +1,4 @@
-"""Soft landing: a drive voltage for an actuator, and the reference cycle of [RTS]."""
+"""Soft landing: a drive voltage for an actuator, the reference cycle of [RTS], and observability along it."""
 
 from __future__ import annotations
 
@@ -70,6 +70,22 @@ def reference_cycle(
         cycle = soft_landing.soft_landing(_actuator(parameters) if parameters else RTS_VALVE)
         figures.save(reference_cycle.figure(cycle), to)
     out.print(soft_landing_report.text(cycle), markup=False)
+    out.print(f"{to} written.", markup=False)
+
+
+@study.command("observability-rts")
+def observability_rts(
+    to: Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")] = Path("results/observability_rts.png"),
+) -> None:
+    """Figure 6 of [RTS]: samples that make the state of the reduced model observable, along the reference cycle."""
+    from gapsense.report import figures, observability_rts
+    from gapsense.studies import observability_rts_report
+
+    with reported():
+        figures.check("overview", to)
+        observed = observability_rts_report.along_reference_cycle()
+        figures.save(observability_rts.figure(observed), to)
+    out.print(observability_rts_report.text(observed), markup=False)
     out.print(f"{to} written.", markup=False)
 
 
