@@ -15,8 +15,9 @@ from gapsense.actuators.hysteresis import make_core
 from gapsense.actuators.magnetics import SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
 from gapsense.actuators.reluctance_steps import Actuator, circuit_at, micro_step
+from gapsense.integrate import equal_parts
 from gapsense.records import Array, Scalar, Table
-from gapsense.trace import clip, fabs, floor, loop, square, where
+from gapsense.trace import clip, fabs, loop, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FLUX_FINENESS = 0.05  # micro-step at most, in time constants of the flux
@@ -134,8 +135,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
-    count = -floor(1e-6 - inputs.dt / par.micro_step)  # rounded up, save for rounding errors of the quotient
-    micro_step = inputs.dt / where(count > 1.0, count, 1.0)
+    micro_step = equal_parts(inputs.dt, par.micro_step)
     gap = SmoothGap(
         is_table=par.gap_law > 0.5,
         closed=par.gap_reluctance,
