@@ -69,8 +69,7 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
     """Value (m,) of `function(x, *records)` and its Jacobian by the vector `x`, an object array (m, n).
 
     The same bits on floats as traced: for floats, `function` is traced and compiled once; it must be one of a module,
-    and `records` named tuples of scalars and tables.  A constant among traced values of `x` is told apart as a sum with
-    zero.
+    and `records` named tuples of scalars and tables.  A constant among traced values of `x` is told apart as a sum.
     """
     traced = [v for v in (*x, *(value for record in records for value in record)) if is_traced(v)]
     if traced:

@@ -46,7 +46,8 @@ class Study(NamedTuple):
 def study_of(facts: Facts) -> Study:
     """The study of `Study.facts`."""
     samples = Samples(**{name: np.array(values) for name, values in facts["samples"].items()})
-    return Study(samples, Model(*facts["model"]), facts["seed"], facts["noise_current"])
+    model = Model(*(tuple(value) if isinstance(value, list) else value for value in facts["model"]))
+    return Study(samples, model, facts["seed"], facts["noise_current"])
 
 
 class Worst(NamedTuple):

@@ -24,6 +24,8 @@ def nominal(
     sample_time: float = 20e-6,
 ) -> Model:
     """The reduced model (13)-(17) of an actuator; R_c0* [1/H] and lambda_sat [Wb] are fitted, by default Table II."""
+    if actuator.gap_law > 0.5:
+        raise ValueError("`gap_law` 1 (table) found, 0 expected: (56) perturbs the fringing law. Set it to 0.")
     l_z = actuator.stop_upper - actuator.stop_lower
     area, turns = l_z * l_z, actuator.coil_turns * actuator.coil_turns
     return Model(
@@ -37,6 +39,11 @@ def nominal(
         lam_sat=core_saturation,
         l_z=l_z,
         z_min=actuator.stop_lower,
+        gap_is_table=False,
+        gap_knots=(),
+        gap_reluctance=(),
+        gap_curvature=(),
+        gap_scale=1.0 / turns,
         gap_offset=actuator.gap_reluctance / turns,
         gap_slope=actuator.gap_slope * l_z / turns,
         gap_fringing=actuator.gap_fringing,
