@@ -127,9 +127,17 @@ def locked_plunger(result: Result) -> Figure:
     return linkage(result)
 
 
+def soft_landing(result: Result) -> Figure:
+    """Cycles without impact, and the errors of four estimators."""
+    from gapsense.report.soft_landing import figure
+
+    return figure(result)
+
+
 FIGURES: dict[str, Callable[[Result], Figure]] = {
     "overview": overview,
     "semera": semera,
     "hysteresis_loops": hysteresis_loops,
     "locked_plunger": locked_plunger,
+    "soft_landing": soft_landing,
 }
