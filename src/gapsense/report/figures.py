@@ -134,10 +134,18 @@ def soft_landing(result: Result) -> Figure:
     return figure(result)
 
 
+def profiles(result: Result) -> Figure:
+    """Figure 12 of [RTS]: one cycle, and its making and breaking with the estimates."""
+    from gapsense.report.profiles import cycle
+
+    return cycle(result)
+
+
 FIGURES: dict[str, Callable[[Result], Figure]] = {
     "overview": overview,
     "semera": semera,
     "hysteresis_loops": hysteresis_loops,
     "locked_plunger": locked_plunger,
     "soft_landing": soft_landing,
+    "profiles": profiles,
 }

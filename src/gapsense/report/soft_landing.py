@@ -11,7 +11,11 @@ from gapsense.actuators.motion import MOVING
 from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
 
-SMOOTHERS = {"ertss": ("ERTSS", FIRST), "no_current_error": ("without e_i", THIRD), "no_force_error": ("without e_F", FAINT)}
+SMOOTHERS = {
+    "ertss": ("ERTSS", FIRST),
+    "no_current_error": ("without e_i", THIRD),
+    "no_force_error": ("without e_F", FAINT),
+}
 LABELS = ["voltage / V", "current / mA", "position / mm", "position\nerror / um", "velocity\nerror / (mm/s)"]
 HEIGHTS = [1.0, 1.0, 1.5, 1.7, 1.7]
 QUANTITIES = (("position", 1e6), ("velocity", 1e3))
