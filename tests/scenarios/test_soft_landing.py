@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,17 @@ import pytest
 from gapsense import cosim
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.fmi.tables import read_table
+from gapsense.report import figures
+from gapsense.report.soft_landing import LABELS, smoothed
 from gapsense.studies import soft_landing
+from gapsense.studies.nominal import nominal, own
+from gapsense.studies.reference import process_noise
 from gapsense.studies.soft_landing_table import deviation, voltage_table, write
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDE = {"stop.lower": 0.2e-3, "stop.upper": 1.6e-3, "initial.position": 1.6e-3, "spring.stiffness": 100.0}
@@ -86,3 +97,61 @@ def test_built_in_table_is_what_the_study_makes(cycles):
     assert found[0] == pytest.approx(times, abs=1e-12)
     assert found[1] == pytest.approx(voltages, abs=1e-8)
     assert len(found[0]) < 500
+
+
+# The scenario ---------------------------------------------------------------------------------------------------------
+
+
+FOLDER = ROOT / "scenarios" / "soft_landing"
+
+
+@pytest.fixture(scope="module")
+def result(fmus):
+    return cosim.run(FOLDER, None, fmus)
+
+
+def test_estimators_know_what_table_ii_says_and_the_process_noise_of_the_cycle(cycles):
+    model = nominal()
+    samples = soft_landing.sampled(cycles[1], model.T_s)
+    values = tomllib.loads((FOLDER / "parameters" / "estimators.toml").read_text(encoding="utf-8"))["values"]
+    assert values["core.reluctance"] == pytest.approx(model.R_c0 * 1200.0**2)
+    assert values["core.saturation"] == model.lam_sat
+    noise = np.sqrt(process_noise(samples, own(model), model)) / [1.0, 1.0, 1.0, 1.0, model.l_z]
+    names = ("process.flux_linkage", "process.current_error", "process.force_error")
+    assert [values[name] for name in names] == pytest.approx(noise[2:], rel=1e-3)
+
+
+def test_smoothed_values_are_put_back_to_their_times(result):
+    for name in ("ertss", "no_current_error", "no_force_error"):
+        s = smoothed(result, name, "position")
+        assert np.all(np.diff(s.time) > 0.0)
+        assert s.time.size > 4 * 195  # both motions of both cycles
+        late = result[f"{name}.smoothed_published"] > 0.5
+        assert np.all(result.times[late] - result[f"{name}.smoothed_time"][late] > 4e-3)
+    aligned = np.sum((s.values - s.truth) ** 2)  # of the smoother with the smallest error
+    for shift in (-1, 1):
+        assert np.sum((s.values[1:-1] - np.roll(s.truth, shift)[1:-1]) ** 2) > 2.0 * aligned
+
+
+def test_orderings_of_the_paper_come_out(result):
+    value = {name: m.value for name, m in result.metrics.items()}
+    for quantity in ("position", "velocity"):
+        for operation in ("making", "breaking"):
+            ertss = value[f"ertss_{quantity}_{operation}"]
+            assert ertss < value[f"no_current_error_{quantity}_{operation}"] < value[f"ekf_{quantity}_{operation}"]
+            assert value[f"no_force_error_{quantity}_{operation}"] < ertss  # with right parameters
+
+
+def test_figure_shows_cycles_and_errors(result):
+    drawn = figures.draw(result, "soft_landing")
+    assert [axis.get_ylabel() for axis in drawn.axes] == LABELS
+    _, labels = drawn.axes[3].get_legend_handles_labels()
+    assert labels == ["EKF", "ERTSS", "without e_i", "without e_F"]
+    truth = drawn.axes[2].lines[1].get_ydata()
+    assert (truth.min(), truth.max()) == pytest.approx((0.4, 1.4))
+
+
+def test_figure_names_what_is_not_recorded(result):
+    less = replace(result, signals={n: v for n, v in result.signals.items() if n != "ertss.smoothed_time"})
+    with pytest.raises(ValueError, match=r"`ertss\.smoothed_time`"):
+        figures.draw(less, "soft_landing")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +13,7 @@ import typer
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.cli.common import app, checkout, out, reported, study
+from gapsense.cosim import ScenarioError
 from gapsense.cosim.parameters import read_parameters
 from gapsense.fmi.package import load_component
 from gapsense.fmi.ports import Port
@@ -91,17 +95,35 @@ def observability_rts(
 
 def _actuator(path: Path) -> Parameters:
     """Parameters of the actuator from a parameter set; what is not in the file is that of [RTS] Table I."""
-    ports = {p.name: p for p in load_component(checkout() / "fmus" / "reluctance_actuator").of("parameter")}
-    problems: list[str] = []
+    component = load_component(checkout() / "fmus" / "reluctance_actuator")
+    ports, problems = {p.name: p for p in component.of("parameter")}, list[str]()
     values = read_parameters(path, problems)
-    unknown = [f"`{name}` is no parameter of ReluctanceActuator" for name in values if name not in ports]
-    found = {name: _fields(ports[name], value, problems) for name, value in values.items() if name in ports}
-    if problems or unknown:
-        raise ValueError("; ".join([*problems, *(f"{path.name}: {text}" for text in unknown)]))
-    return RTS_VALVE._replace(**{field: value for fields in found.values() for field, value in fields.items()})
+    fields: dict[str, Any] = {}
+    for name, value in values.items():
+        where = f"{path.name}, values.{name}: "
+        try:
+            fields |= _fields(_known(name, ports), value)
+        except ValueError as error:
+            problems.append(f"{where}{error}")
+    given = {name: ports[name].start for name in ports} | values
+    for limit in component.limits if not problems else ():
+        if not math.prod(given[name] ** power for name, power in limit.powers) < limit.below:
+            problems.append(f"{path.name}: {limit.text()} must be below {limit.below:g}: {limit.reason}.")
+    if problems:
+        raise ScenarioError(problems)
+    return RTS_VALVE._replace(**fields)
 
 
-def _fields(port: Port, value: Any, problems: list[str]) -> dict[str, Any]:
+def _known(name: str, ports: Mapping[str, Port]) -> Port:
+    """The port called so, or an error that offers the nearest."""
+    if name not in ports:
+        near = get_close_matches(name, ports, n=1)
+        hint = f"Did you mean `{near[0]}`?" if near else f"It has {', '.join(ports)}."
+        raise ValueError(f"ReluctanceActuator has no such parameter. {hint}")
+    return ports[name]
+
+
+def _fields(port: Port, value: Any) -> dict[str, Any]:
     """Fields of the record that a parameter sets."""
     if port.columns:
         return {
@@ -109,12 +131,10 @@ def _fields(port: Port, value: Any, problems: list[str]) -> dict[str, Any]:
         }
     if port.choices:
         if value not in port.choices:
-            problems.append(f"`{port.name}` is `{value}`; expected one of {', '.join(port.choices)}")
-            return {}
+            raise ValueError(f"`{value}` found, one of {', '.join(port.choices)} expected. Correct it.")
         return {port.field: float(port.choices.index(value))}
-    low = -float("inf") if port.min is None else port.min
-    high = float("inf") if port.max is None else port.max
+    low = -math.inf if port.min is None else port.min
+    high = math.inf if port.max is None else port.max
     if isinstance(value, str) or not low <= value <= high:
-        problems.append(f"`{port.name}` is {value!r}; expected a number from {low:g} to {high:g}")
-        return {}
+        raise ValueError(f"{value!r} found, a number from {low:g} to {high:g} expected. Correct it.")
     return {port.field: float(value)}
