@@ -127,6 +127,13 @@ def locked_plunger(result: Result) -> Figure:
     return linkage(result)
 
 
+def soft_landing(result: Result) -> Figure:
+    """Cycles without impact, and the errors of four estimators."""
+    from gapsense.report.soft_landing import figure
+
+    return figure(result)
+
+
 def profiles(result: Result) -> Figure:
     """Figure 12 of [RTS]: one cycle, and its making and breaking with the estimates."""
     from gapsense.report.profiles import cycle
@@ -139,5 +146,6 @@ FIGURES: dict[str, Callable[[Result], Figure]] = {
     "semera": semera,
     "hysteresis_loops": hysteresis_loops,
     "locked_plunger": locked_plunger,
+    "soft_landing": soft_landing,
     "profiles": profiles,
 }
