@@ -140,11 +140,11 @@ def alone(fmus: Path) -> dict[str, list[float]]:
         names, index = list(master.order.names), master.places.index
         recording = master.run(list(range(len(index))), experiment[0].seeds)
     rows = recording.data[1 : recording.rows]
-    seconds = replay(experiment, rows)
+    replayed = replay(experiment, rows)
     found = {}
     for name, direct in zip(names, directs(experiment, names)):
         given = rows[:, [index[port] for port in direct.inputs]].tolist()
-        found[name] = [1e6 * s / len(rows) for s in seconds[name]] + [kernel_time(direct, given)]
+        found[name] = [1e6 * s / len(rows) for s in replayed[name].total] + [kernel_time(direct, given)]
     return found
 
 
