@@ -9,7 +9,7 @@ from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
 from gapsense.actuators.magnetics import LocalGap, SmoothGap
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, rk4
+from gapsense.integrate import crossing, least, next_part, rk4
 from gapsense.records import Scalar
 from gapsense.trace import cond, fabs, not_, where
 
@@ -53,12 +53,11 @@ def micro_step(
     act: Actuator, left: Scalar, flux: Scalar, H_e: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
 ) -> tuple[Any, Any]:
     """One step of the loop; `left` is what is left of the communication step [s], `sums` are the integrals."""
-    is_last = left < 1.000001 * act.micro_step  # not by rounding errors one more
     circuit = circuit_at(act, flux, H_e, h)
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(circuit.flux_rate < 0.0, -1.0, 1.0), 0.0)
     walls = hysteresis.moving_walls(direction, circuit.excess)
-    dt = _limited(act, where(is_last, left, act.micro_step), circuit, walls)
+    dt = _limited(act, next_part(left, act.micro_step), circuit, walls)
     is_moving = mode == MOVING
     dt, flux, H_e, h, v, mode, *parts = cond(
         is_moving,
@@ -139,10 +138,6 @@ def _switch(act: Actuator, switches: Any, watched: Any) -> tuple[Scalar, Scalar]
     return turning, thawing
 
 
-def _least(a: Scalar, b: Scalar) -> Scalar:
-    return where(a < b, a, b)
-
-
 def _move(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, is_moving: Scalar) -> Any:
     """Step of the moving mover, up to the first contact or switch if there is one."""
     mover, walls = act.mover, switches[1]
@@ -152,8 +147,8 @@ def _move(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, is
         return rk4(partial(_moving_rates, act, circuit.gap, walls), y, length, first)
 
     def margin(y: Any, watched: Any) -> Scalar:
-        clearance = _least(y[2] - mover.lower, mover.upper - y[2]) / act.stroke
-        return _least(clearance, _least(*_switch(act, switches, watched)))
+        clearance = least(y[2] - mover.lower, mover.upper - y[2]) / act.stroke
+        return least(clearance, least(*_switch(act, switches, watched)))
 
     y_next, sums, watched = after(dt)
 
@@ -192,7 +187,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, h:
         return -motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
 
     def margin(flux: Scalar, watched: Any) -> Scalar:
-        return _least(hold(flux), _least(*_switch(act, switches, watched)))
+        return least(hold(flux), least(*_switch(act, switches, watched)))
 
     y_next, sums, watched = after(dt)
 
