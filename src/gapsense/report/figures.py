@@ -103,4 +103,11 @@ def semera(result: Result) -> Figure:
     return figure(result)
 
 
-FIGURES: dict[str, Callable[[Result], Figure]] = {"overview": overview, "semera": semera}
+def pot_magnet(result: Result) -> Figure:
+    """Figures 4 to 7 of [HEKF]: current, position, velocity and mode of the magnet, true and estimated."""
+    from gapsense.report.pot_magnet import figure
+
+    return figure(result)
+
+
+FIGURES: dict[str, Callable[[Result], Figure]] = {"overview": overview, "semera": semera, "pot_magnet": pot_magnet}
