@@ -97,11 +97,10 @@ class Model(NamedTuple):
 
     path: Scalar
     slope: Scalar
-    K4: Scalar
     K5: Scalar
     K6: Scalar
     K7: Scalar
-    m: Scalar
+    lift: Scalar  # K4 / m
     g: Scalar
     s_max: Scalar
     i_on: Scalar
@@ -175,11 +174,10 @@ def model(par: Any) -> Model:
     return Model(
         path=where(is_printed, par.core_length, par.core_length + K3 * par.stop_upper),
         slope=where(is_printed, K3, -K3),
-        K4=par.core_permeability * K5,
         K5=K5,
         K6=par.coil_resistance,
         K7=par.coil_resistance_upper,
-        m=par.mover_mass,
+        lift=par.core_permeability * K5 / par.mover_mass,
         g=par.gravity,
         s_max=par.stop_upper,
         i_on=par.current_on,
@@ -260,7 +258,7 @@ def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tu
     At a given position the net force changes its sign at one current: a lift needs that and i_on, a drop less than
     that and less than i_off.
     """
-    balance = sqrt(mod.m * mod.g / mod.K4) * (mod.path + mod.slope * s)
+    balance = sqrt(mod.g / mod.lift) * (mod.path + mod.slope * s)
     up, down = where(balance > mod.i_on, balance, mod.i_on), where(balance < mod.i_off, balance, mod.i_off)
     is_lower = q < 0.5
     missing = where(is_lower, up - start, start - down)
@@ -276,8 +274,9 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
     dt = where(left < 1.000001 * tun.piece, left, tun.piece)
     (i, s, v), F = linearise(moving, x, Held(u, where(q > 2.5, mod.K7, mod.K6), 0.0, dt), mod)
     P = predict(P, F, diagonal([variance * (dt / tun.T_s) for variance in tun.Q]))
-    s = clip(s, 0.0, mod.s_max)
-    is_pulled = (fabs(i) >= mod.i_on) & (_acceleration(_flux_linkage(i, s, mod), mod) > 0.0)
+    inside = clip(s, 0.0, mod.s_max)
+    i, s = _current_at(inside, i, s, mod), inside
+    is_pulled = (fabs(i) >= mod.i_on) & (mod.lift * square(i) > mod.g * square(mod.path + mod.slope * s))
     q = where((q > 2.5) & is_pulled, LIFTING, q)
     return dt, _landed(Hybrid(vector([i, s, v]), P, q), mod, tun)
 
@@ -290,8 +289,14 @@ def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
     is_down = (v < 0.0) & (s <= where(is_falling, tun.band, 0.0))
     stop = where(is_up, mod.s_max, 0.0)
     mode = where(is_up, where(is_falling, UPPER, CONTACT), LOWER)
-    known = Hybrid(vector([i, stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
+    known = Hybrid(vector([_current_at(stop, i, s, mod), stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
     return cond(is_up | is_down, lambda: known, lambda: estimate)  # type: ignore[no-any-return]
+
+
+def _current_at(place: Scalar, i: Scalar, s: Scalar, mod: Model) -> Scalar:
+    """Current at `place` with the flux linkage that i has at s: a landing is found late, or early by the band."""
+    reach = mod.path + mod.slope * s
+    return i / where(fabs(reach) > 0.0, reach, 1.0) * (mod.path + mod.slope * place)
 
 
 def resting(x: Array, held: Held, mod: Model) -> Array:
@@ -302,26 +307,18 @@ def resting(x: Array, held: Held, mod: Model) -> Array:
 
 
 def moving(x: Array, held: Held, mod: Model) -> Array:
-    """(i, s, v) after `dt` in the air, (17), (20), by the midpoint rule in flux linkage: no motional term."""
+    """(i, s, v) after `dt` in the air, (17), (20), by the midpoint rule in flux linkage: no motional term.
+
+    psi = i / (K2 + K3 gap) is the flux linkage over K5, by (10); the force (13), (14) depends on it alone.
+    """
     i, s, v = x
-    half = 0.5 * held.dt
-    lam = _flux_linkage(i, s, mod)
-    lam_mid, s_mid = lam + half * (held.u - held.R * i), s + half * v
-    v_mid = v + half * _acceleration(lam, mod)
-    lam_next = lam + held.dt * (held.u - held.R * (lam_mid * (mod.path + mod.slope * s_mid) / mod.K5))
-    s_next = s + held.dt * v_mid
-    v_next = v + held.dt * _acceleration(lam_mid, mod)
-    return vector([lam_next * (mod.path + mod.slope * s_next) / mod.K5, s_next, v_next])
-
-
-def _flux_linkage(i: Scalar, s: Scalar, mod: Model) -> Scalar:
-    """L i with (10)."""
-    return i * mod.K5 / (mod.path + mod.slope * s)
-
-
-def _acceleration(lam: Scalar, mod: Model) -> Scalar:
-    """(13) with (14), which depends on the flux linkage alone."""
-    return mod.K4 * square(lam / mod.K5) / mod.m - mod.g
+    half, per_volt = 0.5 * held.dt, held.dt / mod.K5
+    psi = i / (mod.path + mod.slope * s)
+    psi_mid = psi + 0.5 * per_volt * (held.u - held.R * i)
+    s_mid, v_mid = s + half * v, v + half * (mod.lift * square(psi) - mod.g)
+    psi_next = psi + per_volt * (held.u - held.R * (psi_mid * (mod.path + mod.slope * s_mid)))
+    s_next, v_next = s + held.dt * v_mid, v + held.dt * (mod.lift * square(psi_mid) - mod.g)
+    return vector([psi_next * (mod.path + mod.slope * s_next), s_next, v_next])
 
 
 def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:

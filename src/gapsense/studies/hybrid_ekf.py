@@ -7,6 +7,7 @@ filter.  The noise of a seed is the same at every level but for its size, and so
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ EDGE, SAMPLES = 1000, 2000  # of the voltage; the paper's edge at 0.5 s follows 
 HIGH = 24.0  # [V]
 LEVELS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)  # noise of the current [A]
 TUNINGS = ("robust", "paper", "none")  # as the kernel numbers them
+STEPS = ("0 to 24 V", "24 to 0 V")
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
 WRONG = ("coil_resistance", "pole_area", "core_length", "mover_mass", "current_on", "current_off")
 TUNING = {  # start values of the component
@@ -51,6 +53,14 @@ class Truth(NamedTuple):
     states: Array  # (samples, 4): i, s, v, q
 
 
+class Case(NamedTuple):
+    """One batch of runs."""
+
+    step: str  # of `STEPS`
+    mismatch: float
+    tuning: str
+
+
 class Deviations(NamedTuple):
     """What the runs of one tuning give."""
 
@@ -58,6 +68,33 @@ class Deviations(NamedTuple):
     total: Array  # (levels, 4): over the seeds and the samples from the edge on
     wrong: Array  # (levels, seeds): share of these samples with the wrong mode
     unhealthy: Array  # (levels,): share of these samples with health 0
+
+
+def study(
+    orientation: str = "consistent",
+    seeds: int = 100,
+    mismatch: float = 0.05,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> dict[Case, Deviations]:
+    """Both steps of the voltage, right and wrong parameters, all tunings; `progress` gets samples done and in all."""
+    if orientation not in PLANTS:
+        raise ValueError(f"orientation `{orientation}` found, {' or '.join(PLANTS)} expected. Correct it.")
+    if seeds < 1 or not 0.0 <= mismatch < 1.0:
+        raise ValueError(
+            f"{seeds} seeds and a mismatch of {mismatch:g}: at least 1, and from 0 to below 1, are needed."
+        )
+    plant = PLANTS[orientation]
+    runs = {step: truth(plant, step == STEPS[0]) for step in STEPS}
+    widths = dict.fromkeys((0.0, mismatch))
+    cases = [Case(*key) for key in product(STEPS, widths, TUNINGS)]
+
+    def part(done: int) -> Callable[[int, int], None]:
+        return lambda k, total: progress(done * total + k, len(cases) * total)
+
+    return {
+        case: deviations(runs[case.step], plant, case.tuning, seeds=seeds, mismatch=case.mismatch, progress=part(done))
+        for done, case in enumerate(cases)
+    }
 
 
 def truth(plant: pot_magnet.Parameters, is_rising: bool) -> Truth:
