@@ -103,7 +103,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest and unmagnetized inside the stops, before any voltage."""
-    act = _actuator(inputs._replace(voltage=0.0), par)
+    act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
     state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
@@ -115,7 +115,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     A step of no length changes nothing.
     """
-    act = _actuator(inputs, par)
+    act = make_actuator(inputs, par)
     start = (inputs.dt, *state[:6], 0.0, 0.0)
     _, flux, H_e, h, v, mode, heat, eddy, work = loop(MICRO_STEPS, partial(micro_step, act), start)
     charge = (inputs.voltage * inputs.dt - act.turns * (flux - state.flux)) / act.resistance  # (1), integrated
@@ -133,7 +133,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, _outputs(state, act)
 
 
-def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
+def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
+    """Constants of a communication step."""
     micro_step = equal_parts(inputs.dt, par.micro_step)
     gap = SmoothGap(
         is_table=par.gap_law > 0.5,
