@@ -113,6 +113,13 @@ def semera(result: Result) -> Figure:
     return figure(result)
 
 
+def pot_magnet(result: Result) -> Figure:
+    """Figures 4 to 7 of [HEKF]: current, position, velocity and mode of the magnet, true and estimated."""
+    from gapsense.report.pot_magnet import figure
+
+    return figure(result)
+
+
 def hysteresis_loops(result: Result) -> Figure:
     """Flux density over field in the core."""
     from gapsense.report.loops import core
@@ -144,6 +151,7 @@ def profiles(result: Result) -> Figure:
 FIGURES: dict[str, Callable[[Result], Figure]] = {
     "overview": overview,
     "semera": semera,
+    "pot_magnet": pot_magnet,
     "hysteresis_loops": hysteresis_loops,
     "locked_plunger": locked_plunger,
     "soft_landing": soft_landing,
