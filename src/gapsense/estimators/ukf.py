@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, predict, surprise
-from gapsense.estimators.unscented import condition_on_last, moments, sigma_points
+from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -21,6 +23,7 @@ from gapsense.estimators.valve_model import (
     Model,
     bounded,
     model,
+    model_current,
     observation,
     segment,
     transition,
@@ -30,6 +33,7 @@ from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, square, where
 
 ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table is costly: few points differ in it
+UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 FAR = 10.0  # an innovation counts as so many standard deviations at most: one outlier is forgotten soon
@@ -119,7 +123,7 @@ class Tuning(NamedTuple):
 
 
 # PAPER is what [UKF] IV-A prescribes: the discretisation errors of the model, and hardly a current error.
-ROBUST = Tuning(flux_linkage=2e-6, position=0.3e-6, current_error=1e-3, memory=0.98)
+ROBUST = Tuning(flux_linkage=80e-6, position=0.25e-6, current_error=0.22e-3, memory=0.999)
 PAPER = Tuning(flux_linkage=1e-7, position=1e-8, current_error=1e-5, memory=0.99)
 
 
@@ -180,26 +184,58 @@ def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Pa
 
 
 def _additive(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
-    """Algorithm 2, then the process noise added, and Algorithm 3 on points drawn again and clipped."""
-    drawn = [bounded(x, m) for x in sigma_points(before, par.sigma_spread, ORDER)]
-    moved = [transition(x, Held(voltage, 0.0), segment(x[POSITION], par), m) for x in drawn]
-    x, P = moments(moved, par.sigma_spread)
-    redrawn = [bounded(x, m) for x in sigma_points(Gaussian(x, P + diagonal(noise)), par.sigma_spread, ORDER)]
-    return moments([_with_current(x, m, par) for x in redrawn], par.sigma_spread)
+    """Algorithm 2, then the process noise added, and Algorithm 3 on points drawn again."""
+
+    def moved(x: Array) -> Array:
+        x = bounded(x, m)
+        return transition(x, Held(voltage, 0.0), segment(x[POSITION], par), m)
+
+    x, pairs = moved(before.mean), []
+    for c in columns(before.cov, par.sigma_spread, ORDER):
+        odd, even = pair(x, moved(before.mean + c), moved(before.mean - c))
+        odd[CURRENT_ERROR], even[CURRENT_ERROR] = m.memory * c[CURRENT_ERROR], 0.0  # it is linear
+        pairs.append(Pair(odd, even))
+    x, P = moments(x, pairs, par.sigma_spread)
+    return _observed(Gaussian(x, P + diagonal(noise)), m, par)
+
+
+def _observed(prior: Gaussian, m: Model, par: Parameters) -> Gaussian:
+    """State and current together, from points in which the position is clipped once more: w_z stays in the bounds."""
+
+    def seen(x: Array) -> Array:
+        z = clip(x[POSITION], m.low, m.high)
+        return vector([z, model_current(z, x[FLUX_LINKAGE], segment(z, par), m)])
+
+    centre, pairs = seen(prior.mean), []
+    for c in columns(prior.cov, par.sigma_spread, ORDER):
+        (odd_z, odd_i), (even_z, even_i) = pair(centre, seen(prior.mean + c), seen(prior.mean - c))
+        odd, even = vector([*c, odd_i - c[CURRENT_ERROR]]), vector([0.0, 0.0, 0.0, 0.0, even_i])
+        odd[POSITION], even[POSITION] = odd_z, even_z
+        pairs.append(Pair(odd, even))
+    x = vector([*prior.mean, centre[1] - prior.mean[CURRENT_ERROR]])
+    x[POSITION] = centre[0]
+    joint = moments(x, pairs, par.sigma_spread)
+    unclipped = np.ix_(UNCLIPPED, UNCLIPPED)
+    joint.cov[unclipped] = prior.cov[unclipped]  # as it came out again
+    return joint
 
 
 def _augmented(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
-    """Algorithms 2 and 3 on one set of points in the space of the state and w_z, w_phi, w_i."""
+    """Algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
     n = len(before.mean)
     cov = diagonal([0.0] * n + [noise[k] for k in range(n) if k != POSITION_PREV])
     cov[:n, :n] = before.cov
-    wide = Gaussian(vector([*before.mean, 0.0, 0.0, 0.0]), cov)
-    moved = []
-    for point in sigma_points(wide, par.sigma_spread, (*ORDER, 4, 5, 6)):
-        x, (w_phi, w_z, w_i) = bounded(point[:n], m), point[n:]
-        x = transition(x, Held(voltage, w_z), segment(x[POSITION], par), m)
-        moved.append(_with_current(x + vector([w_phi, 0.0, 0.0, w_i]), m, par))
-    return moments(moved, par.sigma_spread)
+
+    def moved(x: Array) -> Array:
+        state, (w_phi, w_z, w_i) = bounded(x[:n], m), x[n:]
+        state = transition(state, Held(voltage, w_z), segment(state[POSITION], par), m)
+        state = state + vector([w_phi, 0.0, 0.0, w_i])
+        return vector([*state, *observation(state, segment(state[POSITION], par), m)])
+
+    mean, spread = vector([*before.mean, 0.0, 0.0, 0.0]), par.sigma_spread
+    centre = moved(mean)
+    drawn = columns(cov, spread, (*ORDER, n, n + 1, n + 2))
+    return moments(centre, [pair(centre, moved(mean + c), moved(mean - c)) for c in drawn], spread)
 
 
 def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
@@ -210,10 +246,6 @@ def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: 
     c = P @ H[0]
     rows = [[*row, y] for row, y in zip(P, c)]
     return Gaussian(vector([*x, *h]), matrix([*rows, [*c, H[0] @ c]]))
-
-
-def _with_current(x: Array, m: Model, par: Parameters) -> Array:
-    return vector([*x, *observation(x, segment(x[POSITION], par), m)])
 
 
 def _tuning(par: Parameters) -> Tuning:

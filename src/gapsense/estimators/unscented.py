@@ -1,14 +1,18 @@
 """The unscented transformation: sigma points and their moments, for any estimator.
 
 A Gaussian of n dimensions becomes 2 n + 1 points, its mean and mean +- a column of a square root of `spread` P, with
-`spread` = n + kappa.  The weight of a pair is 1 / (2 spread), that of the mean 1 - n / spread: kappa / (n + kappa).
-With spread >= n no weight is negative, and neither is a covariance made from them.
+`spread` = n + kappa.  The weight of each point of a pair is 1 / (2 spread), that of the mean 1 - n / spread, which is
+kappa / (n + kappa).  With spread >= n no weight is negative, and neither is a covariance made from them.
+
+A pair is kept as half its difference and as its mean's distance from the centre.  What is the same at both points, or
+lies on a straight line through the centre, then costs nothing where the code is generated.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 from gapsense.estimators.kalman import Gaussian
 from gapsense.linalg import ldl, matrix, pivot, vector
@@ -16,52 +20,69 @@ from gapsense.records import Array, Scalar
 from gapsense.trace import sqrt, where
 
 
-def square_root(P: Array) -> Array:
-    """Lower triangle C with C C' = P from the factors L D L'; a column without information is zero."""
-    L, D = ldl(P)
-    return L * vector([sqrt(where(d < math.inf, d, 0.0)) for d in D])
+class Pair(NamedTuple):
+    """Two points centre + even + odd and centre + even - odd."""
+
+    odd: Array
+    even: Array
 
 
-def sigma_points(estimate: Gaussian, spread: Scalar, order: Sequence[int] | None = None) -> list[Array]:
-    """The mean, then the pairs mean + column, mean - column.
+def columns(P: Array, spread: Scalar, order: Sequence[int] | None = None) -> list[Array]:
+    """Columns (n,) of a square root of `spread` P, from its factors L D L'; one without information is zero.
 
     Parameters
     ----------
-    estimate : Gaussian
-        Mean (n,) and covariance (n, n), which may be singular.
+    P : (n, n) array
+        Covariance, which may be singular.
     spread : scalar
         n + kappa, positive.
     order : sequence of int, optional
-        Order in which the components are eliminated.  Column k leaves the first k of them where they are, so that a
-        function that is costly in one component should have it first: fewer points then differ in it.
+        Order in which the components are eliminated.  The column with index k leaves the first k of them where they
+        are, so that one in which a function is costly should come first: fewer points then differ in it.
     """
-    x, P = estimate
-    order = order or range(len(x))
-    C = square_root(matrix([[P[i, j] for j in order] for i in order])) * sqrt(spread)
-    points = [x]
-    for column in C.T:
-        offset = vector([0.0] * len(x))
-        offset[list(order)] = column
-        points += [x + offset, x - offset]
-    return points
+    order = order or range(len(P))
+    L, D = ldl(matrix([[P[i, j] for j in order] for i in order]))
+    made = []
+    for column, d in zip(L.T, D):
+        made.append(vector([0.0] * len(P)))
+        made[-1][list(order)] = column * sqrt(where(d < math.inf, d, 0.0) * spread)
+    return made
 
 
-def moments(points: Sequence[Array], spread: Scalar) -> Gaussian:
-    """Weighted mean and covariance of sigma points, or of what a function has made of them.
+def pair(centre: Iterable[Scalar], up: Iterable[Scalar], down: Iterable[Scalar]) -> Pair:
+    """The pair of points `up` and `down` around `centre`."""
+    parts = [_parts(*values) for values in zip(centre, up, down)]
+    return Pair(*(vector(values) for values in zip(*parts)))
 
-    With e the points' offsets from the first one, and b their weighted sum: mean x_0 + b, covariance sum w e e' - b b'.
+
+def _parts(centre: Scalar, up: Scalar, down: Scalar) -> tuple[Scalar, Scalar]:
+    if up is centre and down is centre:
+        return 0.0, 0.0
+    return 0.5 * (up - down), 0.5 * (up + down) - centre
+
+
+def moments(centre: Array, pairs: Sequence[Pair], spread: Scalar) -> Gaussian:
+    """Weighted mean and covariance of the points, exact up to the third power of what made them from a Gaussian.
+
+    With b the sum of weighted offsets: mean centre + b, covariance sum w (odd odd' + even even') - b b'.
     """
-    weight = 0.5 / spread
-    centre, *others = points
-    pairs = [(a - centre, b - centre) for a, b in zip(others[::2], others[1::2])]
-    b = weight * sum(up + down for up, down in pairs)
+    weight = 1.0 / spread
+    b = weight * sum(even for _, even in pairs)
     n = len(centre)
     cov = matrix([[0.0] * n for _ in range(n)])
     for i in range(n):
         for j in range(i, n):
-            products = sum(up[i] * up[j] + down[i] * down[j] for up, down in pairs)
+            products = sum(odd[i] * odd[j] + even[i] * even[j] for odd, even in pairs)
             cov[i, j] = cov[j, i] = weight * products - b[i] * b[j]
     return Gaussian(centre + b, cov)
+
+
+def transformed(function: Callable[[Array], Array], estimate: Gaussian, spread: Scalar) -> Gaussian:
+    """Mean and covariance of `function(x)` for a Gaussian x."""
+    x, P = estimate
+    centre = function(x)
+    pairs = [pair(centre, function(x + c), function(x - c)) for c in columns(P, spread)]
+    return moments(centre, pairs, spread)
 
 
 def condition_on_last(joint: Gaussian, innovation: Scalar, R: Scalar) -> Gaussian:
@@ -69,8 +90,7 @@ def condition_on_last(joint: Gaussian, innovation: Scalar, R: Scalar) -> Gaussia
 
     K = P_xy / (P_yy + R), mean x + K innovation, covariance P - K (P_yy + R) K'.  [UKF] Algorithm 3, with minus.
     """
-    x, P = joint.mean[:-1], joint.cov[:-1, :-1]
-    c = joint.cov[:-1, -1]
+    x, P, c = joint.mean[:-1], joint.cov[:-1, :-1], joint.cov[:-1, -1]
     K = c / pivot(joint.cov[-1, -1] + R)
     n = len(x)
     cov = matrix([[P[i, j] - K[min(i, j)] * c[max(i, j)] for j in range(n)] for i in range(n)])

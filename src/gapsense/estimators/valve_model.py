@@ -115,5 +115,9 @@ def transition(x: Array, u: Held, s: Segment, m: Model) -> Array:
 
 def observation(x: Array, s: Segment, m: Model) -> Array:
     """h(x) (35): the current [A]; epsilon is the model's current minus the measured one (27)."""
-    i = reluctance(x[POSITION], x[FLUX_LINKAGE], s, m)[0] * x[FLUX_LINKAGE] - x[CURRENT_ERROR]
-    return vector([i])
+    return vector([model_current(x[POSITION], x[FLUX_LINKAGE], s, m) - x[CURRENT_ERROR]])
+
+
+def model_current(z: Scalar, lam: Scalar, s: Segment, m: Model) -> Scalar:
+    """Current by (17) [A]."""
+    return reluctance(z, lam, s, m)[0] * lam
