@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gapsense.linalg import ROUNDING, identity, ldl, nonnegative, outer, pivot, solve, symmetric
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, square, where
+from gapsense.trace import clip
 
 
 class Gaussian(NamedTuple):
@@ -74,11 +74,3 @@ def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: G
     A: Any = identity(len(P)) - G @ F
     mean = filtered.mean + G @ (later.mean - predicted.mean)
     return Gaussian(mean, nonnegative(A @ P @ A.T + G @ (Q + later.cov) @ G.T))
-
-
-def surprise(before: Scalar, innovation: Scalar, innovation_std: Scalar, samples: Scalar) -> Scalar:
-    """Mean of the squared normalised innovation over about `samples` samples: 1 for a filter that is right."""
-    is_known = innovation_std > 0.0
-    normalised = innovation / where(is_known, innovation_std, 1.0)
-    squared = where(is_known, square(normalised), 0.0)
-    return before + (squared - before) / where(samples > 1.0, samples, 1.0)

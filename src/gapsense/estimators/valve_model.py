@@ -1,7 +1,7 @@
 """Model of a solenoid valve without a contact sensor, as [UKF] Section IV-A discretises it.
 
-State x = (lambda_k, z_k, z_(k-1), epsilon_k) (33): the flux linkage in place of the flux, and the past position in place
-of the velocity (Verlet).  The reluctance of the gap and its derivative come from a table, linearly interpolated.
+State x = (lambda_k, z_k, z_(k-1), epsilon_k) (33): the flux linkage in place of the flux, and the past position in
+place of the velocity (Verlet).  The reluctance of the gap and its derivative come from a table, linearly interpolated.
 """
 
 from __future__ import annotations
