@@ -1,8 +1,23 @@
 """Port table of the bounded unscented Kalman filter."""
 
 from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
+from gapsense.fmi.shared_ports import estimates
 
 BOTH = ("voltage", "current")  # the voltage too, with the option to use the sample at the end of an interval
+
+OWN = {
+    "current_error": output(
+        "current_error", "A", "Estimated: model's current minus the true one", nominal=0.1, feedthrough=BOTH
+    ),
+    "health": output(
+        "health",
+        "1",
+        "1: innovations as large as expected, 0: larger, -1: a reading was lost, -2: covariance lost, restarted",
+        min=-2.0,
+        max=1.0,
+        feedthrough=BOTH,
+    ),
+}
 
 COMPONENT = Component(
     name="BoundedUkf",
@@ -15,24 +30,7 @@ COMPONENT = Component(
     ports=(
         input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
         input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
-        output("position", "m", "Estimated position, 0 is closed", nominal=1e-3, feedthrough=BOTH),
-        output("velocity", "m/s", "Estimated mean velocity since the last sample", nominal=0.5, feedthrough=BOTH),
-        output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
-        output("current_error", "A", "Estimated: model's current minus the true one", nominal=0.1, feedthrough=BOTH),
-        output("position_std", "m", "Standard deviation in the filter", min=0.0, nominal=1e-4, feedthrough=BOTH),
-        output("velocity_std", "m/s", "Standard deviation in the filter", min=0.0, nominal=0.1, feedthrough=BOTH),
-        output("flux_linkage_std", "Wb", "Standard deviation in the filter", min=0.0, nominal=1e-3, feedthrough=BOTH),
-        output("current_error_std", "A", "Standard deviation in the filter", min=0.0, nominal=0.1, feedthrough=BOTH),
-        output("innovation", "A", "Measured minus predicted current", nominal=1e-2, feedthrough=BOTH),
-        output("innovation_std", "A", "Standard deviation expected of it", min=0.0, nominal=1e-2, feedthrough=BOTH),
-        output(
-            "health",
-            "1",
-            "1: innovations as large as expected, 0: larger, -1: a reading was lost, -2: covariance lost, restarted",
-            min=-2.0,
-            max=1.0,
-            feedthrough=BOTH,
-        ),
+        *(OWN.get(port.name, port) for port in estimates(BOTH) if not port.name.startswith("force_error")),
         sample_time(20e-6),
         parameter("coil.resistance", "Ohm", "Resistance R", 77.5, min=1e-9),
         fixed("coil.turns", "1", "Number of turns N", 1200.0, min=1e-9),
@@ -56,10 +54,11 @@ COMPONENT = Component(
         choice("option.tuning", "Process noise; `own` takes the parameters process.*", ("robust", "paper", "own")),
         option("option.current_error", "Estimate the current error, as in the paper", True),
         fixed("sigma.spread", "1", "Spread of the sigma points, n + kappa", 8.0, min=1e-6),
-        parameter("process.flux_linkage", "Wb", "Tuning `own`: standard deviation per sample", 80e-6, min=0.0),
-        parameter("process.position", "m", "Tuning `own`: standard deviation per sample", 0.25e-6, min=0.0),
-        parameter("process.current_error", "A", "Tuning `own`: standard deviation per sample", 0.22e-3, min=0.0),
-        parameter("process.memory", "1", "Tuning `own`: what is left of it after a sample", 0.999, min=0.0, max=1.0),
+        parameter("process.flux_linkage", "Wb", "Tuning `own`: standard deviation per sample", 5e-6, min=0.0),
+        parameter("process.position", "m", "Tuning `own`: standard deviation per sample", 20e-9, min=0.0),
+        parameter("process.current_error", "A", "Tuning `own`: standard deviation per sample", 10e-6, min=0.0),
+        parameter("process.memory", "1", "Tuning `own`: what is left of it after a sample", 0.99, min=0.0, max=1.0),
+        parameter("process.limit", "1", "Tuning `own`: largest innovation that counts, in deviations", 2.0, min=1e-9),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 0.15, min=0.0),
         parameter("noise.current", "A", "Standard deviation of the current noise", 2e-3, min=1e-12),
         parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),

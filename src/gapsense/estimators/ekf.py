@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 from gapsense.derivative import linearise
-from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
+from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project, surprise
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -125,11 +125,11 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: prediction, update, projection."""
     m = normalised(par)
     new = forward(Gaussian(state.x, state.P), Held(state.voltage, state.mode), inputs, m, par)
-    surprise = _surprise(state.surprise, new, par)
-    health = where(surprise < par.health_limit, 1.0, 0.0)
+    surprised = surprise(state.surprise, new.innovation, new.innovation_std, par.health_samples)
+    health = where(surprised < par.health_limit, 1.0, 0.0)
     x, P = new.filtered
     outputs = Outputs(*(*physical(new.filtered, m), new.innovation, new.innovation_std, health))
-    return State(x, P, inputs.voltage, inputs.mode, surprise), outputs
+    return State(x, P, inputs.voltage, inputs.mode, surprised), outputs
 
 
 def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pass:
@@ -188,11 +188,3 @@ def physical(estimate: Gaussian, m: Model) -> tuple[Scalar, ...]:
         deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
         deviation(P[FORCE_ERROR, FORCE_ERROR]) / m.l_z,
     )
-
-
-def _surprise(before: Scalar, new: Pass, par: Parameters) -> Scalar:
-    """Mean of the squared normalised innovation over about `health_samples` samples."""
-    is_known = new.innovation_std > 0.0
-    normalised_innovation = new.innovation / where(is_known, new.innovation_std, 1.0)
-    squared = where(is_known, square(normalised_innovation), 0.0)
-    return before + (squared - before) / where(par.health_samples > 1.0, par.health_samples, 1.0)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gapsense.linalg import ROUNDING, identity, ldl, nonnegative, outer, pivot, solve, symmetric
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip
+from gapsense.trace import clip, square, where
 
 
 class Gaussian(NamedTuple):
@@ -74,3 +74,10 @@ def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: G
     A: Any = identity(len(P)) - G @ F
     mean = filtered.mean + G @ (later.mean - predicted.mean)
     return Gaussian(mean, nonnegative(A @ P @ A.T + G @ (Q + later.cov) @ G.T))
+
+
+def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -> Scalar:
+    """Mean of the squared normalised innovation over about so many samples; 1 is what a right model expects."""
+    is_known = std > 0.0
+    squared = where(is_known, square(innovation / where(is_known, std, 1.0)), 0.0)
+    return before + (squared - before) / where(samples > 1.0, samples, 1.0)

@@ -36,7 +36,7 @@ ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table 
 UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
-FAR = 10.0  # an innovation counts as so many standard deviations at most: one outlier is forgotten soon
+FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
 FINE, SURPRISED, SKIPPED, RESTARTED = 1.0, 0.0, -1.0, -2.0  # health
 
@@ -68,6 +68,7 @@ class Parameters(NamedTuple):
     process_position: Scalar  # of w_z [m]
     process_current_error: Scalar  # of w_i [A]
     process_memory: Scalar  # phi of (31) [1]
+    process_limit: Scalar  # largest innovation that counts, in standard deviations [1]
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     range_voltage: Scalar  # a reading beyond counts as lost [V]
@@ -120,14 +121,16 @@ class Tuning(NamedTuple):
     position: Scalar  # [m]
     current_error: Scalar  # [A]
     memory: Scalar  # [1]
+    limit: Scalar  # largest innovation that counts, in standard deviations [1]
 
 
 # PAPER is what [UKF] IV-A prescribes: the errors that the discretised model makes along the simulated valve, rms over
-# the cycle, and hardly a current error, because the simulated one has none.  ROBUST is honest about wrong parameters:
-# its flux noise is what a resistance wrong by 13 % does in a sample (R i T_s is 0.6 mWb at rest), so that a filter that
-# is short of the stop when the plunger lands believes the current, not itself.
-ROBUST = Tuning(flux_linkage=80e-6, position=0.25e-6, current_error=0.22e-3, memory=0.999)
-PAPER = Tuning(flux_linkage=0.4e-6, position=0.3e-9, current_error=10e-6, memory=0.99)
+# the cycle, and hardly a current error, because the simulated one has none.  If such a filter is a few of its small
+# deviations short of the stop when the plunger lands, it reads the rise of the current as a reversal.  ROBUST has the
+# process noise that wrong parameters make, and a large innovation counts as two deviations: one that lasts, as a wrong
+# model's does, moves the estimate no faster than the force does, and an outlier does no harm.
+ROBUST = Tuning(flux_linkage=5e-6, position=20e-9, current_error=10e-6, memory=0.99, limit=2.0)
+PAPER = Tuning(flux_linkage=0.4e-6, position=0.3e-9, current_error=10e-6, memory=0.99, limit=1e9)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -147,14 +150,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     m = _model(par)
     joint = _predicted(Gaussian(state.x, state.P), mean, m, par)
     innovation = where(has_current, inputs.current - joint.mean[-1], 0.0)
-    corrected = _corrected(joint, innovation, has_current & (par.option_filter < 2.5), par)
-    estimate, is_sound = _sound(corrected, joint, m, par)
     S = deviation(joint.cov[-1, -1] + square(par.noise_current))
-    seen = surprise(state.surprise, clip(innovation, -FAR * S, FAR * S), S, par.health_samples)
-    seen = where(has_current, seen, state.surprise)
-    health = where(seen < par.health_limit, FINE, SURPRISED)
+    most = _tuning(par).limit * S
+    limited = clip(innovation, -most, most)
+    estimate, is_sound = _sound(_corrected(joint, limited, has_current & (par.option_filter < 2.5), par), joint, m, par)
+    S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
+    seen = clip(innovation, -FAR * S, FAR * S)
+    surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
+    surprised = where(is_sound, surprised, 1.0)
+    health = where((surprised < par.health_limit) & (innovation == seen), FINE, SURPRISED)
     health = where(is_sound, where(has_voltage & has_current, health, SKIPPED), RESTARTED)
-    return State(*estimate, voltage, seen), Outputs(*(*_physical(estimate, par), innovation, S, health))
+    return State(*estimate, voltage, surprised), Outputs(*(*_physical(estimate, par), innovation, S, health))
 
 
 def _model(par: Parameters) -> Model:
@@ -252,7 +258,7 @@ def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: 
 
 
 def _tuning(par: Parameters) -> Tuning:
-    own = (par.process_flux_linkage, par.process_position, par.process_current_error, par.process_memory)
+    own = [getattr(par, f"process_{name}") for name in Tuning._fields]
     chosen = par.option_tuning
     return Tuning(*(where(chosen < 0.5, a, where(chosen < 1.5, b, c)) for a, b, c in zip(ROBUST, PAPER, own)))
 

@@ -339,9 +339,11 @@ def _is_in_range(port: Port, value: float) -> bool:
 
 
 def _range(port: Port) -> str:
+    """What a parameter may be, in few words: hosts cut long messages."""
     unit = "" if port.unit == "1" else f" {port.unit}"
-    low, high = "-inf" if port.min is None else f"{port.min:g}", "inf" if port.max is None else f"{port.max:g}"
-    return f"a finite number in [{low}, {high}]{unit}"
+    if port.max is None:
+        return "a finite number" if port.min is None else f"at least {port.min:g}{unit}"
+    return f"at most {port.max:g}{unit}" if port.min is None else f"{port.min:g} to {port.max:g}{unit}"
 
 
 SAVED = ("signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")
