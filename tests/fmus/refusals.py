@@ -26,7 +26,7 @@ def refusals(component: Component) -> dict[str, Case]:
 
 def _inputs(component: Component) -> Iterator[tuple[str, Case]]:
     h = component.step_size
-    for port in component.of("input"):
+    for port in () if component.survives else component.of("input"):
         for value in (math.nan, math.inf, -math.inf):
             words = [f"input `{port.name}` is not finite", *PLACE]
             yield f"{port.name} is {value}", ({"inputs": {port.name: value}, "step": (h, h)}, words)

@@ -382,6 +382,19 @@ def test_other_instance_works_after_refusals(answers: dict[str, Any], life: dict
     assert answers["afterwards"] == life["first"]
 
 
+def test_lost_readings_are_survived_where_the_port_table_says_so(part: Part) -> None:
+    if not part.component.survives:
+        pytest.skip("inputs that are not finite are refused")
+    nominal = [port.nominal for port in part.component.of("input")]
+    rows = [list(nominal) for _ in range(60)]
+    for k, value in enumerate((math.nan, math.inf, -math.inf) * len(nominal)):
+        rows[5 + 4 * k][k % len(nominal)] = value
+    rows[50] = [math.nan] * len(nominal)
+    run = fresh("reference", part.path, part.component.step_size, len(rows) - 1, rows)
+    assert len(run["outputs"]) == len(rows)
+    assert all(math.isfinite(value) for row in run["outputs"] for value in row)
+
+
 # Kernels that fail ----------------------------------------------------------------------------------------------------
 
 

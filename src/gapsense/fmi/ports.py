@@ -58,6 +58,7 @@ class Component(NamedTuple):
     resources: tuple[str, ...] = ()  # files of the component's folder that travel with it
     rising: tuple[tuple[str, str], ...] = ()  # pairs of parameters of which the second must be larger
     limits: tuple[Limit, ...] = ()
+    survives: bool = False  # inputs that are not finite reach the kernel, which copes; else they are an error
 
     def of(self, causality: str) -> tuple[Port, ...]:
         """Ports of one causality, in order."""

@@ -210,7 +210,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _inputs(self, time: float, dt: float) -> list[float]:
         inputs = self.signals[: self.inputs]
         total = sum(inputs)
-        if total - total != 0.0:  # infinite or NaN
+        if total - total != 0.0 and not self.component.survives:  # infinite or NaN
             self._refuse_non_finite(inputs, 0, "input", "Check the component that drives it")
         return [time, dt, *inputs] if self.clock == 2 else [time, *inputs] if self.clock else inputs
 
@@ -339,9 +339,11 @@ def _is_in_range(port: Port, value: float) -> bool:
 
 
 def _range(port: Port) -> str:
+    """What a parameter may be, in few words: hosts cut long messages."""
     unit = "" if port.unit == "1" else f" {port.unit}"
-    low, high = "-inf" if port.min is None else f"{port.min:g}", "inf" if port.max is None else f"{port.max:g}"
-    return f"a finite number in [{low}, {high}]{unit}"
+    if port.max is None:
+        return "a finite number" if port.min is None else f"at least {port.min:g}{unit}"
+    return f"at most {port.max:g}{unit}" if port.min is None else f"{port.min:g} to {port.max:g}{unit}"
 
 
 SAVED = ("signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")

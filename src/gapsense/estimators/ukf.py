@@ -1,0 +1,330 @@
+"""Bounded unscented Kalman filter of [UKF]: position and flux linkage of a solenoid valve from voltage and current.
+
+There is no contact sensor.  The stops are in the model: positions are clipped in the sigma points before the
+transition, after it, once more with the process noise added, and in the corrected state.  The unbounded filter, the
+extended one and the open loop are there to compare with.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from gapsense.derivative import linearise
+from gapsense.estimators.kalman import Gaussian, predict, surprise
+from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
+from gapsense.estimators.valve_model import (
+    CURRENT_ERROR,
+    FLUX_LINKAGE,
+    POSITION,
+    POSITION_PREV,
+    Held,
+    Model,
+    bounded,
+    model,
+    model_current,
+    observation,
+    segment,
+    transition,
+)
+from gapsense.linalg import deviation, diagonal, matrix, nonnegative, vector
+from gapsense.records import Array, Covariance, Scalar, Table, Vector
+from gapsense.trace import clip, cond, square, where
+
+ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table is costly: few points differ in it
+UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
+EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
+LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
+FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
+ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
+FINE, SURPRISED, SKIPPED, RESTARTED = 1.0, 0.0, -1.0, -2.0  # health
+
+
+class Parameters(NamedTuple):
+    """The valve as a user knows it (16), and the tuning."""
+
+    sample_time: Scalar  # Delta t [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    gap_file_gap: Annotated[Array, Table()]  # increasing, at least two [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # [1/H]
+    gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
+    core_reluctance: Scalar  # k_1 [1/H]
+    core_saturation: Scalar  # lambda_sat = N / k_2 [Wb]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # [m]
+    stop_upper: Scalar  # z_max [m]
+    option_filter: Scalar  # 0: bounded UKF, 1: unbounded UKF, 2: bounded EKF, 3: open loop
+    option_noise: Scalar  # 0: additive, with redrawn sigma points, 1: augmented
+    option_voltage: Scalar  # which sample stands for an interval, 0: the one at its start, 1: the mean, 2: at its end
+    option_tuning: Scalar  # 0: robust, 1: paper, 2: the parameters process_*
+    option_current_error: Scalar  # 1: with epsilon_i
+    sigma_spread: Scalar  # n + kappa [1]
+    process_flux_linkage: Scalar  # standard deviation of w_phi but for the voltage noise, per sample [Wb]
+    process_position: Scalar  # of w_z [m]
+    process_current_error: Scalar  # of w_i [A]
+    process_memory: Scalar  # phi of (31) [1]
+    process_limit: Scalar  # largest innovation that counts, in standard deviations [1]
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # [A]
+    prior_position: Scalar  # at the start, at rest [m]
+    prior_position_std: Scalar  # [m]
+    prior_flux_linkage: Scalar  # [Wb]
+    prior_flux_linkage_std: Scalar  # [Wb]
+    prior_current_error_std: Scalar  # [A]
+    health_samples: Scalar  # over how many samples the health looks back [1]
+    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+
+
+class State(NamedTuple):
+    """What is carried from sample to sample."""
+
+    x: Annotated[Array, Vector(4)]  # corrected estimate (33)
+    P: Annotated[Array, Covariance(4)]  # its covariance
+    voltage: Scalar  # last voltage that could be read [V]
+    surprise: Scalar  # mean of the squared normalised innovation [1]
+
+
+class Inputs(NamedTuple):
+    """Measurements; a lost one is not a number."""
+
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+
+
+class Outputs(NamedTuple):
+    """Estimates at the sample."""
+
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    current_error: Scalar
+    position_std: Scalar
+    velocity_std: Scalar
+    flux_linkage_std: Scalar
+    current_error_std: Scalar
+    innovation: Scalar
+    innovation_std: Scalar
+    health: Scalar  # 1 fine, 0 innovations larger than expected, -1 a reading was lost, -2 restarted
+
+
+class Tuning(NamedTuple):
+    """Process noise, standard deviations per sample, and the memory of the current error."""
+
+    flux_linkage: Scalar  # [Wb]
+    position: Scalar  # [m]
+    current_error: Scalar  # [A]
+    memory: Scalar  # [1]
+    limit: Scalar  # largest innovation that counts, in standard deviations [1]
+
+
+# PAPER is what [UKF] IV-A prescribes: the errors that the discretised model makes along the simulated valve, rms over
+# the cycle, and hardly a current error, because the simulated one has none.  If such a filter is a few of its small
+# deviations short of the stop when the plunger lands, it reads the rise of the current as a reversal.  ROBUST has the
+# process noise that wrong parameters make, and a large innovation counts as two deviations: one that lasts, as a wrong
+# model's does, moves the estimate no faster than the force does, and an outlier does no harm.
+ROBUST = Tuning(flux_linkage=5e-6, position=20e-9, current_error=10e-6, memory=0.99, limit=2.0)
+PAPER = Tuning(flux_linkage=0.4e-6, position=0.3e-9, current_error=10e-6, memory=0.99, limit=1e9)
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest, the position and the flux linkage as the prior says."""
+    estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
+    voltage = where(_can_be_read(inputs.voltage, par.range_voltage), inputs.voltage, 0.0)
+    health = where(_can_be_read(inputs.current, par.range_current), FINE, SKIPPED)
+    return State(*estimate, voltage, 1.0), Outputs(*(*_physical(estimate, par), 0.0, par.noise_current, health))
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: prediction, correction, and whatever went wrong put right."""
+    has_voltage = _can_be_read(inputs.voltage, par.range_voltage)
+    has_current = _can_be_read(inputs.current, par.range_current)
+    voltage = where(has_voltage, inputs.voltage, state.voltage)
+    mean = state.voltage + 0.5 * par.option_voltage * (voltage - state.voltage)
+    m = _model(par)
+    joint = _predicted(Gaussian(state.x, state.P), mean, m, par)
+    innovation = where(has_current, inputs.current - joint.mean[-1], 0.0)
+    S = deviation(joint.cov[-1, -1] + square(par.noise_current))
+    most = _tuning(par).limit * S
+    limited = clip(innovation, -most, most)
+    estimate, is_sound = _sound(_corrected(joint, limited, has_current & (par.option_filter < 2.5), par), joint, m, par)
+    S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
+    seen = clip(innovation, -FAR * S, FAR * S)
+    surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
+    surprised = where(is_sound, surprised, 1.0)
+    health = where((surprised < par.health_limit) & (innovation == seen), FINE, SURPRISED)
+    health = where(is_sound, where(has_voltage & has_current, health, SKIPPED), RESTARTED)
+    return State(*estimate, voltage, surprised), Outputs(*(*_physical(estimate, par), innovation, S, health))
+
+
+def _model(par: Parameters) -> Model:
+    is_unbounded = (par.option_filter > 0.5) & (par.option_filter < 1.5)
+    low, high = where(is_unbounded, -EVERYWHERE, par.stop_lower), where(is_unbounded, EVERYWHERE, par.stop_upper)
+    return model(par, _tuning(par).memory, low, high)
+
+
+def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> Gaussian:
+    """State and current together, before the current is measured: mean (5,) and covariance (5, 5)."""
+    noise = _process_noise(par)
+    return cond(  # type: ignore[no-any-return]
+        par.option_filter > 1.5,
+        lambda: _linearised(before, voltage, m, noise, par),
+        lambda: cond(
+            par.option_noise > 0.5,
+            lambda: _augmented(before, voltage, m, noise, par),
+            lambda: _additive(before, voltage, m, noise, par),
+        ),
+    )
+
+
+def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
+    """The state given the current, or as predicted."""
+    return cond(  # type: ignore[no-any-return]
+        is_measured,
+        lambda: condition_on_last(joint, innovation, square(par.noise_current)),
+        lambda: Gaussian(joint.mean[:-1], joint.cov[:-1, :-1]),
+    )
+
+
+def _additive(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+    """Algorithm 2, then the process noise added, and Algorithm 3 on points drawn again."""
+
+    def moved(x: Array) -> Array:
+        x = bounded(x, m)
+        return transition(x, Held(voltage, 0.0), segment(x[POSITION], par), m)
+
+    x, pairs = moved(before.mean), []
+    for c in columns(before.cov, par.sigma_spread, ORDER):
+        odd, even = pair(x, moved(before.mean + c), moved(before.mean - c))
+        odd[CURRENT_ERROR], even[CURRENT_ERROR] = m.memory * c[CURRENT_ERROR], 0.0  # it is linear
+        pairs.append(Pair(odd, even))
+    x, P = moments(x, pairs, par.sigma_spread)
+    return _observed(Gaussian(x, P + diagonal(noise)), m, par)
+
+
+def _observed(prior: Gaussian, m: Model, par: Parameters) -> Gaussian:
+    """State and current together, from points in which the position is clipped once more: w_z stays in the bounds."""
+
+    def seen(x: Array) -> Array:
+        z = clip(x[POSITION], m.low, m.high)
+        return vector([z, model_current(z, x[FLUX_LINKAGE], segment(z, par), m)])
+
+    centre, pairs = seen(prior.mean), []
+    for c in columns(prior.cov, par.sigma_spread, ORDER):
+        (odd_z, odd_i), (even_z, even_i) = pair(centre, seen(prior.mean + c), seen(prior.mean - c))
+        odd, even = vector([*c, odd_i - c[CURRENT_ERROR]]), vector([0.0, 0.0, 0.0, 0.0, even_i])
+        odd[POSITION], even[POSITION] = odd_z, even_z
+        pairs.append(Pair(odd, even))
+    x = vector([*prior.mean, centre[1] - prior.mean[CURRENT_ERROR]])
+    x[POSITION] = centre[0]
+    joint = moments(x, pairs, par.sigma_spread)
+    unclipped = np.ix_(UNCLIPPED, UNCLIPPED)
+    joint.cov[unclipped] = prior.cov[unclipped]  # as it came out again
+    return joint
+
+
+def _augmented(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+    """Algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
+    n = len(before.mean)
+    cov = diagonal([0.0] * n + [noise[k] for k in range(n) if k != POSITION_PREV])
+    cov[:n, :n] = before.cov
+
+    def moved(x: Array) -> Array:
+        state, (w_phi, w_z, w_i) = bounded(x[:n], m), x[n:]
+        state = transition(state, Held(voltage, w_z), segment(state[POSITION], par), m)
+        state = state + vector([w_phi, 0.0, 0.0, w_i])
+        return vector([*state, *observation(state, segment(state[POSITION], par), m)])
+
+    mean, spread = vector([*before.mean, 0.0, 0.0, 0.0]), par.sigma_spread
+    centre = moved(mean)
+    drawn = columns(cov, spread, (*ORDER, n, n + 1, n + 2))
+    return moments(centre, [pair(centre, moved(mean + c), moved(mean - c)) for c in drawn], spread)
+
+
+def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+    """As the extended filter has it; while the position is clipped its derivatives are zero."""
+    x, F = linearise(transition, before.mean, Held(voltage, 0.0), segment(before.mean[POSITION], par), m)
+    P = predict(before.cov, F, diagonal(noise))
+    h, H = linearise(observation, x, segment(x[POSITION], par), m)
+    c = P @ H[0]
+    rows = [[*row, y] for row, y in zip(P, c)]
+    return Gaussian(vector([*x, *h]), matrix([*rows, [*c, H[0] @ c]]))
+
+
+def _tuning(par: Parameters) -> Tuning:
+    own = [getattr(par, f"process_{name}") for name in Tuning._fields]
+    chosen = par.option_tuning
+    return Tuning(*(where(chosen < 0.5, a, where(chosen < 1.5, b, c)) for a, b, c in zip(ROBUST, PAPER, own)))
+
+
+def _process_noise(par: Parameters) -> Array:
+    """Variances of (34); that of w_phi holds the voltage noise too."""
+    t = _tuning(par)
+    current_error = where(par.option_current_error > 0.5, square(t.current_error), 0.0)
+    flux_linkage = square(t.flux_linkage) + square(par.sample_time * par.noise_voltage)
+    return vector([flux_linkage, square(t.position), 0.0, current_error])
+
+
+def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
+    """The estimate inside its bounds; where numbers or variances are lost, all is uncertain again."""
+    x, P = estimate
+    n = len(x)
+    is_sound = _is_finite(sum(P[i, j] for i in range(n) for j in range(i, n)) + sum(x))
+    for k in range(n):
+        is_sound = is_sound & (P[k, k] >= -ROUGH * joint.cov[k, k])
+
+    def restarted() -> Gaussian:
+        is_finite = _is_finite(sum(x))
+        start = [where(is_finite, a, b) for a, b in zip(x, _start(par))]
+        stroke = par.stop_upper - par.stop_lower
+        return Gaussian(vector(start), _at_rest(0.5 * stroke, 0.5 * par.core_saturation, par))
+
+    x, P = cond(is_sound, lambda: Gaussian(x, nonnegative(P)), restarted)
+    largest = LARGEST_FLUX * par.core_saturation
+    x = bounded(x, m)
+    x[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -largest, largest)
+    return Gaussian(x, P), is_sound
+
+
+def _start(par: Parameters) -> Array:
+    z = clip(par.prior_position, par.stop_lower, par.stop_upper)
+    return vector([par.prior_flux_linkage, z, z, 0.0])
+
+
+def _at_rest(z_std: Scalar, lam_std: Scalar, par: Parameters) -> Array:
+    """Covariance where the position is uncertain and the velocity is zero."""
+    has_error = par.option_current_error > 0.5
+    P = diagonal([square(lam_std), 0.0, 0.0, where(has_error, square(par.prior_current_error_std), 0.0)])
+    P[POSITION : POSITION_PREV + 1, POSITION : POSITION_PREV + 1] = square(z_std)
+    return P
+
+
+def _physical(estimate: Gaussian, par: Parameters) -> tuple[Scalar, ...]:
+    """Position, velocity, flux linkage and current error, then their standard deviations."""
+    x, P = estimate
+    v_var = P[POSITION, POSITION] - 2.0 * P[POSITION, POSITION_PREV] + P[POSITION_PREV, POSITION_PREV]
+    return (
+        x[POSITION],
+        (x[POSITION] - x[POSITION_PREV]) / par.sample_time,
+        x[FLUX_LINKAGE],
+        x[CURRENT_ERROR],
+        deviation(P[POSITION, POSITION]),
+        deviation(v_var) / par.sample_time,
+        deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
+        deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
+    )
+
+
+def _can_be_read(value: Scalar, limit: Scalar) -> Scalar:
+    """Neither NaN nor infinite nor out of range."""
+    return (value > -limit) & (value < limit)
+
+
+def _is_finite(value: Scalar) -> Scalar:
+    return value - value == 0.0

@@ -1,0 +1,123 @@
+"""Model of a solenoid valve without a contact sensor, as [UKF] Section IV-A discretises it.
+
+State x = (lambda_k, z_k, z_(k-1), epsilon_k) (33): the flux linkage in place of the flux, and the past position in
+place of the velocity (Verlet).  The reluctance of the gap and its derivative come from a table, linearly interpolated.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from gapsense.linalg import vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, fabs, load, locate, square, where
+
+SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
+FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
+
+
+class Model(NamedTuple):
+    """The coefficients of one step, made from physical parameters."""
+
+    T_s: Scalar
+    R: Scalar
+    core: Scalar  # k_1 / N^2 [1/H]
+    lam_sat: Scalar  # N / k_2 [Wb]
+    keep: Scalar  # of (28) and (30): factor of z_(k-1), of z_(k-2), constant part and factor of the magnetic force
+    drop: Scalar
+    spring: Scalar
+    mobility: Scalar  # T_s^2 / m
+    memory: Scalar  # phi of (31)
+    low: Scalar  # where positions are clipped
+    high: Scalar
+
+
+class Held(NamedTuple):
+    """What acts between two samples."""
+
+    voltage: Scalar  # mean of the interval [V]
+    push: Scalar  # w_z, inside the bound [m]
+
+
+class Segment(NamedTuple):
+    """The piece of the table in which a gap lies; divided by N^2."""
+
+    gap: Scalar
+    R_g: Scalar
+    R_g_rate: Scalar
+    slope: Scalar
+    slope_rate: Scalar
+
+
+def model(par: Any, memory: Scalar, low: Scalar, high: Scalar) -> Model:
+    """Coefficients for physical parameters, a record with the fields of `ukf.Parameters`."""
+    mobility = square(par.sample_time) / par.mover_mass
+    drag = par.damping * par.sample_time / par.mover_mass
+    return Model(
+        T_s=par.sample_time,
+        R=par.coil_resistance,
+        core=par.core_reluctance / square(par.coil_turns),
+        lam_sat=par.core_saturation,
+        keep=2.0 - drag - mobility * par.spring_stiffness,
+        drop=1.0 - drag,
+        spring=mobility * par.spring_stiffness * par.spring_rest,
+        mobility=mobility,
+        memory=where(par.option_current_error > 0.5, memory, 0.0),
+        low=low,
+        high=high,
+    )
+
+
+def segment(z: Scalar, par: Any) -> Segment:
+    """Piece of the gap table around `z`; its ends go on."""
+    k = locate(par.gap_file_gap, z)
+    left, squared = load(par.gap_file_gap, k), square(par.coil_turns)
+    scale = 1.0 / ((load(par.gap_file_gap, k, 1) - left) * squared)
+    R_g, slope = load(par.gap_file_reluctance, k), load(par.gap_file_slope, k)
+    R_g_rate = (load(par.gap_file_reluctance, k, 1) - R_g) * scale
+    slope_rate = (load(par.gap_file_slope, k, 1) - slope) * scale
+    return Segment(left, R_g / squared, R_g_rate, slope / squared, slope_rate)
+
+
+def reluctance(z: Scalar, lam: Scalar, s: Segment, m: Model) -> tuple[Scalar, Scalar]:
+    """Reluctance of gap and core (8), divided by N^2, and the derivative of its product with lambda by lambda."""
+    R_g = s.R_g + (z - s.gap) * s.R_g_rate
+    x = fabs(lam) / m.lam_sat
+    y = where(x < SATURATED, x, SATURATED)
+    R_c = m.core / (1.0 - y)
+    rate = R_c / (1.0 - y)
+    R = R_g + (R_c + (x - y) * rate)
+    return R, R + x * rate
+
+
+def bounded(x: Array, m: Model) -> Array:
+    """State with both positions between the stops (29)."""
+    z, z_prev = (clip(x[k], m.low, m.high) for k in (POSITION, POSITION_PREV))
+    return vector([x[FLUX_LINKAGE], z, z_prev, x[CURRENT_ERROR]])
+
+
+def transition(x: Array, u: Held, s: Segment, m: Model) -> Array:
+    """f_d(x, y_v) (32): flux linkage (26), with minus R i, positions (28)-(30), current error (31).
+
+    Flux linkage by the trapezoidal rule, linearised: R i is that of the middle of the step.  Euler's method would lag
+    half a sample behind.
+    """
+    lam, z, z_prev, e_i = x
+    slope = s.slope + (z - s.gap) * s.slope_rate
+    R, rate = reluctance(z, lam, s, m)
+    pull = slope * lam  # derivative of the current by the position
+    i = R * lam - e_i
+    way = z - z_prev
+    change = m.T_s * (u.voltage - m.R * (i + 0.5 * pull * way)) / (1.0 + 0.5 * m.T_s * m.R * rate)
+    z_next = m.keep * z - m.drop * z_prev + (m.spring - 0.5 * m.mobility * pull * lam) + u.push
+    return vector([lam + change, clip(z_next, m.low, m.high), z, m.memory * e_i])
+
+
+def observation(x: Array, s: Segment, m: Model) -> Array:
+    """h(x) (35): the current [A]; epsilon is the model's current minus the measured one (27)."""
+    return vector([model_current(x[POSITION], x[FLUX_LINKAGE], s, m) - x[CURRENT_ERROR]])
+
+
+def model_current(z: Scalar, lam: Scalar, s: Segment, m: Model) -> Scalar:
+    """Current by (17) [A]."""
+    return reluctance(z, lam, s, m)[0] * lam
