@@ -35,6 +35,7 @@ slow: fmus
 bench: fmus
 	$(INSTALL) --editable '.[dev,peers]'
 	$(BIN)/python benchmarks/runner.py
+	$(BIN)/python benchmarks/filters.py
 
 fmus: build/fmus/.built
 

@@ -6,7 +6,7 @@ import ctypes
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,18 +85,26 @@ def own_time_real_rates(fmus: Path) -> Outcome:
     return run(real_rates(fmus))
 
 
-def replay(experiment: Experiment, rows: Rows) -> dict[str, list[float]]:
-    """Seconds of all set, do_step and get calls of each component, one component after the other, on recorded rows."""
+class Replayed(NamedTuple):
+    """Seconds of one component on recorded inputs."""
+
+    total: list[float]  # of all set, do_step and get calls
+    steps: Rows  # of each do_step
+
+
+def replay(experiment: Experiment, rows: Rows) -> dict[str, Replayed]:
+    """Each component by itself, one after the other; a column of `rows` for each signal of the experiment."""
     c, grid, found = library(), experiment[0].experiment, {}
     with Master(*experiment) as master:
         master.initialize(experiment[0].seeds)
         for part in master.parts:
             part.plain.clear()
-            one = c_part(part, [])
+            one, steps = c_part(part, []), np.empty(len(rows))
             places = [master.places.index[p] for p in master.places.of(part.component.name, "input")]
             given = np.ascontiguousarray(rows[:, places])
-            base, count = ctypes.c_double(grid.base_step), ctypes.c_long(len(given))
-            if c.replay(ctypes.byref(one), ctypes.c_void_p(given.ctypes.data), base, count):
+            base, count, pointers = ctypes.c_double(grid.base_step), ctypes.c_long(len(given)), (given, steps)
+            rows_in, steps_out = (ctypes.c_void_p(array.ctypes.data) for array in pointers)
+            if c.replay(ctypes.byref(one), rows_in, base, count, steps_out):
                 raise RuntimeError(f"`{part.component.name}` failed in the loop in C.")
-            found[part.component.name] = list(one.seconds)
+            found[part.component.name] = Replayed(list(one.seconds), steps)
     return found

@@ -12,12 +12,15 @@ from typing import Any
 def measure(row: str, fmus: Path) -> dict[str, Any]:
     """Microseconds per component-step and the last outputs, or what package is missing."""
     try:
+        import actuator_steps
         import c_loop
         import ours
         import peers
 
         if row == "alone":
             return {"alone": ours.alone(fmus)}
+        if row == "actuator":
+            return {"actuator": actuator_steps.actuator_steps(fmus)}
         function = next(getattr(module, row) for module in (ours, peers, c_loop) if hasattr(module, row))
         seconds, steps, last = function(fmus)
     except ImportError as error:

@@ -15,7 +15,7 @@ from gapsense.cosim.master import Master
 from gapsense.cosim.run import run_once
 from gapsense.cosim.scenario import Port
 from gapsense.fmi.ports import Component
-from gapsense.fmi.tables import read_table
+from gapsense.fmi.settings import kernel_parameters
 from gapsense.kernel import Kernel
 
 Outcome = tuple[float, int, dict[str, float]]
@@ -65,24 +65,11 @@ class Direct:
         self.component, self.folder = components[descriptions[name].name]
         self.kernel = Kernel(importlib.import_module(self.component.kernel))
         seed = {"seed": scenario.seeds[name]} if name in scenario.seeds else {}
-        self.values = {**scenario.components[name].values, **seed}
         self.step: Step = self.kernel.scalar["step"]
-        self.par = tuple(self.parameters()[field] for field in self.kernel.module.Parameters._fields)
+        self.par = tuple(kernel_parameters(self.folder, {**scenario.components[name].values, **seed}))
         self.inputs = [Port(name, port.name) for port in self.component.of("input")]
         self.outputs = [Port(name, port.name) for port in self.component.of("output")]
         self.clock = sum(field in self.kernel.module.Inputs._fields for field in ("time", "dt"))
-
-    def parameters(self) -> dict[str, Any]:
-        """Fields of the kernel's parameters, as the FMU's shell computes them."""
-        fields: dict[str, Any] = {}
-        for port in self.component.of("parameter"):
-            value = self.values.get(port.name, port.start)
-            if port.columns:
-                tables = read_table(self.folder / value, port.columns)
-                fields.update({f"{port.field}_{c.partition(':')[0]}": t for c, t in zip(port.columns, tables)})
-            else:
-                fields[port.field] = float(port.choices.index(value) if port.choices else value)
-        return fields
 
     def given(self, inputs: list[float], time: float, dt: float) -> list[float]:
         """What the kernel takes: the inputs, before them time and step if it asks for them."""
@@ -140,11 +127,11 @@ def alone(fmus: Path) -> dict[str, list[float]]:
         names, index = list(master.order.names), master.places.index
         recording = master.run(list(range(len(index))), experiment[0].seeds)
     rows = recording.data[1 : recording.rows]
-    seconds = replay(experiment, rows)
+    replayed = replay(experiment, rows)
     found = {}
     for name, direct in zip(names, directs(experiment, names)):
         given = rows[:, [index[port] for port in direct.inputs]].tolist()
-        found[name] = [1e6 * s / len(rows) for s in seconds[name]] + [kernel_time(direct, given)]
+        found[name] = [1e6 * s / len(rows) for s in replayed[name].total] + [kernel_time(direct, given)]
     return found
 
 

@@ -52,6 +52,8 @@ libcosim and the containers record nothing meanwhile, gapsense.cosim all signals
 Aims: ahead of all peers; overhead of gapsense.cosim below 4 us."""
 ALONE = """Loop in C over one component at a time, on the inputs of the experiment above; the kernel as plain Python on
 the same inputs. In the whole scenario a step takes longer: the caches are shared. Aim: do_step of semera below 6 us."""
+ACTUATOR = """Loop in C over one component at a time, on the inputs of benchmarks/actuator; median of all steps (20 us).
+Aims: do_step of Ekf below 10 us, a micro-step of ReluctanceActuator below 6 us."""
 
 
 def main() -> int:
@@ -65,12 +67,17 @@ def main() -> int:
     if not any(options.fmus.glob("*.fmu")):
         print(f"{options.fmus}: no FMUs in this folder. Build them: python build_fmus.py", file=sys.stderr)
         return 2
-    names = [row[0] for row in ROWS] + ["alone"]
+    names = [row[0] for row in ROWS] + ["alone", "actuator"]
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
     jobs = [name for _ in range(max(1, options.repeats)) for name in names]
     for name in track(jobs, "Measuring", console=Console(stderr=True), transient=True):
         found[name].append(measured(name, options.fmus))
-    for table, caption in ((row_table(found), CAPTION), (alone_table(found["alone"]), ALONE)):
+    tables = (
+        (row_table(found), CAPTION),
+        (alone_table(found["alone"]), ALONE),
+        (actuator_table(found["actuator"]), ACTUATOR),
+    )
+    for table, caption in tables:
         CONSOLE.print(table)
         CONSOLE.print(caption + "\n", style="dim", soft_wrap=True, highlight=False)
     if options.sweep > 0:
@@ -127,6 +134,19 @@ def deviation(last: Mapping[str, float], ours: list[dict[str, Any]]) -> str:
     if not good:
         return "-"
     return f"{max(abs(v - good[0][n]) / (abs(good[0][n]) or 1.0) for n, v in last.items()):.1g}"
+
+
+def actuator_table(answers: list[dict[str, Any]]) -> Table:
+    """The reluctance actuator and its estimators."""
+    table = Table(title="do_step of the FMUs of [RTS]: microseconds")
+    for column in ("", "at rest", "in motion"):
+        table.add_column(column, justify="right" if column else "left")
+    good = [answer["actuator"] for answer in answers if "actuator" in answer]
+    for name in good[0] if good else ():
+        table.add_row(name, *(spread([answer[name][i] for answer in good]) for i in range(2)))
+    if not good:
+        table.add_row("failed", str(answers[-1].get("failed") or reason(answers[-1])))
+    return table
 
 
 def alone_table(answers: list[dict[str, Any]]) -> Table:

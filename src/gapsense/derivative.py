@@ -69,9 +69,12 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
     """Value (m,) of `function(x, *records)` and its Jacobian by the vector `x`, an object array (m, n).
 
     The same bits on floats as traced: for floats, `function` is traced and compiled once; it must be one of a module,
-    and `records` named tuples of scalars and tables.
+    and `records` named tuples of scalars and tables.  A constant among traced values of `x` is told apart as a sum.
     """
-    if is_traced(*x, *(value for record in records for value in record)):
+    traced = [v for v in (*x, *(value for record in records for value in record)) if is_traced(v)]
+    if traced:
+        tape = traced[0].tape
+        x = np.array([v if is_traced(v) else tape.node("+", (v, 0.0)) for v in x], dtype=object)
         values = function(x, *records)
         return np.array([*values], dtype=object), jacobian(values, x)
     flat = _linearised(function, len(x), *map(type, records))((*x, *(v for record in records for v in record)))

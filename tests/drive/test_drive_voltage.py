@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gapsense.drive import drive_voltage as drive
-from gapsense.drive.drive_voltage import PWM, SQUARE, STEP, TABLE, Inputs, Parameters, State
+from gapsense.drive.drive_voltage import PROFILE, PWM, SOFT_LANDING, SQUARE, STEP, TABLE, Inputs, Parameters, State
 from gapsense.fmi.tables import running_integral
 from gapsense.kernel import Kernel
 from gapsense.records import flat
@@ -20,6 +20,8 @@ from gapsense.records import flat
 KERNEL = Kernel(drive)
 TIMES = [0.0, 4e-3, 4e-3, 10e-3, 10e-3, 20e-3, 31e-3]
 VOLTAGES = [0.0, 0.0, 30.0, 30.0, -5.0, 8.0, 8.0]
+CYCLES = [0.0, 1e-3, 1e-3, 4e-3, 4e-3, 7e-3, 7e-3, 9.5e-3]
+CYCLE_VOLTAGES = [0.0, 0.0, 24.0, 20.0, -1.0, 15.0, 0.5, 0.5]
 BASE = Parameters(
     waveform=SQUARE,
     square_amplitude=30.0,
@@ -33,11 +35,24 @@ BASE = Parameters(
     table_file_time=TIMES,
     table_file_voltage=VOLTAGES,
     table_file_integral=running_integral(TIMES, VOLTAGES),
+    table_period=0.0,
+    table_repeat_from=0.0,
     pwm_high=30.0,
     pwm_low=-30.0,
     pwm_frequency=1e3,
+    profile_amplitude=32.0,
+    profile_low=-2.0,
+    profile_first=3.5e-3,
+    profile_second=1.25e-3,
+    profile_half_period=10e-3,
+    profile_delay=0.4e-3,
+    soft_landing_file_time=CYCLES,
+    soft_landing_file_voltage=CYCLE_VOLTAGES,
+    soft_landing_file_integral=running_integral(CYCLES, CYCLE_VOLTAGES),
+    soft_landing_period=6e-3,
+    soft_landing_repeat_from=4e-3,
 )
-WAVEFORMS = {"square": SQUARE, "step": STEP, "table": TABLE, "pwm": PWM}
+WAVEFORMS = {"square": SQUARE, "step": STEP, "table": TABLE, "pwm": PWM, "profile": PROFILE, "cycles": SOFT_LANDING}
 REFERENCE = 12.0  # V, duty 0.7 of the PWM
 
 
@@ -65,13 +80,22 @@ def exact_integral(t, par):
         edge = Fraction(par.step_time)
         return low * t + (high - low) * (max(t - edge, 0) - max(-edge, 0))
     if par.waveform == TABLE:
-        xs, ys = [Fraction(x) for x in par.table_file_time], [Fraction(y) for y in par.table_file_voltage]
-        total = ys[0] * (min(t, xs[0]) - xs[0]) + ys[-1] * max(t - xs[-1], 0)
-        for x0, x1, y0, y1 in zip(xs, xs[1:], ys, ys[1:]):
-            if t > x0 and x1 > x0:
-                x = min(t, x1)
-                total += (x - x0) * (y0 + y0 + (y1 - y0) * (x - x0) / (x1 - x0)) / 2
-        return total
+        columns = par.table_file_time, par.table_file_voltage
+        return curve_integral(t, *columns, Fraction(par.table_period), Fraction(par.table_repeat_from))
+    if par.waveform == SOFT_LANDING:
+        columns = par.soft_landing_file_time, par.soft_landing_file_voltage
+        return curve_integral(t, *columns, Fraction(par.soft_landing_period), Fraction(par.soft_landing_repeat_from))
+    if par.waveform == PROFILE:
+        half, first, second = (
+            Fraction(par.profile_half_period),
+            Fraction(par.profile_first),
+            Fraction(par.profile_second),
+        )
+        ends = [0, first, first + second, half, half + first, half + first + second]
+        since = max(t - Fraction(par.profile_delay), 0)
+        whole, rest = divmod(since, 2 * half)
+        high = whole * half + sum(min(max(rest - a, 0), b - a) for a, b in zip(ends[::2], ends[1::2]))
+        return Fraction(par.profile_low) * t + Fraction(par.profile_amplitude) * high
     if par.waveform == PWM:
         low, high, period = Fraction(par.pwm_low), Fraction(par.pwm_high), 1 / Fraction(par.pwm_frequency)
         duty = min(max((Fraction(REFERENCE) - low) / (high - low), Fraction(0)), Fraction(1))
@@ -79,6 +103,21 @@ def exact_integral(t, par):
     low, period, duty = Fraction(par.square_low), Fraction(par.square_period), Fraction(par.square_duty)
     p = max((t - Fraction(par.square_delay)) / period, 0)
     return low * t + Fraction(par.square_amplitude) * period * wave_integral(p, duty)
+
+
+def curve_integral(t, xs, ys, period, repeat_from):
+    """Exact integral of a table from its first row to `t`; a part of it may repeat."""
+    xs, ys, repeated = [Fraction(x) for x in xs], [Fraction(y) for y in ys], 0
+    if period and t > repeat_from + period:
+        count = (t - repeat_from) // period
+        over = [curve_integral(x, xs, ys, Fraction(0), 0) for x in (repeat_from, repeat_from + period)]
+        repeated, t = count * (over[1] - over[0]), t - count * period
+    total = ys[0] * (min(t, xs[0]) - xs[0]) + ys[-1] * max(t - xs[-1], 0)
+    for x0, x1, y0, y1 in zip(xs, xs[1:], ys, ys[1:]):
+        if t > x0 and x1 > x0:
+            x = min(t, x1)
+            total += (x - x0) * (y0 + y0 + (y1 - y0) * (x - x0) / (x1 - x0)) / 2
+    return total + repeated
 
 
 def exact_mean(t0, t1, par):
@@ -91,6 +130,13 @@ def edges(par, stop):
         return [par.step_time]
     if par.waveform == TABLE:
         return sorted({a for a, b in zip(par.table_file_time, par.table_file_time[1:]) if a == b})
+    if par.waveform == SOFT_LANDING:
+        repeated = [n * 6e-3 + t for n in range(int(stop / 6e-3) + 1) for t in (4e-3, 7e-3, 10e-3)]
+        return [1e-3, *repeated]
+    if par.waveform == PROFILE:
+        first, second, half = par.profile_first, par.profile_second, par.profile_half_period
+        ends = [n * half + t for n in range(int(stop / half) + 2) for t in (0.0, first, first + second)]
+        return [par.profile_delay + t for t in ends]
     if par.waveform == PWM:
         period, duty, delay = 1.0 / par.pwm_frequency, 0.7, 0.0
     else:
@@ -109,7 +155,27 @@ squares = st.builds(
     st.floats(0.0, 1.0),
     st.floats(-0.01, 0.05),
 )
-waves = st.one_of(squares, st.sampled_from([BASE._replace(waveform=w) for w in WAVEFORMS.values()]))
+profiles = st.builds(
+    lambda low, first, second, half, delay: BASE._replace(
+        waveform=PROFILE,
+        profile_low=low,
+        profile_first=first * half,
+        profile_second=min(second, 1.0 - first) * half,
+        profile_half_period=half,
+        profile_delay=delay,
+    ),
+    st.floats(-20.0, 20.0),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+    st.floats(1e-4, 0.1),
+    st.floats(-0.01, 0.05),
+)
+cycles = st.builds(
+    lambda period, start: BASE._replace(waveform=TABLE, table_period=period, table_repeat_from=start),
+    st.floats(1e-3, 0.05),
+    st.floats(-5e-3, 40e-3),
+)
+waves = st.one_of(squares, profiles, cycles, st.sampled_from([BASE._replace(waveform=w) for w in WAVEFORMS.values()]))
 
 
 @given(partitions, waves)
@@ -229,6 +295,56 @@ def test_table_holds_its_ends_and_takes_jumps_in_its_first_and_last_row():
     assert run([-1.0, 3.0], par)[1][1] == pytest.approx((5.0 + 15.0 - 6.0) / 4.0)
 
 
+def test_profile_is_that_of_the_paper():
+    par = BASE._replace(
+        waveform=PROFILE, profile_amplitude=30.0, profile_low=0.0, profile_delay=0.0, profile_half_period=20e-3
+    )
+    ends = [3.5e-3, 4.75e-3, 20e-3, 23.5e-3, 24.75e-3, 40e-3, 43.5e-3]
+    voltages, means = run([0.0, *ends], par)
+    assert [*voltages[1:]] == [*means[1:]] == [30.0, 0.0, 30.0, 0.0, 30.0, 0.0, 30.0]
+
+
+def test_profile_breaking_mirrors_its_making():
+    par = BASE._replace(waveform=PROFILE, profile_low=0.0, profile_delay=0.0)
+    points = [k * 1e-4 + 3e-5 for k in range(101)]
+    making, breaking = run(points, par)[1], run([t + 10e-3 for t in points], par)[1]
+    assert making[1:] + breaking[1:] == pytest.approx(np.full(100, par.profile_amplitude), abs=1e-9)
+
+
+def test_profile_pulses_longer_than_the_half_period_are_cut_off():
+    par = BASE._replace(waveform=PROFILE, profile_low=0.0, profile_delay=0.0, profile_first=8e-3, profile_second=5e-3)
+    voltages, _ = run([0.0, 7.9e-3, 8.1e-3, 10e-3, 10.1e-3, 18e-3, 18.1e-3, 20e-3, 20.1e-3], par)
+    assert [*voltages[1:]] == [32.0, 0.0, 0.0, 0.0, 0.0, 32.0, 32.0, 32.0]
+    alone, _ = run([0.0, 9.9e-3, 10.1e-3], par._replace(profile_first=1.0))
+    assert [*alone[1:]] == [32.0, 0.0]
+
+
+def test_table_repeats_its_end_and_plays_its_beginning_once():
+    par = BASE._replace(waveform=SOFT_LANDING)
+    voltages, means = run([0.0, 1e-3, 4e-3, 7e-3, 10e-3, 13e-3, 16e-3, 19e-3], par)
+    assert [*voltages] == pytest.approx([0.0, 0.0, 20.0, 15.0, 0.5, 15.0, 0.5, 15.0])
+    assert [*means[1:]] == pytest.approx([0.0, 22.0, 7.0, 0.5, 7.0, 0.5, 7.0])
+    far = 4e-3 + 6e-3 * 1e5
+    assert [*run([far, far + 3e-3, far + 6e-3], par)[1][1:]] == pytest.approx([7.0, 0.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("is_summed", [True, False], ids=["summed", "multiplied"])
+def test_repeated_jumps_on_communication_points_are_clean(is_summed):
+    dt = 1e-4 / 3.0
+    table = [0.0, 100 * dt, 100 * dt, 300 * dt]
+    par = BASE._replace(
+        waveform=TABLE,
+        table_file_time=table,
+        table_file_voltage=[1.5, 1.5, 30.1, 30.1],
+        table_file_integral=running_integral(table, [1.5, 1.5, 30.1, 30.1]),
+        table_period=300 * dt,
+    )
+    count = 30_000
+    points = [*accumulate([dt] * count, initial=0.0)] if is_summed else [k * dt for k in range(count + 1)]
+    voltages, means = run(points, par, steps=[dt] * count)
+    assert [*voltages[1:]] == [*means[1:]] == ([1.5] * 100 + [30.1] * 200) * 100
+
+
 @pytest.mark.parametrize("waveform", WAVEFORMS.values(), ids=WAVEFORMS)
 @pytest.mark.parametrize("enable, is_on", [(0.0, False), (0.5, False), (0.51, True), (1.0, True)])
 def test_enable_switches_both_outputs_to_zero(waveform, enable, is_on):
@@ -269,9 +385,9 @@ def test_generated_code_gives_the_bits_of_the_source(waveform):
 def test_batch_gives_the_numbers_of_single_runs(waveform):
     runs = 400
     inputs = steps_of(2, runs)
-    numbers = np.array([waveform if waveform is not None else float(k % 4) for k in range(runs)])
-    par = flat(BASE._replace(waveform=numbers, table_file_time=np.array(TIMES), table_file_voltage=np.array(VOLTAGES)))
-    par[Parameters._fields.index("table_file_integral")] = np.array(BASE.table_file_integral)
+    numbers = np.array([waveform if waveform is not None else float(k % 6) for k in range(runs)])
+    tables = {name: np.array(value) for name, value in BASE._asdict().items() if isinstance(value, list)}
+    par = flat(BASE._replace(waveform=numbers, **tables))
     _, found = KERNEL.step_batch([np.zeros(runs)], [*np.array(inputs).T], par, runs)
     for k, row in enumerate(inputs):
         _, expected = KERNEL.step(State(0.0), row, BASE._replace(waveform=float(numbers[k])))

@@ -10,7 +10,7 @@ import reduced_model_textbook as textbook
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reduced_model_textbook import TABLE_I
-from table_i import defaults
+from table_i import QUIET, defaults
 from valve_signals import Signals, exact, valve
 
 from gapsense.estimators import ekf
@@ -55,7 +55,7 @@ def textbook_step(
 
 def test_equals_the_textbook_filter() -> None:
     rng = np.random.default_rng(1)
-    par = defaults(ekf)
+    par = defaults(ekf, **QUIET)
     Q = np.diag([0.0, 0.0, 2e-6**2, 1e-3**2, 20e-6**2])
     modes = np.r_[[3] * 20, [2] * 60, [1] * 40, [2] * 30, [3] * 10]
     voltages, currents = np.where(np.arange(160) < 110, 20.0, 0.0), np.linspace(0.0, 0.35, 160)
@@ -75,7 +75,7 @@ def test_equals_the_textbook_filter() -> None:
 
 def test_equals_the_linear_kalman_filter_on_a_linear_model() -> None:
     """Without a gap reluctance that depends on the position and without saturation the model at rest is linear."""
-    par = defaults(ekf, gap_slope=0.0, gap_reluctance=3e7, core_saturation=1e9, prior_flux_linkage_std=1e-3)
+    par = defaults(ekf, gap_slope=0.0, gap_reluctance=3e7, core_saturation=1e9, prior_flux_linkage_std=1e-3, **QUIET)
     rng = np.random.default_rng(2)
     reluctance, dt, k = (3e7 + 2.52e6) / 1200.0**2, 20e-6, 20e-6**2 / 1.6e-9
     F = np.eye(5)

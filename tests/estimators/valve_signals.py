@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from kernel_cases import components, kernel
-from table_i import defaults
+from table_i import QUIET, defaults
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.estimators import ekf
@@ -60,4 +60,4 @@ def exact(low: float = 1e-4, **changes: Any) -> Any:
         "stop_lower": low, "stop_upper": 0.9e-3, "core_reluctance": 3.25e6, "core_saturation": 24e-3,
         "gap_slope": 1.0 / (MU_0 * AREA), "gap_fringing": AREA**-0.5, "gap_window": 2.0 * WINDOW,
     }  # fmt: skip
-    return defaults(ekf, **(values | changes))
+    return defaults(ekf, **(QUIET | values | changes))

@@ -1,4 +1,4 @@
-"""Results of both scenarios, computed once."""
+"""Results of scenarios, computed once."""
 
 from __future__ import annotations
 
@@ -21,3 +21,9 @@ def valve(fmus: Path) -> Result:
 def relay(fmus: Path) -> Result:
     """The scenario of the relay."""
     return run(SCENARIOS / "semera_relay", fmus=fmus)
+
+
+@pytest.fixture(scope="session")
+def magnet(fmus: Path) -> Result:
+    """The scenario of the pot magnet, when it is switched off."""
+    return run(SCENARIOS / "pot_magnet", "off", fmus)

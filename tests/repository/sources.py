@@ -31,7 +31,11 @@ def tree(path: Path) -> ast.Module:
 
 def texts() -> Iterator[Path]:
     """All text files that belong to the repository; nothing that was built, cached or installed."""
-    yield from (p for p in sorted(ROOT.iterdir()) if p.is_file() and p.suffix in TEXT and p.name[:9] != ".coverage")
+    yield from (
+        p
+        for p in sorted(ROOT.iterdir())
+        if p.is_file() and p.suffix in TEXT and p.name != ".git" and not p.name.startswith(".coverage")
+    )
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*")):
             is_made = any(part == "__pycache__" or part.endswith(".egg-info") for part in path.parts)

@@ -1,6 +1,31 @@
-"""The oracles can be imported here."""
+"""The soft-landing cycle of [RTS], and the reduced model fitted to it."""
+
+from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "oracles")]
+import pytest
+
+sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels", "oracles", "estimators", "studies"))
+
+from gapsense.studies.monte_carlo import Study
+from gapsense.studies.nominal import fitted, nominal
+from gapsense.studies.soft_landing import Samples, sampled, soft_landing
+
+
+@pytest.fixture(scope="session")
+def cycle() -> Samples:
+    return sampled(soft_landing())
+
+
+@pytest.fixture(scope="session")
+def study(cycle: Samples) -> Study:
+    return Study(cycle, fitted(cycle, nominal()))
+
+
+@pytest.fixture(scope="session")
+def coarse() -> Study:
+    """The same with a fifth of the samples."""
+    samples = sampled(soft_landing(), 100e-6)
+    return Study(samples, fitted(samples, nominal(sample_time=100e-6)))

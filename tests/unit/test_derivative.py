@@ -155,6 +155,22 @@ def test_jacobian_holds_the_other_variables_even_if_they_depend_on_each_other() 
     assert compiled(python_text(function))((a, b, c))[0] == y + 10.0 * x + 1000.0 * 2.0 * y
 
 
+def test_linearise_takes_constants_among_traced_values() -> None:
+    """Two that are equal too: each has a derivative of its own."""
+
+    def bent(x: Any, r: Inputs) -> Any:
+        return [x[0] * x[1] * r.b, x[1] * x[1] + x[2]]
+
+    def function(a: Any, b: Any, c: Any) -> Any:
+        values, J = linearise(bent, [a, 3.0, 3.0], Inputs(a, b, c))
+        return (values @ np.array([1.0, 10.0])) + (J.ravel() @ np.array([1.0, 10.0, 100.0, 1e3, 1e4, 1e5]))
+
+    a, b = 2.0, 5.0
+    J = [3.0 * b, a * b, 0.0, 0.0, 6.0, 1.0]
+    expected = a * 3.0 * b + 10.0 * 12.0 + np.dot(J, [1.0, 10.0, 100.0, 1e3, 1e4, 1e5])
+    assert run_python(function, a, b, 0.0) == expected
+
+
 def test_jacobian_by_one_value_twice_is_refused() -> None:
     with pytest.raises(TraceError, match="same traced value"):
         python_text(lambda a, b, c: jacobian([a * b], [a, a])[0, 0])

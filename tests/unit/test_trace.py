@@ -211,6 +211,18 @@ def test_branches_may_return_constants_outer_values_and_truth_values(tmp_path: P
     np.testing.assert_array_equal(run_numpy(function, *columns), [function(*v) for v in columns.T])
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_numpy_does_not_compute_a_branch_that_no_run_takes(sign: float) -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        return cond(b > 0.0, lambda: log(b) + a, lambda: log(-b) + c)
+
+    step = compiled(Numpy(graph(function)).source(), Numpy.head)
+    columns = [np.array([1.0, 2.0]), sign * np.array([3.0, 4.0]), np.array([5.0, 6.0])]
+    with np.errstate(all="raise"):  # as the logarithm of a negative number would
+        (found,) = step(columns, 2)
+    np.testing.assert_array_equal(found, np.log([3.0, 4.0]) + columns[0 if sign > 0.0 else 2])
+
+
 def test_a_branch_uses_what_the_function_has_computed_and_the_function_not_what_a_branch_has() -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         before = exp(a)

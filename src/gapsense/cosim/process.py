@@ -19,21 +19,23 @@ SHOWN = 2000  # characters of a crashed process's last words
 
 
 class WorkerProcess:
-    """One process; it does not get the terminal's Ctrl-C, and ends when its input is closed."""
+    """One process of a module; it does not get the terminal's Ctrl-C, and ends when its input is closed."""
 
-    def __init__(self, task: Mapping[str, Any], measure: Callable[..., Any] | None) -> None:
-        self.task, self.paths = task, [SRC, *roots(measure)]
+    def __init__(
+        self, task: Mapping[str, Any], measure: Callable[..., Any] | None, module: str = "gapsense.cosim.worker"
+    ) -> None:
+        self.task, self.paths, self.module = task, [SRC, *roots(measure)], module
         self.folder = tempfile.TemporaryDirectory(prefix="gapsense-sweep-", ignore_cleanup_errors=True)
         self.log = Path(self.folder.name, "errors.txt")
         self.process: subprocess.Popen[str] | None = None
 
     def start(self) -> None:
-        """Start it and wait until it has read the scenario."""
+        """Start it and wait until it has read its task."""
         paths = os.pathsep.join([*map(str, self.paths), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
         temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self.folder.name)
         with self.log.open("wb") as errors:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "gapsense.cosim.worker"],
+                [sys.executable, "-m", self.module],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,

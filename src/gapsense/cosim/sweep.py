@@ -182,7 +182,7 @@ def file_stem(scenario: Scenario) -> str:
     return f"{folder}_{scenario.variant}_sweep" if scenario.variant else f"{folder}_sweep"
 
 
-def importable_name(measure: Measure) -> str:
+def importable_name(measure: Callable[..., Any]) -> str:
     """`module:function`, under which a worker finds the function."""
     module, name = measure.__module__, measure.__qualname__
     if module == "__main__" or "<" in name or "." in name:
@@ -206,10 +206,17 @@ def key(scenario: Scenario, fmus: Mapping[str, str], measure: Measure | None) ->
 class Job:
     """The runs still to do, and the processes that do them."""
 
-    def __init__(self, task: Mapping[str, Any], measure: Measure | None, pending: Sequence[int], workers: int) -> None:
+    def __init__(
+        self,
+        task: Mapping[str, Any],
+        measure: Callable[..., Any] | None,
+        pending: Sequence[int],
+        workers: int,
+        module: str = "gapsense.cosim.worker",
+    ) -> None:
         self.pending, self.computed = deque(pending), 0
         self.answers: Queue[Entry | BaseException] = Queue()
-        self.processes = [WorkerProcess(task, measure) for _ in range(min(workers, len(pending)))]
+        self.processes = [WorkerProcess(task, measure, module) for _ in range(min(workers, len(pending)))]
 
     def run(self, known: dict[int, Entry], ledger: Ledger, total: int, progress: Progress | None) -> bool:
         """Do all runs, adding them to `known` and the ledger; true if interrupted."""

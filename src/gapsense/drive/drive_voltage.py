@@ -1,4 +1,4 @@
-"""Drive voltage: square wave, step, table or PWM, with edges anywhere in a communication step.
+"""Drive voltage: square wave, step, table, PWM, pulse profile, soft landing; edges anywhere in a communication step.
 
 `voltage` is the value at the end of the step, and on an edge the value just before it; `voltage_mean` is the exact mean
 over the step, so that an actuator driven by it gets the volt-seconds of an edge inside the step.
@@ -12,17 +12,19 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.drive.curve import Curve, positive, tabulated
+from gapsense.drive.pulses import Pulse, levels, pulsed
 from gapsense.records import Array, Scalar, Table
-from gapsense.trace import clip, cond, fabs, floor, load, locate, where
+from gapsense.trace import clip, cond, fabs, not_, where
 
-SQUARE, STEP, TABLE, PWM = 0.0, 1.0, 2.0, 3.0
+SQUARE, STEP, TABLE, PWM, PROFILE, SOFT_LANDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 ALWAYS = -1e30  # phase at which a wave without a beginning begins
 
 
 class Parameters(NamedTuple):
     """The waveform and the numbers of each; only those of the chosen one matter."""
 
-    waveform: Scalar  # 0 square, 1 step, 2 table, 3 PWM
+    waveform: Scalar  # 0 square, 1 step, 2 table, 3 PWM, 4 profile, 5 soft landing
     square_amplitude: Scalar  # height above `square_low` [V]
     square_low: Scalar  # low level, also before the delay [V]
     square_period: Scalar  # positive [s]
@@ -34,9 +36,22 @@ class Parameters(NamedTuple):
     table_file_time: Annotated[Array, Table()]  # not decreasing, a repeated time is a jump; at least two rows [s]
     table_file_voltage: Annotated[Array, Table()]  # linear in between, the ends are held [V]
     table_file_integral: Annotated[Array, Table()]  # its running integral, made by the shell [V s]
+    table_period: Scalar  # with which it repeats, 0 for never [s]
+    table_repeat_from: Scalar  # start of the part that repeats [s]
     pwm_high: Scalar  # above `pwm_low` [V]
     pwm_low: Scalar  # [V]
     pwm_frequency: Scalar  # of the carrier, positive [Hz]
+    profile_amplitude: Scalar  # height above `profile_low` [V]
+    profile_low: Scalar  # low level, also before the delay [V]
+    profile_first: Scalar  # dt1, high [s]
+    profile_second: Scalar  # dt2, low; high for the rest of the half period; then the mirror image [s]
+    profile_half_period: Scalar  # positive [s]
+    profile_delay: Scalar  # time of the first rising edge [s]
+    soft_landing_file_time: Annotated[Array, Table()]  # as the table [s]
+    soft_landing_file_voltage: Annotated[Array, Table()]  # [V]
+    soft_landing_file_integral: Annotated[Array, Table()]  # [V s]
+    soft_landing_period: Scalar  # [s]
+    soft_landing_repeat_from: Scalar  # [s]
 
 
 class State(NamedTuple):
@@ -61,17 +76,6 @@ class Outputs(NamedTuple):
     voltage_mean: Scalar  # [V]
 
 
-class _Wave(NamedTuple):
-    """Two levels in turn: high for `duty` of each period from `delay` on; low before phase `first`."""
-
-    low: Scalar
-    high: Scalar
-    period: Scalar
-    duty: Scalar
-    delay: Scalar
-    first: Scalar
-
-
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Voltage at the start, where there is no step yet to take a mean over."""
     return step(State(inputs.time), inputs._replace(dt=0.0), par)
@@ -81,99 +85,61 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """Outputs of one communication step."""
     tolerance = 1e-9 * inputs.dt + 1e-11 * fabs(inputs.time)
     voltage, mean = cond(
-        par.waveform == TABLE,
-        lambda: _tabulated(inputs, tolerance, par),
-        lambda: _two_levels(inputs, tolerance, _wave(inputs, par)),
+        (par.waveform == TABLE) | (par.waveform == SOFT_LANDING),
+        lambda: cond(
+            par.waveform == TABLE,
+            lambda: tabulated(inputs.time, inputs.dt, tolerance, _table(par)),
+            lambda: tabulated(inputs.time, inputs.dt, tolerance, _soft_landing(par)),
+        ),
+        lambda: cond(
+            par.waveform == PROFILE,
+            lambda: _profile(inputs, tolerance, par),
+            lambda: _one_pulse(inputs, tolerance, par),
+        ),
     )
     is_on = inputs.enable > 0.5
     return State(inputs.time), Outputs(where(is_on, voltage, 0.0), where(is_on, mean, 0.0))
 
 
-def _wave(inputs: Inputs, par: Parameters) -> _Wave:
-    """The chosen wave; a step is a wave that stays high, and its period then only sets the scale of the phase."""
-    square = _Wave(
+def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Square wave, step or PWM; a step is a pulse that stays high, and its period only sets the scale of the phase."""
+    square = (
         par.square_low,
         par.square_low + par.square_amplitude,
-        par.square_period,
-        par.square_duty,
-        par.square_delay,
-        0.0,
+        *Pulse(par.square_period, par.square_duty, par.square_delay, 0.0),
     )
-    edge = _Wave(par.step_initial, par.step_final, _positive(inputs.dt), 1.0, par.step_time, 0.0)
-    duty = clip((inputs.reference - par.pwm_low) / _positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
-    pwm = _Wave(par.pwm_low, par.pwm_high, 1.0 / par.pwm_frequency, duty, 0.0, ALWAYS)
+    edge = (par.step_initial, par.step_final, *Pulse(positive(inputs.dt), 1.0, par.step_time, 0.0))
+    duty = clip((inputs.reference - par.pwm_low) / positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
+    pwm = (par.pwm_low, par.pwm_high, *Pulse(1.0 / par.pwm_frequency, duty, 0.0, ALWAYS))
     is_pwm, is_step = par.waveform == PWM, par.waveform == STEP
-    return _Wave(*(where(is_pwm, p, where(is_step, e, s)) for p, e, s in zip(pwm, edge, square)))
+    low, high, *pulse = (where(is_pwm, p, where(is_step, e, s)) for p, e, s in zip(pwm, edge, square))
+    return levels(low, high, *pulsed(inputs.time, inputs.dt, tolerance, Pulse(*pulse)))
 
 
-def _two_levels(inputs: Inputs, tolerance: Scalar, wave: _Wave) -> tuple[Scalar, Scalar]:
-    """Value at the end and mean of a wave of two levels.
+def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """[RTS] Fig. 13: high for dt1, low for dt2, high until half of the period, then the mirror image.
 
-    Phases count from the start of the period in which the step ends, so that their difference is exact to rounding of
-    the step, not of the time.  The mean follows from the phase that is high, I(p) = floor(p) D + min(p - floor(p), D).
+    It is a square wave with a notch in its high half and the same as a pulse in its low half.
     """
-    D, tol = wave.duty, tolerance / wave.period
-    p = (inputs.time - wave.delay) / wave.period
-    n = -floor(tol - p) - 1.0  # periods before this one: the end lies in (0, 1], as its left limit is wanted
-    end = _on_edge(p - n, D, tol)
-    start = p - n - inputs.dt / wave.period
-    m = floor(start + tol)
-    phase = start - m
-    phase = where(phase <= tol, 0.0, _on_edge(phase, D, tol))
-    start = m + phase
+    half, delay = par.profile_half_period, par.profile_delay
+    period, first = 2.0 * half, clip(par.profile_first, 0.0, half)
+    duty = clip(par.profile_second, 0.0, half - first) / period
 
-    is_begun = n > wave.first - 0.5
-    is_high = is_begun & (end <= D) & (D > 0.0)
-    first = wave.first - n
-    I_end = where(end < D, end, D)
-    I_start = where(start < first, first * D, m * D + where(phase < D, phase, D))
-    is_long = end > start  # else there is no step, or all of it is on an edge
-    fraction = where(is_begun, I_end - I_start, 0.0) / _positive(end - start)
-    fraction = where(is_long, fraction, where(is_high, 1.0, 0.0))
-    # in this form 0 and 1 give the levels exactly
-    return where(is_high, wave.high, wave.low), wave.low * (1.0 - fraction) + wave.high * fraction
+    def part(share: Scalar, start: Scalar) -> tuple[Scalar, Scalar]:
+        return pulsed(inputs.time, inputs.dt, tolerance, Pulse(period, share, start, 0.0))
+
+    is_made, made = part(0.5, delay)
+    is_notched, notched = part(duty, delay + first)
+    is_pulsed, pulse = part(duty, delay + half + first)
+    is_high = (is_made & not_(is_notched)) | is_pulsed
+    return levels(par.profile_low, par.profile_low + par.profile_amplitude, is_high, made - notched + pulse)
 
 
-def _on_edge(phase: Scalar, D: Scalar, tol: Scalar) -> Scalar:
-    """Phase, moved onto the edge at D or the one at 1 if that is closer than `tol`."""
-    return where(fabs(phase - D) <= tol, D, where(phase >= 1.0 - tol, 1.0, phase))
+def _table(par: Parameters) -> Curve:
+    columns = par.table_file_time, par.table_file_voltage, par.table_file_integral
+    return Curve(*columns, par.table_period, par.table_repeat_from)
 
 
-def _tabulated(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Value at the end and mean of the table."""
-    end, start = inputs.time, inputs.time - inputs.dt
-    k = locate(par.table_file_time, end - tolerance)  # the piece before a jump at the end
-    t0, t1 = load(par.table_file_time, k), load(par.table_file_time, k, 1)
-    u0, u1 = load(par.table_file_voltage, k), load(par.table_file_voltage, k, 1)
-    is_before, is_after = end <= t0 + tolerance, start >= t1 - tolerance  # then `k` is the first or the last piece
-    is_inside = (start >= t0 - tolerance) & (end <= t1 + tolerance)
-    u_end = where(is_before, u0, _value(par, k, end))
-    u_start = where(is_after, u1, _value(par, k, start))
-    mean = cond(
-        is_inside | is_before | is_after,
-        lambda: (u_start + u_end) / 2.0,  # one piece: a constant voltage comes out exactly
-        lambda: (_integral(par, end, tolerance) - _integral(par, start, tolerance)) / _positive(inputs.dt),
-    )
-    return u_end, where(inputs.dt > 0.0, mean, u_end)
-
-
-def _positive(x: Scalar) -> Scalar:
-    """`x`, or 1 in place of what cannot be divided by."""
-    return where(x > 0.0, x, 1.0)
-
-
-def _value(par: Parameters, k: Scalar, t: Scalar) -> Scalar:
-    """Voltage at time `t` from piece `k` of the table, its ends held."""
-    t0, t1 = load(par.table_file_time, k), load(par.table_file_time, k, 1)
-    u0, u1 = load(par.table_file_voltage, k), load(par.table_file_voltage, k, 1)
-    w = (t - t0) / _positive(t1 - t0)
-    return where(t < t0, u0, where(t >= t1, u1, u0 + (u1 - u0) * w))
-
-
-def _integral(par: Parameters, t: Scalar, tolerance: Scalar) -> Scalar:
-    """Integral of the voltage from the first row to time `t`."""
-    k = locate(par.table_file_time, t - tolerance)
-    t0, t1 = load(par.table_file_time, k), load(par.table_file_time, k, 1)
-    inside = clip(t, t0, t1)
-    u0, u = load(par.table_file_voltage, k), _value(par, k, t)
-    return load(par.table_file_integral, k) + (inside - t0) * (u0 + u) / 2.0 + (t - inside) * u
+def _soft_landing(par: Parameters) -> Curve:
+    columns = par.soft_landing_file_time, par.soft_landing_file_voltage, par.soft_landing_file_integral
+    return Curve(*columns, par.soft_landing_period, par.soft_landing_repeat_from)

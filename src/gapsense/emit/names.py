@@ -20,7 +20,7 @@ def renamed(lines: Sequence[str]) -> list[str]:
     body = _Body(lines)
     body.live_before(0, len(lines), frozenset())
     for made, text in body.parts:
-        if len(made) == 1 and text in body.apart:
+        if len(made) == 1 and text in body.united:
             body.unite(made[0], text)
     names = body.names()
     return _without_copies([WORD.sub(lambda word: names.get(word[0], word[0]), line) for line in lines])

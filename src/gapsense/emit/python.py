@@ -83,7 +83,8 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
 class Numpy(Python):
     """Numpy code over N runs at once: scalars become arrays (N,), array memory becomes (size, N)."""
 
-    head = """from numpy import any as any_
+    head = """from numpy import all as all_
+from numpy import any as any_
 from numpy import (
     arange, asarray, clip, cos, exp, fabs, floor, inf, log, logical_not, nan, searchsorted, sin, sqrt, tanh, where,
     zeros,
@@ -117,19 +118,24 @@ def row(array, index):
     condition_uses = 2
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
-        """As arrays: a division of two plain numbers in a branch that no run takes would raise an error."""
+        """As arrays."""
         for target, value in zip(targets, values):
-            self.write(f"{target} = {self.bare(value) if isinstance(value, Expr) else f'asarray({value!r})'}")
+            self.write(f"{target} = {self.array(value)}")
+
+    def array(self, value: Any) -> str:
+        """Text of an array: a division of two plain numbers in a branch that no run takes would raise an error."""
+        return self.bare(value) if isinstance(value, Expr) else f"asarray({value!r})"
 
     def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        """Compute the second branch for all runs and, if any run takes it, the first."""
-        self.region(regions[1])
-        self.assign(targets, b)
-        self.write(f"if any_({self.bare(c)}):")
+        """Compute each branch for all runs if any run takes it, and choose if both are taken."""
+        everyone = self.fresh("b")
+        self.write(f"{everyone} = all_({self.bare(c)})")
+        self.block(f"if not {everyone}:", regions[1], targets, b)
+        self.write(f"if {everyone} or any_({self.bare(c)}):")
         self.depth += 1
         self.region(regions[0])
-        for target, value in zip(targets, a):
-            self.write(f"{target} = where({self.bare(c)}, {self.bare(value)}, {target})")
+        for target, value in zip(targets, map(self.array, a)):
+            self.write(f"{target} = {value} if {everyone} else where({self.bare(c)}, {value}, {target})")
         self.depth -= 1
 
     def repeat(self, node: Expr, targets: list[str]) -> None:

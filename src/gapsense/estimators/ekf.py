@@ -20,12 +20,13 @@ from gapsense.estimators.reduced_model import (
     Model,
     is_moving,
     limit,
+    move,
     normalised,
     observation,
     rest,
-    transition,
+    stay,
 )
-from gapsense.linalg import deviation, diagonal, matrix, vector
+from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import cond, square, where
 
@@ -102,11 +103,9 @@ class Outputs(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """One sample of the forward pass; the backward pass needs the rest of it."""
+    """One sample of the forward pass."""
 
     filtered: Gaussian  # projected
-    predicted: Gaussian
-    F: Array
     innovation: Scalar
     innovation_std: Scalar
 
@@ -133,35 +132,48 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pass:
-    """Prediction (32)-(33), update (34)-(36) with H at the prior, projection (39)-(42)."""
-    x, F = linearise(transition, before.mean, held, m)
-    prior = Gaussian(x, predict(before.cov, F, process_noise(m, par)))
-    h, H = linearise(observation, x, m)
+    """Prediction (32)-(33), update (34)-(36) with H at the prior, projection (39)-(42).
+
+    A mover that rested is known to be on its stop: the zeros of its covariance need no operations.
+    """
+    Q = process_noise(m, par)
+
+    def moved() -> Pass:
+        x, F = linearise(move, before.mean, held, m)
+        return _updated(Gaussian(x, predict(before.cov, F, Q)), inputs, m, par)
+
+    def stayed() -> Pass:
+        known = _known(before, limit(held.mode))
+        x, F = linearise(stay, known.mean, held, m)
+        return _updated(Gaussian(x, predict(known.cov, F, Q)), inputs, m, par)
+
+    return cond(is_moving(held.mode), moved, stayed)  # type: ignore[no-any-return]
+
+
+def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
+    """The same estimate, where it rests on a stop: the position is certain, and that before it of no importance."""
+    x, P = estimate.mean.copy(), estimate.cov.copy()
+    x[POSITION] = position
+    for k in (POSITION, POSITION_PREV):
+        P[k, :] = P[:, k] = 0.0
+    return Gaussian(x, P)
+
+
+def _updated(prior: Gaussian, inputs: Any, m: Model, par: Any) -> Pass:
+    """On a stop the position is measured as well, without noise (27)-(29)."""
+    h, H = linearise(observation, prior.mean, m)
     innovation, R = inputs.current - h[0], square(par.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
-    posterior = _update(prior, innovation, H[0], R, (held.mode, inputs.mode))
-    return Pass(project(posterior, POSITION, 0.0, 1.0), prior, F, innovation, deviation(S))
-
-
-def _update(prior: Gaussian, innovation: Scalar, H: Array, R: Scalar, modes: tuple[Scalar, Scalar]) -> Gaussian:
-    """On a stop the position is measured as well, without noise (27)-(29)."""
-    mode_before, mode = modes
 
     def moving() -> Gaussian:
-        return condition(prior, vector([innovation]), matrix([H]), vector([R]))
+        return condition(prior, vector([innovation]), H, vector([R]))
 
     def resting() -> Gaussian:
-        known = fix(prior, POSITION, limit(mode))
-        rest_of_it = vector([innovation - H @ (known.mean - prior.mean)])
-        still = Gaussian(known.mean, known.cov.copy())
-        still.cov[POSITION_PREV, :] = still.cov[:, POSITION_PREV] = 0.0  # as it is already: fewer operations
-        return cond(  # type: ignore[no-any-return]
-            is_moving(mode_before),
-            lambda: condition(known, rest_of_it, matrix([H]), vector([R])),
-            lambda: condition(still, rest_of_it, matrix([H]), vector([R])),
-        )
+        known = fix(prior, POSITION, limit(inputs.mode))
+        return condition(known, vector([innovation - H[0] @ (known.mean - prior.mean)]), H, vector([R]))
 
-    return cond(is_moving(mode), moving, resting)  # type: ignore[no-any-return]
+    posterior = cond(is_moving(inputs.mode), moving, resting)
+    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, deviation(S))
 
 
 def process_noise(m: Model, par: Any) -> Array:

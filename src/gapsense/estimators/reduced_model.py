@@ -151,20 +151,31 @@ def limit(mode: Scalar) -> Scalar:
 
 def transition(x: Array, u: Held, m: Model) -> Array:
     """f(x, u) (20): position (22), (66), its past value (24), flux linkage (25), with minus R i, and errors (26)."""
-    z, z_prev, lam, e_i, e_F = x
+    return cond(is_moving(u.mode), lambda: move(x, u, m), lambda: stay(x, u, m))
+
+
+def move(x: Array, u: Held, m: Model) -> Array:
+    """f(x, u) between the stops."""
+    z, z_prev, lam, _, e_F = x
     R_g, slope = gap_law(z, m)
+    force = magnetic_force(slope, lam) + e_F
+    z_next = 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
+    return _next(x, z_next, R_g, u.voltage, m)
 
-    def moving() -> Scalar:
-        force = magnetic_force(slope, lam) + e_F
-        return 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
 
-    def resting() -> Scalar:
-        z_stop = limit(u.mode)
-        force = magnetic_force(gap_law(z_stop, m)[1], lam) + e_F
-        return z_stop + where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
+def stay(x: Array, u: Held, m: Model) -> Array:
+    """f(x, u) on a stop."""
+    z, _, lam, _, e_F = x
+    R_g, slope = gap_law(z, m)
+    z_stop = limit(u.mode)
+    force = magnetic_force(slope if z is z_stop else gap_law(z_stop, m)[1], lam) + e_F
+    rise = where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
+    return _next(x, z_stop + rise, R_g, u.voltage, m)
 
-    z_next = cond(is_moving(u.mode), moving, resting)
-    lam_next = lam + m.T_s * (u.voltage - m.R * current(R_g, lam, e_i, m))
+
+def _next(x: Array, z_next: Scalar, R_g: Scalar, voltage: Scalar, m: Model) -> Array:
+    z, _, lam, e_i, e_F = x
+    lam_next = lam + m.T_s * (voltage - m.R * current(R_g, lam, e_i, m))
     return vector([z_next, z, clip(lam_next, -FLUX_LIMIT * m.lam_sat, FLUX_LIMIT * m.lam_sat), e_i, e_F])
 
 

@@ -113,6 +113,13 @@ def semera(result: Result) -> Figure:
     return figure(result)
 
 
+def pot_magnet(result: Result) -> Figure:
+    """Figures 4 to 7 of [HEKF]: current, position, velocity and mode of the magnet, true and estimated."""
+    from gapsense.report.pot_magnet import figure
+
+    return figure(result)
+
+
 def hysteresis_loops(result: Result) -> Figure:
     """Flux density over field in the core."""
     from gapsense.report.loops import core
@@ -127,9 +134,26 @@ def locked_plunger(result: Result) -> Figure:
     return linkage(result)
 
 
+def soft_landing(result: Result) -> Figure:
+    """Cycles without impact, and the errors of four estimators."""
+    from gapsense.report.soft_landing import figure
+
+    return figure(result)
+
+
+def profiles(result: Result) -> Figure:
+    """Figure 12 of [RTS]: one cycle, and its making and breaking with the estimates."""
+    from gapsense.report.profiles import cycle
+
+    return cycle(result)
+
+
 FIGURES: dict[str, Callable[[Result], Figure]] = {
     "overview": overview,
     "semera": semera,
+    "pot_magnet": pot_magnet,
     "hysteresis_loops": hysteresis_loops,
     "locked_plunger": locked_plunger,
+    "soft_landing": soft_landing,
+    "profiles": profiles,
 }

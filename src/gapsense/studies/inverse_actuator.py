@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.reluctance_steps import Actuator
+from gapsense.studies.trajectory import Mechanics, Motion, mechanics
 
 Vector = npt.NDArray[np.float64]
 SHORTEST = 50  # steps per motion at least, in the integration of the core
@@ -27,24 +28,6 @@ RELATIVE, ABSOLUTE = 1e-12, 1e-9  # tolerances of the effective field [A/m]
 
 class SoftLandingError(ValueError):
     """A motion that this actuator cannot make."""
-
-
-class Motion(NamedTuple):
-    """Position as a polynomial of degree five in time, without velocity and acceleration at both ends."""
-
-    start: float  # [s]
-    duration: float  # [s]
-    first: float  # gap at the start [m]
-    last: float  # gap at the end [m]
-
-
-class Mechanics(NamedTuple):
-    """The motion at one instant."""
-
-    position: float
-    velocity: float
-    acceleration: float
-    jerk: float
 
 
 class Row(NamedTuple):
@@ -67,22 +50,6 @@ class Flux(NamedTuple):
     flux: float
     rate: float
     reluctance: float
-
-
-def mechanics(t: float, m: Motion) -> Mechanics:
-    """Position and its derivatives at time `t`."""
-    s, travel = (t - m.start) / m.duration, m.last - m.first
-    share = _smooth_step(s) if s < 0.5 else 1.0 - _smooth_step(1.0 - s)  # exact at both ends
-    return Mechanics(
-        position=(1.0 - share) * m.first + share * m.last,
-        velocity=travel / m.duration * 30.0 * s**2 * (1.0 - s) ** 2,
-        acceleration=travel / m.duration**2 * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
-        jerk=travel / m.duration**3 * 60.0 * (1.0 - 6.0 * s * (1.0 - s)),
-    )
-
-
-def _smooth_step(s: float) -> float:
-    return s**3 * (10.0 - s * (15.0 - 6.0 * s))
 
 
 def flux_for(x: Mechanics, act: Actuator) -> tuple[float, float, float]:

@@ -15,25 +15,13 @@ import numpy as np
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
-from gapsense.studies.inverse_actuator import Motion, SoftLandingError
-from gapsense.studies.soft_landing_phases import Cycle, Setup, Vector, balancing_voltage, move, rest
+from gapsense.studies.inverse_actuator import SoftLandingError
+from gapsense.studies.soft_landing_phases import Cycle as Cycle
+from gapsense.studies.soft_landing_phases import Setup, Vector, balancing_voltage, move, rest
+from gapsense.studies.trajectory import FIG_5, Motion
+from gapsense.studies.trajectory import Trajectory as Trajectory
 
 INSTANT = 1e-12  # [s]; times that are closer are the same
-
-
-class Trajectory(NamedTuple):
-    """When the mover moves, and what voltage holds it; the stops are those of the actuator."""
-
-    period: float = 20e-3  # [s]
-    making_start: float = 1e-3  # [s]
-    making_duration: float = 4e-3  # [s]
-    breaking_start: float = 11e-3  # [s]
-    breaking_duration: float = 4e-3  # [s]
-    hold_voltage: float = 20.0  # from the landing of the making on [V]
-    lead: float = 1e-3  # the constant voltage before a motion starts so much earlier [s]
-
-
-FIG_5 = Trajectory()
 
 
 class Samples(NamedTuple):

@@ -1,0 +1,342 @@
+"""Hybrid extended Kalman filter: current, position, velocity and mode of a pot magnet from its voltage and current.
+
+[HEKF].  The state is x = (i, s, v); the mode q is that of an automaton which the estimate drives, and has no gain.  On
+a stop only the current is uncertain; while the armature moves, all three are.  A sampling interval is predicted in
+pieces: on a stop up to the release, in the air in sub-steps up to the landing.  The covariance is reset where the
+armature leaves or meets a stop.
+
+Modes: 0 lower stop, 1 lifting, 2 contact, 3 upper stop without voltage, 4 falling.  Transitions as in the plant,
+including those that are not in print (1 -> 0, 4 -> 1, 3 -> 2, 4 -> 3); see papers.md.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+from gapsense.derivative import linearise
+from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
+from gapsense.linalg import deviation, diagonal, matrix, vector
+from gapsense.records import Array, Covariance, Scalar, Vector, flat, record
+from gapsense.trace import clip, cond, fabs, loop, not_, sqrt, square, where
+
+MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
+LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
+CURRENT, POSITION, VELOCITY = range(3)
+PIECES = 200  # of a sampling interval, at most
+BEYOND_REASON = 1e6  # amperes and volts from which a measurement counts as lost, as NaN does
+H = (1.0, 0.0, 0.0)  # (3)
+
+
+class Parameters(NamedTuple):
+    """The magnet as the filter believes it to be, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    orientation: Scalar  # 0: consistent, 1: printed
+    tuning: Scalar  # 0: robust, 1: paper, 2: none, the open loop
+    coil_turns: Scalar  # N [1]
+    coil_resistance: Scalar  # K6, modes 0 to 2 [ohm]
+    coil_resistance_upper: Scalar  # K7, modes 3 and 4 [ohm]
+    core_permeability: Scalar  # mu_r [1]
+    core_length: Scalar  # l_1 [m]
+    pole_area: Scalar  # A [m^2]
+    mover_mass: Scalar  # m [kg]
+    gravity: Scalar  # g [m/s^2]
+    stop_upper: Scalar  # s_max [m]
+    current_on: Scalar  # i_on [A]
+    current_off: Scalar  # i_off [A]
+    sub_steps: Scalar  # of a sampling interval in the air [1]
+    landing_band: Scalar  # share of s_max within which an approach counts as a landing [1]
+    noise_current: Scalar  # sigma_i [A]
+    process_current: Scalar  # standard deviation per sample on a stop [A]
+    process_current_moving: Scalar  # in the air [A]
+    process_position: Scalar  # in the air [m]
+    process_velocity: Scalar  # in the air [m/s]
+    release_position_std: Scalar  # after leaving a stop [m]
+    release_velocity_std: Scalar  # [m/s]
+    prior_current: Scalar  # i_0 [A]
+    prior_current_std: Scalar  # [A]
+    prior_position: Scalar  # s_0: at the lower stop, or from half of s_max on at the upper one [m]
+    health_samples: Scalar  # over how many samples the health looks back [1]
+    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+
+
+class State(NamedTuple):
+    """What is carried from sample to sample."""
+
+    x: Annotated[Array, Vector(3)]  # (i, s, v)
+    P: Annotated[Array, Covariance(3)]
+    mode: Scalar  # q
+    voltage: Scalar  # of this sample, held until the next [V]
+    surprise: Scalar  # mean of the squared normalised innovation [1]
+
+
+class Inputs(NamedTuple):
+    """Measurements; one that is not a number is left out."""
+
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+
+
+class Outputs(NamedTuple):
+    """Estimates at the sample."""
+
+    current_estimated: Scalar
+    position: Scalar
+    velocity: Scalar
+    mode: Scalar
+    current_std: Scalar
+    position_std: Scalar
+    velocity_std: Scalar
+    innovation: Scalar
+    innovation_std: Scalar
+    health: Scalar  # 1 while the innovations are as large as expected and no measurement is lost, else 0
+
+
+class Model(NamedTuple):
+    """Constants of [HEKF] Section 4; K2 + K3 gap is written path + slope s, for either orientation."""
+
+    path: Scalar
+    slope: Scalar
+    K5: Scalar
+    K6: Scalar
+    K7: Scalar
+    lift: Scalar  # K4 / m
+    g: Scalar
+    s_max: Scalar
+    i_on: Scalar
+    i_off: Scalar
+
+
+class Tuning(NamedTuple):
+    """Variances per sample, and how an interval is predicted."""
+
+    R: Scalar  # R_zeta
+    rest: Scalar  # of the current, on a stop
+    Q: tuple[Scalar, ...]  # R_w in the air
+    release: tuple[Scalar, Scalar]  # of position and velocity after leaving a stop
+    T_s: Scalar
+    piece: Scalar  # longest step in the air [s]
+    band: Scalar  # [m]
+    is_open_loop: Scalar
+
+
+class Held(NamedTuple):
+    """What is constant during a piece of an interval."""
+
+    u: Scalar
+    R: Scalar
+    s: Scalar  # position at rest
+    dt: Scalar
+
+
+class Hybrid(NamedTuple):
+    """Estimate and mode."""
+
+    x: Annotated[Array, Vector(3)]
+    P: Annotated[Array, Covariance(3)]
+    q: Scalar
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest on a stop."""
+    is_upper = par.prior_position >= 0.5 * par.stop_upper
+    x = vector([par.prior_current, where(is_upper, par.stop_upper, 0.0), 0.0])
+    estimate = Hybrid(x, diagonal([square(par.prior_current_std), 0.0, 0.0]), where(is_upper, UPPER, LOWER))
+    state = State(estimate.x, estimate.P, estimate.q, where(is_number(inputs.voltage), inputs.voltage, 0.0), 1.0)
+    std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
+    return state, _outputs(estimate, 0.0, std, 1.0)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: prediction over the interval with the voltage at its start, correction, landing."""
+    mod, tun = model(par), tuning(par)
+    prior = ahead(Hybrid(state.x, state.P, state.mode), state.voltage, mod, tun)
+    is_used = is_number(inputs.current)
+    innovation = where(is_used, inputs.current, prior.x[CURRENT]) - prior.x[CURRENT]
+    std = deviation(prior.P[CURRENT, CURRENT] + tun.R)
+    posterior = cond(is_used & not_(tun.is_open_loop), lambda: _corrected(prior, innovation, mod, tun), lambda: prior)
+    surprised = surprise(state.surprise, innovation, std, par.health_samples)
+    health = where((surprised < par.health_limit) & is_used & is_number(inputs.voltage), 1.0, 0.0)
+    voltage = where(is_number(inputs.voltage), inputs.voltage, state.voltage)
+    x, P, q = posterior
+    return State(x, P, q, voltage, surprised), _outputs(posterior, innovation, std, health)
+
+
+def is_number(value: Scalar) -> Any:
+    """False for NaN, for infinity, and for what no coil has."""
+    return fabs(value) < BEYOND_REASON
+
+
+def model(par: Any) -> Model:
+    """Constants from physical parameters, a record with the fields of `Parameters`."""
+    K3, K5 = 2.0 * par.core_permeability, square(par.coil_turns) * par.core_permeability * MU_0 * par.pole_area
+    is_printed = par.orientation > 0.5
+    return Model(
+        path=where(is_printed, par.core_length, par.core_length + K3 * par.stop_upper),
+        slope=where(is_printed, K3, -K3),
+        K5=K5,
+        K6=par.coil_resistance,
+        K7=par.coil_resistance_upper,
+        lift=par.core_permeability * K5 / par.mover_mass,
+        g=par.gravity,
+        s_max=par.stop_upper,
+        i_on=par.current_on,
+        i_off=par.current_off,
+    )
+
+
+def tuning(par: Any) -> Tuning:
+    """That of the parameters, or the published one: (21), R_zeta = 0.01 A^2, P(0) = 0, no band, no sub-steps."""
+    is_paper = (par.tuning > 0.5) & (par.tuning < 1.5)
+    return Tuning(
+        R=where(is_paper, 0.01, square(par.noise_current)),
+        rest=where(is_paper, 1.0, square(par.process_current)),
+        Q=(
+            where(is_paper, 1.0, square(par.process_current_moving)),
+            where(is_paper, 1e-10, square(par.process_position)),
+            where(is_paper, 1e-10, square(par.process_velocity)),
+        ),
+        release=(
+            where(is_paper, 0.0, square(par.release_position_std)),
+            where(is_paper, 0.0, square(par.release_velocity_std)),
+        ),
+        T_s=par.sample_time,
+        piece=par.sample_time / where(is_paper, 1.0, where(par.sub_steps > 1.0, par.sub_steps, 1.0)),
+        band=where(is_paper, 0.0, par.landing_band * par.stop_upper),
+        is_open_loop=par.tuning > 1.5,
+    )
+
+
+def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
+    """The estimate one sampling interval later: (4), (5) with F P F', in pieces within which the mode stays."""
+    q = where(is_resting(estimate.q) & (estimate.q > LOWER), _contact(estimate.x[CURRENT], u, mod), estimate.q)
+
+    def piece(left: Scalar, *entries: Scalar) -> tuple[Any, Any]:
+        before = record(Hybrid, entries)
+        dt, after = cond(
+            is_resting(before.q),
+            lambda: _rest(before, u, left, mod, tun),
+            lambda: _move(before, u, left, mod, tun),
+        )
+        left = left - dt
+        return (left, *flat(after)), not_(left > 1e-6 * tun.T_s)
+
+    return record(Hybrid, loop(PIECES, piece, (tun.T_s, *flat(estimate._replace(q=q))))[1:])  # type: ignore[no-any-return]
+
+
+def is_resting(q: Scalar) -> Any:
+    """Modes 0, 2 and 3."""
+    return (q < 0.5) | ((q > 1.5) & (q < 3.5))
+
+
+def _contact(i: Scalar, u: Scalar, mod: Model) -> Scalar:
+    """Mode at the upper stop: 2 if the voltage sustains i_off in the direction of the current, else 3."""
+    return where(where(i < 0.0, -u, u) >= mod.K7 * mod.i_off, CONTACT, UPPER)
+
+
+def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Hybrid]:
+    """What is left of the interval on a stop, or the part of it up to the release; only the current is uncertain."""
+    x, P, q = before
+    s, R = x[POSITION], where(q > 2.5, mod.K7, mod.K6)
+    start = vector([x[CURRENT]])
+    end, F = linearise(resting, start, Held(u, R, s, left), mod)
+    P_end = predict(matrix([[P[CURRENT, CURRENT]]]), F, matrix([[tun.rest * (left / tun.T_s)]]))[0, 0]
+    share, is_released = _release(q, fabs(start[0]), fabs(end[0]), s, mod)
+
+    def released() -> tuple[Scalar, Hybrid]:  # linear up to the release: the interval is short beside L / R
+        i, P_ii = (a + share * (b - a) for a, b in ((start[0], end[0]), (P[CURRENT, CURRENT], P_end)))
+        air = where(q < 0.5, LIFTING, FALLING)
+        return share * left, Hybrid(vector([i, s, 0.0]), diagonal([P_ii, *tun.release]), air)
+
+    held = Hybrid(vector([end[0], s, 0.0]), diagonal([P_end, 0.0, 0.0]), q)
+    return cond(is_released, released, lambda: (left, held))  # type: ignore[no-any-return]
+
+
+def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tuple[Scalar, Any]:
+    """Share of the time up to the release, and whether there is one; `start` and `end` are the currents.
+
+    At a given position the net force changes its sign at one current: a lift needs that and i_on, a drop less than
+    that and less than i_off.
+    """
+    balance = sqrt(mod.g / mod.lift) * (mod.path + mod.slope * s)
+    up, down = where(balance > mod.i_on, balance, mod.i_on), where(balance < mod.i_off, balance, mod.i_off)
+    is_lower = q < 0.5
+    missing = where(is_lower, up - start, start - down)
+    change = where(is_lower, end - start, start - end)
+    is_released = (is_lower | (q > 2.5)) & (change > missing)
+    share = missing / where(change > missing, where(change > 0.0, change, 1.0), 1.0)
+    return clip(share, 0.0, 1.0), is_released
+
+
+def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Hybrid]:
+    """One sub-step in the air, and the landing."""
+    x, P, q = before
+    dt = where(left < 1.000001 * tun.piece, left, tun.piece)
+    (i, s, v), F = linearise(moving, x, Held(u, where(q > 2.5, mod.K7, mod.K6), 0.0, dt), mod)
+    P = predict(P, F, diagonal([variance * (dt / tun.T_s) for variance in tun.Q]))
+    inside = clip(s, 0.0, mod.s_max)
+    i, s = _current_at(inside, i, s, mod), inside
+    is_pulled = (fabs(i) >= mod.i_on) & (mod.lift * square(i) > mod.g * square(mod.path + mod.slope * s))
+    q = where((q > 2.5) & is_pulled, LIFTING, q)
+    return dt, _landed(Hybrid(vector([i, s, v]), P, q), mod, tun)
+
+
+def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
+    """On the stop, if the armature comes near it; the stop that it has left it must meet exactly."""
+    (i, s, v), P, q = estimate
+    is_falling = q > 2.5
+    is_up = (v > 0.0) & (s >= mod.s_max - where(is_falling, 0.0, tun.band))
+    is_down = (v < 0.0) & (s <= where(is_falling, tun.band, 0.0))
+    stop = where(is_up, mod.s_max, 0.0)
+    mode = where(is_up, where(is_falling, UPPER, CONTACT), LOWER)
+    known = Hybrid(vector([_current_at(stop, i, s, mod), stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
+    return cond(is_up | is_down, lambda: known, lambda: estimate)  # type: ignore[no-any-return]
+
+
+def _current_at(place: Scalar, i: Scalar, s: Scalar, mod: Model) -> Scalar:
+    """Current at `place` with the flux linkage that i has at s: a landing is found late, or early by the band."""
+    reach = mod.path + mod.slope * s
+    return i / where(fabs(reach) > 0.0, reach, 1.0) * (mod.path + mod.slope * place)
+
+
+def resting(x: Array, held: Held, mod: Model) -> Array:
+    """Current after `dt` on a stop, (16), (18), (19): 1 - a / (1 + a/2 + a^2/12) is exp(-a), to order 4 and stable."""
+    i, rate = x[0], held.dt * (mod.path + mod.slope * held.s) / mod.K5  # dt / L
+    a = held.R * rate
+    return vector([i + rate * (held.u - held.R * i) / (1.0 + a * (0.5 + a / 12.0))])
+
+
+def moving(x: Array, held: Held, mod: Model) -> Array:
+    """(i, s, v) after `dt` in the air, (17), (20), by the midpoint rule in flux linkage: no motional term.
+
+    psi = i / (K2 + K3 gap) is the flux linkage over K5, by (10); the force (13), (14) depends on it alone.
+    """
+    i, s, v = x
+    half, per_volt = 0.5 * held.dt, held.dt / mod.K5
+    psi = i / (mod.path + mod.slope * s)
+    psi_mid = psi + 0.5 * per_volt * (held.u - held.R * i)
+    s_mid, v_mid = s + half * v, v + half * (mod.lift * square(psi) - mod.g)
+    psi_next = psi + per_volt * (held.u - held.R * (psi_mid * (mod.path + mod.slope * s_mid)))
+    s_next, v_next = s + held.dt * v_mid, v + held.dt * (mod.lift * square(psi_mid) - mod.g)
+    return vector([psi_next * (mod.path + mod.slope * s_next), s_next, v_next])
+
+
+def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:
+    """(6) to (8) in Joseph form; in the air the position is then projected between the stops."""
+    x, P, q = prior
+
+    def on_a_stop() -> Hybrid:
+        known = Gaussian(x[:1], matrix([[P[CURRENT, CURRENT]]]))
+        (i,), P_i = condition(known, vector([innovation]), matrix([[1.0]]), vector([tun.R]))
+        return Hybrid(vector([i, x[POSITION], 0.0]), diagonal([P_i[0, 0], 0.0, 0.0]), q)
+
+    def in_the_air() -> Hybrid:
+        posterior = condition(Gaussian(x, P), vector([innovation]), matrix([H]), vector([tun.R]))
+        return _landed(Hybrid(*project(posterior, POSITION, 0.0, mod.s_max), q), mod, tun)
+
+    return cond(is_resting(q), on_a_stop, in_the_air)  # type: ignore[no-any-return]
+
+
+def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:
+    stds = [deviation(estimate.P[k, k]) for k in (CURRENT, POSITION, VELOCITY)]
+    return Outputs(*(*estimate.x, estimate.q, *stds, innovation, innovation_std, health))

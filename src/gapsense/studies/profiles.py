@@ -1,0 +1,166 @@
+"""The experiment of [RTS] Section IV-F in simulation: errors of four estimators over many voltage profiles.
+
+Of every motion that lands the EKF's estimates and the smoothed ones are held against the plant's position, sample by
+sample, and against its velocity since the sample before, which is what a position sensor gives.  Both are normalised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim import Result
+from gapsense.estimators.ekf import Parameters
+from gapsense.estimators.rts import Estimates, motions, smooth_record
+
+Vector = npt.NDArray[np.float64]
+FILTER, SMOOTHERS = "EKF", {"ERTSS": "ertss", "ERTSS\\e_i": "no_current_error", "ERTSS\\e_F": "no_force_error"}
+ESTIMATORS = (FILTER, *SMOOTHERS)
+OPERATIONS = ("making", "breaking")
+SIGNALS = (
+    *(f"sensor.{signal}_measured" for signal in ("voltage", "current", "mode")),
+    *("actuator.position", "ekf.position", "ekf.velocity"),
+    *(f"{name}.smoothed_{s}" for name in SMOOTHERS.values() for s in ("published", "time", "position")),
+)
+HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
+LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)  # of the box plots [%]
+GAP_LAW: Any = {  # the formula; the table is of no importance then
+    "gap_law": 0.0,
+    "gap_file_gap": [0.0, 1.0],
+    "gap_file_reluctance": [0.0, 1.0],
+    "gap_file_spline": [0.0, 0.0],
+}
+PUBLISHED = {"position": 0.1, "velocity": 130.0}  # 75 % of the errors of the ERTSS are smaller, about
+
+
+class Motion(NamedTuple):
+    """Samples `first` to `landed - 1` are in motion."""
+
+    first: int
+    landed: int
+    operation: str
+    returns: bool  # to the stop that it left
+    published: bool  # completely, by the smoother of the co-simulation
+
+
+class Curve(NamedTuple):
+    """Normalised position [1] and velocity [1/s] at every sample; NaN where there is no estimate."""
+
+    position: Vector
+    velocity: Vector
+
+
+class Profile(NamedTuple):
+    """One run, with all estimates at the samples that they are about."""
+
+    time: Vector
+    mode: Vector
+    true: Curve
+    estimates: dict[str, Curve]
+    motions: list[Motion]
+    difference: float  # largest between what the smoothers published and the same computed from the record
+
+
+class Errors(NamedTuple):
+    """Absolute errors of all samples in motion, by estimator and operation."""
+
+    position: dict[tuple[str, str], Vector]
+    velocity: dict[tuple[str, str], Vector]
+
+
+def require(signals: Collection[str], scenario: str) -> None:
+    """Refuse a scenario that does not record what the study needs, with all that is missing."""
+    missing = [name for name in SIGNALS if name not in signals]
+    if missing:
+        raise ValueError(
+            f"{scenario}: the study of the profiles needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            "Add them to `[record]`, or take the scenario `profiles`."
+        )
+
+
+def line_up(result: Result) -> Profile:
+    """Put the estimates of a run at the samples that they are about.
+
+    The smoothers of a co-simulation publish a motion late, sample by sample, and a landing meanwhile cuts it off.  So
+    all motions are smoothed from the recorded measurements, by the same algorithm with the parameters of the FMUs, and
+    held against what was published.
+
+    Parameters
+    ----------
+    result : Result
+        A run of the scenario `profiles`.
+
+    Returns
+    -------
+    Profile
+    """
+    require(result.signals, result.run.scenario)
+    low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
+
+    def curve(position: Vector, velocity: Vector) -> Curve:
+        return Curve((position - low) / (high - low), velocity / (high - low))
+
+    position, mode = result["actuator.position"], result["sensor.mode_measured"]
+    velocity = np.diff(position, prepend=position[0]) / result.base_step
+    estimates = {FILTER: curve(result["ekf.position"], result["ekf.velocity"])}
+    published, difference = np.ones(mode.size, dtype=bool), 0.0
+    for label, name in SMOOTHERS.items():
+        smoothed = from_record(result, name)
+        seen, worst = compared(result, name, smoothed)
+        published &= seen
+        difference = max(difference, worst / (high - low))
+        estimates[label] = curve(smoothed.position, smoothed.velocity)
+    found = [motion(first, landed, result.times, mode, published) for first, landed in motions(mode)]
+    return Profile(result.times, mode, curve(position, velocity), estimates, found, difference)
+
+
+def from_record(result: Result, name: str) -> Estimates:
+    """Smoothed estimates from the recorded measurements, with the parameters of a component."""
+    start = f"{name}."
+    known = {key[len(start) :].replace(".", "_"): v for key, v in result.parameters.items() if key.startswith(start)}
+    if known["gap_law"] != "fringing":
+        raise ValueError(f"`{name}.gap.law` is `{known['gap_law']}`; this study needs the law `fringing`. Change it.")
+    numbers = {field: float(known[field]) for field in Parameters._fields if field not in GAP_LAW}
+    par = Parameters(**numbers, **GAP_LAW)
+    voltage, current, mode = (result[f"sensor.{signal}_measured"] for signal in ("voltage", "current", "mode"))
+    return smooth_record(voltage, current, mode, par).smoothed
+
+
+def compared(result: Result, name: str, smoothed: Estimates) -> tuple[npt.NDArray[np.bool_], float]:
+    """Which samples a smoother published, and how far they are from these at most [m]."""
+    rows = result[f"{name}.smoothed_published"] > 0.5
+    samples = np.rint(result[f"{name}.smoothed_time"][rows] / result.base_step).astype(np.intp)
+    seen = np.zeros(rows.size, dtype=bool)
+    seen[samples] = True
+    difference = np.abs(result[f"{name}.smoothed_position"][rows] - smoothed.position[samples])
+    return seen, float(np.max(difference, initial=0.0))
+
+
+def motion(first: int, landed: int, times: Vector, mode: Vector, published: npt.NDArray[np.bool_]) -> Motion:
+    """What is to be known of a motion."""
+    operation = OPERATIONS[int(times[first] > HALF)]
+    return Motion(first, landed, operation, mode[first - 1] == mode[landed], bool(published[first:landed].all()))
+
+
+def errors(profiles: Sequence[Profile]) -> Errors:
+    """Absolute errors over all samples in motion of all profiles."""
+    found = Errors({}, {})
+    for estimator in ESTIMATORS:
+        for operation in OPERATIONS:
+            key = (estimator, operation)
+            found.position[key], found.velocity[key] = (of(profiles, estimator, operation, k) for k in range(2))
+    return found
+
+
+def of(profiles: Sequence[Profile], estimator: str, operation: str, quantity: int) -> Vector:
+    """Absolute errors of position (0) or velocity (1)."""
+    parts = [
+        np.abs(profile.estimates[estimator][quantity] - profile.true[quantity])[m.first : m.landed]
+        for profile in profiles
+        for m in profile.motions
+        if m.operation == operation
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -1,0 +1,118 @@
+"""Fit of the core of the reduced model, R_c0* and lambda_sat of [RTS] (15), to a simulated or measured cycle."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import least_squares
+
+from gapsense.estimators.reduced_model import Model, current, gap_law
+
+Floats = NDArray[np.float64]
+FEWEST = 10  # samples
+
+
+class CoreFit(NamedTuple):
+    """What a fit gives; the standard errors are infinite where the cycle does not tell."""
+
+    reluctance: float  # R_c0* [1/H]
+    saturation: float  # lambda_sat [Wb]
+    reluctance_std: float
+    saturation_std: float
+    rms: float  # of the current that is left, e_i [A]
+    samples: int
+
+    def model(self, m: Model) -> Model:
+        """A model with this core."""
+        return m._replace(R_c0=self.reluctance, lam_sat=self.saturation)
+
+
+def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> CoreFit:
+    """Least squares of the current error (47c), i - f_i*(z, lambda, 0), over the samples of a cycle.
+
+    Parameters
+    ----------
+    position, flux_linkage, measured : (N,) arrays
+        Position [m], flux linkage [Wb], see `integrated_flux`, and current [A].
+    m : Model
+        Its gap law is taken as it is; its core is where the search starts.
+
+    Notes
+    -----
+    What hysteresis, eddy currents and a wrong gap law leave is no white noise: the standard errors are those of Newey
+    and West, with as many lags as the errors of neighbouring samples are alike.  They say how well the samples fix the
+    two numbers, not how true the model is.
+    """
+    z, lam, i = _samples(position, flux_linkage, measured, m)
+    R_g = [gap_law(float(at), m)[0] for at in z]
+
+    def residual(logs: Floats) -> Floats:
+        """In logarithms both numbers stay positive."""
+        tried = m._replace(R_c0=m.R_c0 * float(np.exp(logs[0])), lam_sat=m.lam_sat * float(np.exp(logs[1])))
+        return np.asarray(i - [current(R, float(at), 0.0, tried) for R, at in zip(R_g, lam)])
+
+    tight = 1e-14
+    found = least_squares(residual, np.zeros(2), jac="3-point", xtol=tight, ftol=tight, gtol=tight)
+    values = np.array([m.R_c0, m.lam_sat]) * np.exp(found.x)
+    stds = values * standard_errors(found.jac, found.fun)
+    rms = float(np.sqrt(np.mean(found.fun**2)))
+    return CoreFit(float(values[0]), float(values[1]), float(stds[0]), float(stds[1]), rms, i.size)
+
+
+def current_rms(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> float:
+    """What a given core leaves of the current [A]."""
+    z, lam, i = _samples(position, flux_linkage, measured, m)
+    left = [k - current(gap_law(float(at), m)[0], float(flux), 0.0, m) for at, flux, k in zip(z, lam, i)]
+    return float(np.sqrt(np.mean(np.square(left))))
+
+
+def integrated_flux(time: ArrayLike, voltage: ArrayLike, measured: ArrayLike, resistance: float, held: bool) -> Floats:
+    """Flux linkage of a measured record: the integral of u - R i from a start at rest and without flux [Wb].
+
+    Parameters
+    ----------
+    time, voltage, measured : (N,) arrays
+        Sample times [s], voltage [V] and current [A].
+    resistance : float
+        Of the coil [ohm].
+    held : bool
+        Whether the voltage holds from each sample to the next; otherwise it is straight between them, as the current.
+    """
+    t, u, i = (np.asarray(values, float) for values in (time, voltage, measured))
+    applied = np.append(0.0, np.cumsum(np.diff(t) * u[:-1])) if held else cumulative_trapezoid(u, t, initial=0.0)
+    return np.asarray(applied - resistance * cumulative_trapezoid(i, t, initial=0.0))
+
+
+def standard_errors(J: Floats, residual: Floats) -> Floats:
+    """Standard errors of least squares with serially correlated residuals; infinite where `J` says nothing.
+
+    The covariance is A^-1 B A^-1 with A = J'J and B the sum of the autocovariances of J' r, weighted from 1 down to 0
+    at the first lag at which the residuals are not correlated (Newey and West).
+    """
+    n = residual.size
+    if np.linalg.matrix_rank(J) < J.shape[1]:
+        return np.full(J.shape[1], np.inf)
+    white = residual - residual.mean()
+    correlated = (float(white[lag:] @ white[: n - lag]) > 0.0 for lag in range(1, n // 4))
+    lags = next((lag for lag, is_alike in enumerate(correlated) if not is_alike), n // 4)
+    scores = J * residual[:, None]
+    B = scores.T @ scores
+    for lag in range(1, lags + 1):
+        shifted = scores[lag:].T @ scores[: n - lag]
+        B += (1.0 - lag / (lags + 1.0)) * (shifted + shifted.T)
+    inverse = np.linalg.inv(J.T @ J)
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ B @ inverse) * n / (n - J.shape[1]), 0.0)))
+
+
+def _samples(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> tuple[Floats, ...]:
+    """Normalised position, flux linkage and current."""
+    arrays = tuple(np.asarray(values, float) for values in (position, flux_linkage, measured))
+    sizes = [a.shape for a in arrays]
+    if len(set(sizes)) > 1 or arrays[0].ndim != 1 or arrays[0].size < FEWEST:
+        raise ValueError(f"position, flux linkage and current have shapes {sizes}; expected equal (N,), N >= {FEWEST}.")
+    if not all(np.all(np.isfinite(a)) for a in arrays):
+        raise ValueError("position, flux linkage or current is not finite somewhere. Leave those samples out.")
+    return (arrays[0] - m.z_min) / m.l_z, arrays[1], arrays[2]

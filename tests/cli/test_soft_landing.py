@@ -1,0 +1,77 @@
+"""The commands around soft landing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gapsense.fmi.tables import read_table
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def parameters(text: str) -> Path:
+    file = Path("actuator.toml").resolve()
+    file.write_text(f'description = "d"\nsource = "s"\n[values]\n{text}\n', encoding="utf-8")
+    return file
+
+
+def refused(done) -> list[str]:
+    assert done.exit_code == 2 and not done.stdout, done.output
+    return done.stderr.splitlines()
+
+
+def test_voltage_table_is_written_and_its_use_told(gapsense):
+    done = gapsense("soft-landing", "--out", "new/drive.csv", "--making-duration", 5e-3, "--breaking-start", 12e-3)
+    assert (done.exit_code, done.stderr) == (0, "")
+    times, voltages = read_table(Path("new/drive.csv"), ("time", "voltage"))
+    assert (times[0], times[-1], voltages[0], voltages[-1]) == (0.0, 0.04, 0.0, 0.0)
+    assert 20.0 in voltages
+    for words in ("moving              1         6", "soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
+        assert words in done.stdout
+
+
+def test_parameters_of_another_actuator_are_taken(gapsense, monkeypatch, tmp_path):
+    file = parameters('"mover.mass" = 2e-3\nhysteresis = false\n"gap.law" = "table"\n"gap.file" = "gap.csv"')
+    gaps = "\n".join(f"{k}e-4,{k * (3.2e6 - 5e4 * k)}" for k in range(25))
+    (tmp_path / "gap.csv").write_text(f"gap,reluctance\n{gaps}\n", encoding="utf-8")
+    monkeypatch.chdir(ROOT)
+    done = gapsense("soft-landing", "--out", tmp_path / "a.csv", "--parameters", file)
+    assert (done.exit_code, done.stderr) == (0, "")
+    gapsense("soft-landing", "--out", tmp_path / "b.csv")
+    assert (tmp_path / "a.csv").read_text() != (tmp_path / "b.csv").read_text()
+
+
+def test_wrong_parameters_are_told_at_once(gapsense, monkeypatch):
+    file = parameters('"mover.mas" = 2e-3\n"coil.turns" = -5.0\n"gap.law" = "round"\ndamping = "much"')
+    monkeypatch.chdir(ROOT)
+    lines = refused(gapsense("soft-landing", "--parameters", file))
+    assert len(lines) == 4
+    expected = ("Did you mean `mover.mass`?", "-5.0 found", "one of fringing, table", "'much' found")
+    assert all(any(words in line for line in lines) for words in expected)
+    assert not (ROOT / "drive.csv").exists()
+
+
+def test_unstable_core_is_refused_with_the_reason(gapsense, monkeypatch):
+    file = parameters('"core.coupling" = 0.01')
+    monkeypatch.chdir(ROOT)
+    assert "unstable" in refused(gapsense("soft-landing", "--parameters", file))[0]
+
+
+def test_impossible_motion_is_refused_and_nothing_written(gapsense):
+    lines = refused(gapsense("soft-landing", "--out", "drive.csv", "--making-duration", 1.2e-3))
+    assert len(lines) == 1 and "would have to push" in lines[0]
+    assert not Path("drive.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [("reference-cycle", "-1.223"), ("observability-rts", "never observable: t = 5 ms, 15 ms")],
+)
+def test_study_prints_its_numbers_and_draws_its_figure(gapsense, command, words):
+    done = gapsense("study", command, "--out", "new/figure.png")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert words in done.stdout and "new/figure.png written" in done.stdout
+    assert Path("new/figure.png").stat().st_size > 20_000
+    assert "x.txt" in refused(gapsense("study", command, "--out", "x.txt"))[0]

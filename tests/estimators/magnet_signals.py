@@ -1,0 +1,62 @@
+"""Signals of the pot magnet, with every transition of its automaton."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from kernel_cases import kernel
+from table_i import defaults
+
+from gapsense.actuators.parameters import POT_MAGNET, POT_MAGNET_PRINTED
+from gapsense.estimators import hybrid_ekf
+
+T_S = 1e-4
+PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
+PULSES = {  # (duration, voltage) and the transitions that they cause in the consistent orientation
+    "cycle": (((0.05, 24.0), (0.05, 0.0)), [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0)]),
+    "failed lift": (((0.003, 24.0), (0.03, 0.0)), [(0, 1), (1, 0)]),
+    "voltage back": (((0.05, 24.0), (0.005, 0.0), (0.03, 24.0)), [(0, 1), (1, 2), (2, 3), (3, 2)]),
+    "pulled back": (
+        ((0.05, 24.0), (0.0171, 0.0), (0.03, 24.0)),
+        [(0, 1), (1, 2), (2, 3), (3, 4), (4, 3), (3, 2)],
+    ),
+    "energised again": (
+        ((0.05, 24.0), (0.021, 0.0), (0.05, 60.0)),
+        [(0, 1), (1, 2), (2, 3), (3, 4), (4, 1), (1, 2)],
+    ),
+}
+
+
+class Signals(NamedTuple):
+    """Samples at multiples of `T_S`; a voltage is held until the next sample."""
+
+    voltage: np.ndarray
+    states: np.ndarray  # (n, 4): i, s, v, q
+
+
+@cache
+def magnet(pulses: str = "cycle", orientation: str = "consistent") -> Signals:
+    """The plant during pulses of the voltage, from rest."""
+    plant, par = kernel("gapsense.actuators.pot_magnet"), PLANTS[orientation]
+    voltage = [0.0] * 5 + [u for duration, u in PULSES[pulses][0] for _ in range(round(duration / T_S))]
+    state, outputs = plant.initial(plant.module.Inputs(0.0, 0.0, 0.0), par)
+    rows = [outputs]
+    for k, u in enumerate(voltage[:-1], 1):
+        state, outputs = plant.step(state, plant.module.Inputs(k * T_S, T_S, u), par)
+        rows.append(outputs)
+    return Signals(np.array(voltage), np.array([[o.current, o.position, o.velocity, o.mode] for o in rows]))
+
+
+def exact(orientation: str = "consistent", **changes: float) -> Any:
+    """Parameters of the filter that are those of the plant."""
+    names = set(hybrid_ekf.Parameters._fields)
+    known = {name: value for name, value in PLANTS[orientation]._asdict().items() if name in names}
+    return defaults(hybrid_ekf, **{**known, **changes})
+
+
+def changes_of(modes: np.ndarray) -> list[tuple[int, int]]:
+    """Transitions of a sequence of modes."""
+    return [(int(a), int(b)) for a, b in pairwise(modes) if a != b]

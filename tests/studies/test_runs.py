@@ -1,0 +1,82 @@
+"""The numpy code over many runs against the scalar kernel, run by run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from wrong_models import Textbook, filter_parameters
+
+from gapsense.estimators.rts import smooth_record
+from gapsense.studies.batch import MOVING, Tuning, Variant, uncertain
+from gapsense.studies.perturbation import errors, gap_means, noise, perturbed
+from gapsense.studies.runs import Estimator, filtered, open_loop, smoothed
+
+RUNS = 4
+TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
+UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
+VARIANTS = [Variant(), Variant(0.0, 1.0), Variant(1.0, 0.0)]
+
+
+def columns(rows, run):
+    """Estimates of one run, (samples, entries)."""
+    return np.array([[float(np.broadcast_to(value, RUNS)[run]) for value in row] for row in rows])
+
+
+def assert_equal(rows, run, estimates, samples, states):
+    """Means and covariances of the uncertain states, in units of their size."""
+    found = columns(rows, run)
+    mean, cov = estimates.mean[samples], estimates.cov[samples][:, states][:, :, states]
+    i, j = np.triu_indices(len(states))
+    scale = np.outer(UNIT[states], UNIT[states])[i, j]
+    np.testing.assert_allclose(found[:, :5] / UNIT, mean / UNIT, atol=1e-9)
+    np.testing.assert_allclose(found[:, 5:] / scale, cov[:, i, j] / scale, atol=1e-9)
+    known = [k for k in range(5) if k not in states]
+    assert not np.any(estimates.cov[samples][:, known]) and not np.any(estimates.mean[samples][:, known])
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=["complete", "without e_i", "without e_F"])
+@pytest.mark.parametrize("width", [0.01, 0.3])
+def test_filter_and_smoother_equal_the_scalar_kernel(study, variant, width):
+    s, m = study.samples, study.model
+    varied = perturbed(m, width * errors(3, 0, RUNS))
+    current = s.current[:, None] + noise(3, 0, RUNS, s.time.size, 2e-3)
+    estimator = Estimator(variant, TUNING, m)
+    found = [
+        (motion, [*smoothed(motion, s, varied, estimator)][::-1]) for motion in filtered(s, current, varied, estimator)
+    ]
+    states = uncertain(variant, MOVING)
+    assert len(found) == 2
+    for run in range(RUNS):
+        par = filter_parameters(m, varied, run, TUNING, variant)
+        expected = smooth_record(s.voltage, current[:, run], s.mode, par)
+        for (motion, rows), operation in zip(found, expected.operations):
+            assert (motion.first, motion.first + len(rows)) == (operation.first, operation.landed)
+            samples = slice(operation.first, operation.landed)
+            assert_equal(motion.filtered, run, expected.filtered, samples, states)
+            assert_equal(rows, run, expected.smoothed, samples, states)
+
+
+def test_open_loop_equals_a_plain_loop(study):
+    s, m = study.samples, study.model
+    relative = 0.1 * errors(3, 0, RUNS)
+    found = {k: [np.broadcast_to(value, RUNS) for value in row] for k, row in open_loop(s, perturbed(m, relative), m)}
+    moving = np.flatnonzero(s.mode == MOVING)
+    assert sorted(found) == moving.tolist()
+    for run in range(RUNS):
+        model = Textbook(m, relative[:, run], *gap_means(m))
+        z, z_prev, lam = 1.0, 1.0, 0.0
+        for k in range(1, moving[-1] + 1):
+            after = model.next_position(z, z_prev, lam, 0.0, s.mode[k - 1], False)
+            lam += m.T_s * (s.voltage[k - 1] - m.R * model.current(z, lam))
+            z, z_prev = {1.0: 0.0, 3.0: 1.0}.get(s.mode[k], min(max(after, 0.0), 1.0)), z
+            if s.mode[k] == MOVING:
+                assert [row[run] for row in found[k]] == pytest.approx([z, z_prev, lam], rel=1e-9, abs=1e-12)
+
+
+def test_record_without_a_complete_motion_gives_none(study):
+    s = study.samples
+    short = type(s)(*(values[:200] for values in s))
+    varied = perturbed(study.model, np.zeros((8, 2)))
+    estimator = Estimator(Variant(), TUNING, study.model)
+    assert not [*filtered(short, np.tile(short.current[:, None], 2), varied, estimator)]
+    assert not [*open_loop(short, varied, study.model)]
