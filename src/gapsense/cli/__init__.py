@@ -1,6 +1,6 @@
 """The command line: one module per group of commands, each registered by its import."""
 
-from gapsense.cli import components, observability, scenarios
+from gapsense.cli import components, identify, observability, scenarios
 from gapsense.cli.common import app
 
-__all__ = ["app", "components", "observability", "scenarios"]
+__all__ = ["app", "components", "identify", "observability", "scenarios"]
