@@ -9,14 +9,14 @@ import typer
 
 from gapsense.cli.common import app, bar, checkout, err, out, reported
 from gapsense.studies.identification import STARTS
-from gapsense.studies.identification_record import SHARES, Record
+from gapsense.studies.identification_record import CONVENTIONS, Record
 
 MODELS = ("solenoid_valve",)
 Column = Annotated[
     list[str] | None,
     typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
 ]
-Voltage = Annotated[str, typer.Option(help=f"Voltage between two samples: {', '.join(SHARES)}")]
+Voltage = Annotated[str, typer.Option(help=f"Voltage between two samples: {', '.join(CONVENTIONS)}")]
 Records = Annotated[
     list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
 ]
@@ -128,7 +128,7 @@ def read(files: list[Path], column: list[str] | None, voltage: str, period: floa
     from gapsense.studies.identification_checks import read_record
     from gapsense.studies.identification_record import RecordError
 
-    one_of("--voltage", voltage, tuple(SHARES))
+    one_of("--voltage", voltage, CONVENTIONS)
     if wrong := [pair for pair in column or [] if "=" not in pair]:
         raise ValueError(f"--column: `{wrong[0]}` found, QUANTITY=NAME expected, for instance voltage=u1.")
     names = dict(pair.split("=", 1) for pair in column or [])

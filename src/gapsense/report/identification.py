@@ -64,7 +64,9 @@ def remarks(result: Identified) -> list[str]:
     """Sentences: how the minimum was found, what the records do not tell."""
     said = [f"J = {result.cost:.4g} after {result.evaluations} simulations."]
     if result.starts:
-        said.append(f"{result.agreeing} of {len(result.starts)} starts found this minimum; the others were rejected.")
+        worse = len(result.starts) - result.agreeing
+        others = f"; {worse} ended in worse ones, rejected by their cost" if worse else ""
+        said.append(f"{result.agreeing} of {len(result.starts)} starts found this minimum{others}.")
     for name in result.poor:
         k = result.names.index(name)
         error = 100.0 * float(result.uncertainty.relative[k])

@@ -138,7 +138,7 @@ def identify(
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
-        models=[simulate(par, e.applied, e.dt, e.resistance) for e in experiments],
+        models=[simulate(par, e.halves, e.dt, e.resistance) for e in experiments],
     )
 
 

@@ -59,7 +59,7 @@ def uncertainty(known: Parameters, ratios: Vector, experiments: Sequence[Experim
     for experiment in experiments:
         size = 2 * experiment.current.size
         W = _weights(known, ratios, experiment, A[:, begin : begin + size], total)
-        model = simulate(scaled(known, ratios), experiment.applied, experiment.dt, experiment.resistance)
+        model = simulate(scaled(known, ratios), experiment.halves, experiment.dt, experiment.resistance)
         cov += long_run(W, experiment.current - model.current)
         begin += size
     std: Vector = np.sqrt(np.diag(cov))

@@ -17,8 +17,8 @@ from gapsense.cosim.parameters import read_parameters
 from gapsense.cosim.problems import ScenarioError, suggest
 from gapsense.cosim.tables import Value, found, is_number
 from gapsense.studies.identification import POOR, Identified
+from gapsense.studies.transfer import GAPS
 
-GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}  # laws and theirs
 COLUMNS = ("gap", "reluctance", "slope")
 WRITTEN = (
     "coil.resistance",

@@ -35,7 +35,7 @@ SIGNALS = {
     "position": ("position",),
     "mode": ("mode_measured", "mode"),
 }
-SHARES = {"trapezoid": 0.5, "end": 1.0, "start": 0.0}  # of the sample at the end of an interval in its voltage
+CONVENTIONS = ("trapezoid", "end", "start")
 
 
 class RecordError(ValueError):
@@ -64,8 +64,8 @@ class Record(NamedTuple):
         File without folder and ending.
     times, voltage, current : (n,) array
         Samples [s], [V], [A].
-    applied : (n,) array
-        Mean voltage over the interval before each sample [V]; the first has no meaning.
+    halves : (n, 2) array
+        Voltage during the two halves of the interval before each sample [V]; the first has no meaning.
     position, mode : (n,) array or None
         Where they were recorded [m], [1].
     rows : (n,) array
@@ -76,10 +76,15 @@ class Record(NamedTuple):
     times: Vector
     voltage: Vector
     current: Vector
-    applied: Vector
+    halves: Vector
     position: Vector | None
     mode: Vector | None
     rows: npt.NDArray[np.int_]
+
+    @property
+    def applied(self) -> Vector:
+        """Mean voltage over the interval before each sample [V]."""
+        return np.asarray(self.halves.mean(axis=1))
 
     @property
     def dt(self) -> float:
@@ -220,19 +225,19 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     columns : Columns
         Checked.
     convention : str
-        What the voltage of an interval is, which the sampled voltages alone do not tell: `trapezoid`, the mean of the
-        samples at its ends (an edge lies half-way between two samples on the average); `end` or `start`, the sample at
-        its end or start (held by the drive).  Means over the intervals are taken as they are.
+        What the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the middle that of the
+        first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of the sample at
+        the end or the start (held by the drive).  Means over the intervals are taken as they are.
     """
     v = columns.values["voltage"]
     before = np.concatenate((v[:1], v[:-1]))
-    share = 1.0 if columns.is_mean else SHARES[convention]
+    chosen = "end" if columns.is_mean else convention
     return Record(
         name=Path(columns.file).stem,
         times=columns.values["time"],
         voltage=v,
         current=columns.values["current"],
-        applied=share * v + (1.0 - share) * before,
+        halves=np.stack((v if chosen == "end" else before, before if chosen == "start" else v), axis=1),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,

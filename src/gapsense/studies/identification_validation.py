@@ -40,8 +40,8 @@ class Validation(NamedTuple):
 def validate(par: Parameters, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
     first = int(edges(record.voltage)[0])
-    applied = record.applied[first:]
-    model = simulate(par, applied, record.dt, np.full(applied.size, par.coil_resistance))
+    halves = record.halves[first:]
+    model = simulate(par, halves, record.dt, np.full(len(halves), par.coil_resistance))
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
     return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))

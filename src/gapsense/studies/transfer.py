@@ -1,7 +1,7 @@
 """What a component takes of a parameter set that was made for the solenoid valve.
 
-Most names mean the same everywhere.  But the reduced model of [RTS] has one gap law, where the valve has three,
-R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), and estimators of the resistance start from priors.
+Most names mean the same everywhere.  But the models of [RTS] have a gap law of their own, with the parameter
+`gap.fringing`, R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), and estimators of the resistance start from priors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,12 @@ from gapsense.cosim.tables import Value
 
 Vector = npt.NDArray[np.float64]
 GAP = ("gap.reluctance", "gap.slope", "gap.fringing", "gap.window")
-VALVE_GAP = ("gap.law", "gap.slope", "gap.area", "gap.window", "gap.file")  # where two mean something else there
+GAPS = {
+    "linear": ("gap.slope",),
+    "fringing": ("gap.area", "gap.window"),
+    "table": ("gap.file",),
+}  # parameters of each law of the valve
+AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
 WINDOW = 20e-3  # c_f for a table, far above every gap [m]
 
 
@@ -37,23 +42,27 @@ def read_values(files: Sequence[Path]) -> dict[str, Value]:
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
-    known = dict(values)
-    if "gap.law" in values and "gap.law" not in names:
-        others = {name: value for name, value in values.items() if name not in VALVE_GAP}
-        known = {**reduced_gap(values), **others}
-    return {name: value for name, value in {**priors(values), **known}.items() if name in names}
+    known = {**priors(values), **values}
+    if "gap.law" in values and ("gap.fringing" in values) != ("gap.fringing" in names):
+        others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
+        known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
+    return {name: value for name, value in known.items() if name in names}
 
 
 def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:
-    """The valve's gap law as the reduced model has it; a table is fitted."""
+    """The valve's gap law as [RTS] has it; a table is fitted."""
+    missing = [name for name in GAPS[str(values["gap.law"])] if name not in values]
+    if missing:
+        raise ScenarioError([f"`gap.law` is `{values['gap.law']}`, but `{missing[0]}` is missing. Give both."])
     if values["gap.law"] == "linear":
-        return {"gap.reluctance": 0.0, "gap.slope": values.get("gap.slope", 0.0), "gap.fringing": 0.0}
+        return {"gap.law": "fringing", "gap.reluctance": 0.0, "gap.slope": values["gap.slope"], "gap.fringing": 0.0}
     if values["gap.law"] == "fringing":
         area, window = float(values["gap.area"]), float(values["gap.window"])
         law = (0.0, 1.0 / (MU_0 * area), 1.0 / math.sqrt(area), 2.0 * window)
-        return dict(zip(GAP, law))
+        return {"gap.law": "fringing", **dict(zip(GAP, law))}
     table = read_columns(Path(str(values["gap.file"])))
-    return dict(zip(GAP, fitted_gap(table["gap"].tolist(), table["reluctance"].tolist())))
+    law = fitted_gap(table["gap"].tolist(), table["reluctance"].tolist())
+    return {"gap.law": "fringing", **dict(zip(GAP, law))}
 
 
 def fitted_gap(gaps: list[float], reluctances: list[float]) -> tuple[float, float, float, float]:
@@ -75,7 +84,7 @@ def priors(values: Mapping[str, Value]) -> dict[str, Value]:
     known: dict[str, Value] = {}
     if "coil.resistance" in values:
         known["prior.resistance"] = values["coil.resistance"]
-    if {"gap.law", "coil.turns", "core.reluctance", "stop.upper"} <= set(values):
+    if {"gap.law", "coil.turns", "core.reluctance", "stop.upper"} <= set(values) and "gap.fringing" not in values:
         law, h = reduced_gap(values), float(values["stop.upper"])
         k, window = float(law["gap.fringing"]), float(law.get("gap.window", WINDOW))
         R = float(law["gap.reluctance"]) + fringing(h, float(law["gap.slope"]), k, window)[0]
