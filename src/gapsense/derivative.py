@@ -10,7 +10,7 @@ import numpy as np
 
 from gapsense.emit import Graph, Python
 from gapsense.emit.printer import operands
-from gapsense.records import flatten
+from gapsense.records import fields, flatten
 from gapsense.trace import BOOLEAN, Expr, Tape, TraceError, cos, is_traced, select, sin, where
 
 _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost everywhere
@@ -69,7 +69,7 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
     """Value (m,) of `function(x, *records)` and its Jacobian by the vector `x`, an object array (m, n).
 
     The same bits on floats as traced: for floats, `function` is traced and compiled once; it must be one of a module,
-    and `records` named tuples of scalars.
+    and `records` named tuples of scalars and tables.
     """
     if is_traced(*x, *(value for record in records for value in record)):
         values = function(x, *records)
@@ -83,7 +83,7 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
 def _linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
     tape = Tape()
     x = np.array([tape.node("in", ()) for _ in range(n)], dtype=object)
-    records = [cls(*(tape.node("in", ()) for _ in cls._fields)) for cls in classes]
+    records = [cls(*(tape.node("in", (), field.kind) for field in fields(cls).values())) for cls in classes]
     values, J = linearise(function, x, *records)
     symbols = flatten([x, records])
     layout = NamedTuple("layout", [(f"a{k}", Any) for k in range(len(symbols))])  # type: ignore[misc]

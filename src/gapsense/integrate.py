@@ -10,13 +10,31 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from gapsense.records import Scalar
-from gapsense.trace import clip, loop, where
+from gapsense.trace import clip, cond, floor, loop, where
 
 Scalars: TypeAlias = Sequence[Any]
 Rate: TypeAlias = Callable[[Scalars], tuple[Scalars, ...]]  # y -> dy/dt, integrands, and what is watched, if anything
 
+Margin: TypeAlias = Callable[[Scalars], Scalar]  # y -> what an event makes negative
+
 TRIALS = 60  # about 10 are needed
 CLOSENESS = 1e-10  # width of the final bracket, relative to the first
+
+
+def equal_parts(dt: Scalar, longest: Scalar) -> Scalar:
+    """Length of the equal parts of `dt` of which none is longer than `longest`; 0 for a step of no length."""
+    count = -floor(1e-6 - dt / longest)  # rounded up, save for rounding errors of the quotient
+    return dt / where(count > 1.0, count, 1.0)
+
+
+def next_part(left: Scalar, part: Scalar) -> Scalar:
+    """Length of the next part where `left` is left of the step; rounding errors do not make one part more."""
+    return where(left < 1.000001 * part, left, part)
+
+
+def least(a: Scalar, b: Scalar) -> Scalar:
+    """The smaller one."""
+    return where(a < b, a, b)
 
 
 def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = None) -> tuple[tuple[Any, ...], ...]:
@@ -46,6 +64,38 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = 
     sixth = dt / 6.0
     integrals = tuple(_weighted(*stages) * sixth for stages in zip(q1, q2, q3, q4))
     return _along(y, [_weighted(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals, *map(tuple, watched)
+
+
+def rk4_until(
+    rate: Rate, y: Scalars, dt: Scalar, margin: Margin, is_live: Scalar = True
+) -> tuple[Scalar, tuple[Any, ...], tuple[Any, ...]]:
+    """Length of the step, states after it and integrals over it: `dt`, or up to where `margin(y)` becomes negative.
+
+    Parameters
+    ----------
+    rate, y, dt
+        As for `rk4`.
+    margin : callable
+        Continuous in the states; negative once the step must end.  The states returned lie just beyond its zero.
+    is_live : scalar
+        Whether to look for the end at all: many runs at once compute branches that they do not take.
+
+    Notes
+    -----
+    A margin that is negative at the start gives a step of no length; one that becomes negative and positive again
+    inside the step is not seen.
+    """
+
+    def after(length: Scalar) -> Any:
+        return rk4(rate, y, length)
+
+    y_next, sums = after(dt)
+
+    def shorter() -> Any:
+        length = crossing(lambda length: margin(after(length)[0]), dt, margin(y), margin(y_next))
+        return length, *after(length)
+
+    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums))  # type: ignore[no-any-return]
 
 
 def _along(y: Scalars, k: Scalars, dt: Scalar) -> tuple[Any, ...]:

@@ -233,14 +233,14 @@ def load(array: Any, index: Any, shift: int = 0) -> Any:
     return _make("load", array, index, extra=shift)
 
 
-def store(array: Any, index: Any, value: Any) -> Any:
-    """Array memory with element `index` set in place.  Not in `cond` or `loop`: idle writes go to a spare element."""
+def store(array: Any, index: Any, value: Any, shift: int = 0) -> Any:
+    """Array memory with an element set in place.  Not in `cond` or `loop`: idle writes go to a spare element."""
     if not isinstance(array, Expr):
-        array[int(index)] = value
+        array[int(index) + shift] = value
         return array
     if array.tape.region is not array.tape.root:
         raise _error("store() inside cond() or loop(). Store outside, with a spare index when idle.")
-    node = array.tape.node("store", tuple(map(_scalar, (array, index, value))))
+    node = array.tape.node("store", tuple(map(_scalar, (array, index, value))), shift)
     array.tape.overwritten.add(array.id)
     return node
 

@@ -1,10 +1,15 @@
-"""Square-wave runs of the generated scalar code of the valve."""
+"""Square-wave runs of the generated scalar code of the valve; the oracles can be imported here."""
+
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gapsense.actuators import solenoid_valve
 from gapsense.kernel import Kernel
+
+sys.path[:0] = [str(Path(__file__).parents[1] / "oracles")]
 
 
 def square_wave(period, cycles, high=30.0):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gapsense.integrate import CLOSENESS, crossing, rk4
+from gapsense.integrate import CLOSENESS, crossing, equal_parts, next_part, rk4, rk4_until
 
 
 def oscillation(count):
@@ -51,3 +51,28 @@ def test_crossing_that_starts_at_zero_is_found_later():
 
 def test_crossing_that_is_over_at_the_start_has_no_length():
     assert crossing(lambda s: -1.0, 1.0, -1.0, -1.0) == 0.0
+
+
+@given(st.floats(0.02, 0.98))
+def test_step_ends_where_its_margin_becomes_negative(height):
+    """A stone dropped from `height` reaches the floor within the step."""
+
+    def rate(y):
+        return (y[1], -2.0), (y[1],)
+
+    length, (h, v), (fallen,) = rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0])
+    assert length == pytest.approx(math.sqrt(height), abs=1e-9)
+    assert -1e-9 < h <= 0.0 and v == pytest.approx(-2.0 * length)
+    assert fallen == pytest.approx(-height)
+    assert rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0], False)[0] == 1.0
+    assert rk4_until(rate, (height, 0.0), 0.1, lambda y: y[0] - 2.0)[0] == 0.0
+
+
+@given(st.floats(1e-6, 1.0), st.floats(1e-3, 1.0))
+def test_equal_parts_make_up_the_step(dt, longest):
+    left, part, count = dt, equal_parts(dt, longest), 0
+    assert part <= longest * 1.000001
+    while left > 0.0:
+        left, count = left - next_part(left, part), count + 1
+    assert count == max(1, math.ceil(dt / longest - 1e-6))
+    assert equal_parts(0.0, longest) == 0.0

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from gapsense.actuators import magnetics
 from gapsense.actuators.parameters import GAP_AREA, RTS_VALVE, VALVE, fringing_table
 from gapsense.actuators.reluctance_actuator import Inputs as ActuatorInputs
-from gapsense.actuators.reluctance_actuator import _actuator
+from gapsense.actuators.reluctance_actuator import make_actuator
 from gapsense.actuators.solenoid_valve import Inputs, _valve
 
 LAWS = [0.0, 1.0, 2.0]
@@ -64,7 +64,7 @@ SMOOTH = {
 @pytest.mark.parametrize("name", SMOOTH)
 @pytest.mark.parametrize("h", [-0.1e-3, 0.1e-3, 0.4e-3, 0.5e-3, 0.7e-3, 1.4e-3, 2e-3])
 def test_smooth_laws_have_two_derivatives(name, h):
-    gap = _actuator(ActuatorInputs(0.0, 0.0, 0.0), SMOOTH[name]).gap
+    gap = make_actuator(ActuatorInputs(0.0, 0.0, 0.0), SMOOTH[name]).gap
     d = 1e-8
     before, law, after = (magnetics.smooth_gap_law(x, gap) for x in (h - d, h, h + d))
     assert all(map(math.isfinite, law))
@@ -74,7 +74,7 @@ def test_smooth_laws_have_two_derivatives(name, h):
 
 def test_spline_goes_through_its_rows_and_keeps_its_curvature_beyond():
     par = SMOOTH["table"]
-    gap = _actuator(ActuatorInputs(0.0, 0.0, 0.0), par).gap
+    gap = make_actuator(ActuatorInputs(0.0, 0.0, 0.0), par).gap
     for h, R in zip(par.gap_file_gap, par.gap_file_reluctance):
         assert magnetics.smooth_gap_law(h, gap)[0] == pytest.approx(R, rel=1e-14)
     assert magnetics.smooth_gap_law(5e-3, gap)[2] == par.gap_file_spline[-1]

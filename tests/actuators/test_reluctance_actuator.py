@@ -168,7 +168,7 @@ def test_options_equal_their_limits(kernel):
 
 
 def test_anhysteretic_core_stays_on_its_curve(kernel):
-    core = actuator._actuator(actuator.Inputs(0.0, 0.0, 0.0), ANHYSTERETIC).core
+    core = actuator.make_actuator(actuator.Inputs(0.0, 0.0, 0.0), ANHYSTERETIC).core
     for state, _ in drive(kernel, ANHYSTERETIC, sine(40.0, 2)):
         M_an, _ = hysteresis.anhysteretic(state.effective_field, core)
         assert hysteresis.magnetization(state.flux, state.effective_field, core) == pytest.approx(M_an, abs=1e-3)

@@ -221,7 +221,7 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus):
 def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):
     assert "at least 1" in problems(gapsense("sweep", write(), "--fmus", fmus, "--seeds", 0))[0]
     seedless = write(("[seeds]\nsensor = 1", ""))
-    assert "Add `[seeds]`" in problems(gapsense("sweep", seedless, "--fmus", fmus))[0]
+    assert "Add `[sweep]` or `[seeds]`" in problems(gapsense("sweep", seedless, "--fmus", fmus))[0]
 
 
 # Figures --------------------------------------------------------------------------------------------------------------

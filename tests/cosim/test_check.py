@@ -66,12 +66,49 @@ def test_what_does_not_fit_is_named(write, chain, fmus, old, new, expected):
         ('signal = "lag.y"\nreference = "source.shape"', "unknown signal `source.shape`"),
         ('signal = "lag.y"\nreference = "source.level"', ""),
         ('signal = "lag.y"\nreference = 2', ""),
+        ('signal = "lag.y"\nkind = "loop_area"\nreference = "gain.y"', ""),
+        ('signal = "lag.y"\nkind = "loop_area"\nreference = "source.level"', "unknown signal `source.level`"),
     ],
 )
 def test_metric_uses_what_is_recorded(write, chain, fmus, lines, expected):
-    text = chain + f'[record]\nsignals = ["lag.*", "gain.*"]\n[metrics.m]\nkind = "max_abs"\n{lines}\n'
+    lines = lines if "kind" in lines else f'kind = "max_abs"\n{lines}'
+    text = chain + f'[record]\nsignals = ["lag.*", "gain.*"]\n[metrics.m]\n{lines}\n'
     found = check(write(text), fmus=fmus)
     assert (expected in found[0]) if expected else found == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ('"source.slope" = [1.0, 2]\nsource.inverted = [true, false]', []),
+        ('"source.slop" = [1.0]', ["sweep.source.slop: unknown parameter `slop`. Did you mean `slope`?"]),
+        ('"surce.slope" = [1.0]', ["sweep.surce.slope: there is no component `surce`. Did you mean `source`?"]),
+        ('"source.slope" = [1.0, "x"]', ['`slope` is `"x"`, a value of type Real']),
+        ('"lag.time.constant" = [0.1, 0.0, -1.0]', ["is 0.0, 0.001 to 1000 s", "is -1.0, 0.001 to 1000 s"]),
+        ('"lag.u" = [1.0]', ["`u` is not a parameter but of causality `input`"]),
+        ('"source.slope" = 1.0', ["`1.0` found, a list of finite numbers, truth values or texts expected"]),
+        ('"source.slope" = []', ["a list found, a list of finite numbers"]),
+        ('"source.slope" = [[1.0]]', ["a list found, a list of finite numbers"]),
+        ('"source.slope" = [1.0, 2.0, 1]', ["sweep.source.slope: the same value is given twice"]),
+        ('"source.slope" = [1.0]\nsource.slope = [2.0]', ["given twice, once as a dotted key and once in a table"]),
+        ("slope = [1.0]", ["`slope` found, `component.variable` expected"]),
+        ('"source.table.file" = ["none.csv"]', ["there is no file"]),
+        ('"source.seed" = [1, 2]', ["sweep.source.seed: the seed is also given in `seeds.source`"]),
+    ],
+)
+def test_grid_of_a_sweep_is_checked(write, chain, fmus, lines, expected):
+    found = check(write(f"{chain}[seeds]\nsource = 1\n[sweep]\n{lines}\n"), fmus=fmus)
+    assert len(found) == len(expected)
+    for problem, part in zip(found, expected):
+        assert "sweep" in problem
+        assert part in problem
+
+
+def test_sample_times_of_a_sweep_fit_the_step(write, chain, fmus):
+    noise = '[components.noise]\nfmu = "Noise"\n[sweep]\n"noise.sample_time" = [0.1, 0.05, 0.07]\n'
+    found = check(write(chain + noise), fmus=fmus)
+    assert len(found) == 1
+    assert "`sample_time` is 0.07 s" in found[0]
 
 
 def test_seed_given_twice_is_refused(write, chain, fmus):

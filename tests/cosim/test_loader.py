@@ -118,6 +118,8 @@ METRIC = '[metrics.m]\nsignal = "lag.y"\n'
     [
         ('kind = "rmse"', "`rmse` compares with a signal"),
         ('kind = "fraction"\nreference = 1.0', "`fraction` uses no reference"),
+        ('kind = "loop_area"', "`loop_area` is of the curve over another signal"),
+        ('kind = "intercept"\nreference = 1.0', "`intercept` is of the curve over another signal"),
         ('kind = "mean"\nbounds = [2, 1]', "rising order"),
         ('kind = "mean"\nbounds = [nan, 1]', "pair"),
         ('kind = "mean"\nafter = 2.0\nbefore = 1.0', "Let `after` be the smaller"),

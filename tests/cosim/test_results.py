@@ -82,9 +82,30 @@ def test_metric_kinds_on_known_numbers():
         "final": 1.0,
         "min": -4.0,
         "max": 3.0,
+        "increase": -2.0,
         "fraction": 0.75,
     }
-    assert {name: kind.compute(error) for name, kind in KINDS.items()} == pytest.approx(expected)
+    plain = {name: kind for name, kind in KINDS.items() if kind.reference != "axis"}
+    assert {name: kind.compute(error) for name, kind in plain.items()} == pytest.approx(expected)
+
+
+def test_metrics_of_curves_on_a_known_ellipse():
+    angle = np.linspace(0.1, 0.1 + 4.0 * np.pi, 2000)  # twice around
+    x, y = 3.0 * np.cos(angle), 2.0 * np.sin(angle) + 1.0
+    assert KINDS["loop_area"].compute(y, x) == pytest.approx(2 * 6.0 * np.pi, rel=1e-4)
+    assert KINDS["loop_area"].compute(y[::-1], x[::-1]) == pytest.approx(-2 * 6.0 * np.pi, rel=1e-4)
+    assert KINDS["intercept"].compute(y, x) == pytest.approx((3.0 + 1.0) / 2.0, rel=1e-4)
+    assert math.isnan(KINDS["intercept"].compute(y, x + 4.0))
+
+
+def test_metric_of_a_curve_in_a_scenario(write, chain, fmus):
+    area = 'kind = "loop_area"\nsignal = "gain.y"\nreference = "source.y"'  # their units differ, as they may
+    result = run(write(chain + f"[metrics.area]\n{area}\n"), fmus=fmus)
+    x, y = result["source.y"][1:], result["gain.y"][1:]
+    area = sum((x[k] + x[k - 1]) * (y[k] - y[k - 1]) / 2.0 for k in range(x.size))  # from the last sample to the first
+    assert result.metrics["area"].value == pytest.approx(area, rel=1e-12)
+    assert area != 0.0
+    assert result.metrics["area"].unit == f"{result.units['gain.y']}.{result.units['source.y']}"
 
 
 def test_metrics_use_samples_windows_and_references(write, chain, fmus):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gapsense.cosim import ScenarioError, run, sweep
+from gapsense.cosim import ScenarioError, load, read_result, run, sweep
 from gapsense.cosim.ledger import Ledger
 
 NOISE = """
@@ -73,7 +73,7 @@ def test_killed_worker_is_an_error_that_names_the_run(write, fmus):
 
 
 def test_sweep_without_seeds_is_refused(write, fmus):
-    with pytest.raises(ScenarioError, match=r"there are none. Add `\[seeds\]`"):
+    with pytest.raises(ScenarioError, match=r"there are none. Add `\[sweep\]` or `\[seeds\]`"):
         sweep(write(NOISE.replace("[seeds]\nnoise = 10\n", "")), 3, fmus=fmus)
 
 
@@ -121,3 +121,82 @@ def test_ctrl_c_keeps_what_was_computed(write, fmus, python, tmp_path):
 def test_exit_is_clean_after_a_run(write, fmus, python):
     done = python(f"from gapsense.cosim import run\nrun({str(write(NOISE))!r}, fmus=fmus)\n")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+GRID = """
+[components.source]
+fmu = "Source"
+[sweep]
+"source.slope" = [1.0, 2.0, 3.0]
+"source.inverted" = [false, true]
+[metrics.end]
+kind = "final"
+signal = "source.y"
+"""
+
+
+def test_grid_runs_every_combination_in_a_stable_order(write, fmus, tmp_path):
+    path, out = write(NOISE + GRID), tmp_path / "out"
+    one, two = sweep(path, workers=1, fmus=fmus), sweep(path, 2, workers=2, fmus=fmus, out=out)
+    assert (one.indices, two.indices) == (tuple(range(6)), tuple(range(12)))
+    assert one.grid["source.slope"] == (1.0, 1.0, 2.0, 2.0, 3.0, 3.0)
+    assert one.grid["source.inverted"] == (False, True) * 3
+    assert one.metrics["end"] == pytest.approx([11.0, -11.0, 21.0, -21.0, 31.0, -31.0])
+    for name in ("end", "spread"):
+        assert np.array_equal(two.metrics[name][:6], one.metrics[name])
+    assert np.array_equal(two.metrics["end"][6:], one.metrics["end"])
+    assert len(set(two.metrics["spread"])) == 12  # no two runs have the same noise
+    alone = run(path, fmus=fmus, seed_shift=9, point=3)
+    assert (alone.metrics["spread"].value, alone.metrics["end"].value) == (two.metrics["spread"][9], -21.0)
+    rows = (out / "demo_sweep.csv").read_text().splitlines()
+    assert rows[0] == '"run","source.slope","source.inverted","spread","end"'
+    assert rows[2].startswith("1.0,1.0,True,")
+    assert run(path, fmus=fmus).metrics["end"].value == 1.0  # a plain run knows nothing of the grid
+
+
+def test_grid_goes_on_where_it_was_and_more_seeds_keep_the_runs(write, fmus, tmp_path):
+    path, out = write(NOISE + GRID), tmp_path / "out"
+    assert sweep(path, out=out, fmus=fmus).computed == 6
+    assert sweep(path, 3, out=out, fmus=fmus).computed == 12
+    path.write_text((NOISE + GRID).replace("3.0]", "4.0]"))
+    assert sweep(path, out=out, fmus=fmus).computed == 6
+
+
+def test_grid_without_seeds_runs_once(write, fmus):
+    path = write(GRID.replace("[components", 'title = "x"\n[experiment]\nstop = 1.0\nbase_step = 0.1\n[components'))
+    assert sweep(path, fmus=fmus).computed == 6
+    with pytest.raises(ScenarioError, match="2 runs of each combination would be the same"):
+        sweep(path, 2, fmus=fmus)
+
+
+def test_signals_are_kept_for_every_run(write, fmus, tmp_path):
+    path, out = write(NOISE + GRID), tmp_path / "out"
+    with pytest.raises(ScenarioError, match="nowhere"):
+        sweep(path, fmus=fmus, keep=True)
+    assert sweep(path, out=out, fmus=fmus).kept == ()
+    swept = sweep(path, out=out, fmus=fmus, keep=True)
+    assert (swept.computed, len(swept.kept)) == (6, 6)  # their metrics were known, their signals not
+    swept.kept[4].unlink()
+    again = sweep(path, out=out, fmus=fmus, keep=True)
+    assert (again.computed, again.kept) == (1, swept.kept)
+    kept = read_result(again.kept[4])
+    alone = run(path, fmus=fmus, seed_shift=4, point=4)
+    assert all(np.array_equal(kept[name], alone[name]) for name in alone.signals)
+    assert [file.name for file in sorted(again.kept[0].parent.glob("*.csv"))] == [f"{k:05d}.csv" for k in range(6)]
+    path.write_text(path.read_text().replace("3.0]", "4.0]"))
+    other = sweep(path, out=out, fmus=fmus, keep=True)
+    assert other.kept[0].parent != swept.kept[0].parent  # signals of another scenario are never taken for these
+
+
+def test_files_of_a_grid_decide_the_result(write, fmus):
+    path = write(NOISE + GRID.replace('"source.slope" = [1.0, 2.0, 3.0]', '"source.table.file" = ["a.toml", "b.toml"]'))
+    for name in ("a", "b"):
+        (path.parent / f"{name}.toml").write_text(name)
+    scenario = load(path)
+    assert [point for point in scenario.points()][2]["source", "table.file"] == str(path.parent / "b.toml")
+    assert {file.name for file in scenario.files} == {"scenario.toml", "a.toml", "b.toml"}
+
+
+def test_variant_changes_the_grid(write, fmus):
+    text = NOISE + GRID + '[variants.steep.sweep]\n"source.slope" = [9.0]\n'
+    assert sweep(write(text), variant="steep", fmus=fmus).grid["source.slope"] == (9.0, 9.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import reduced_model_textbook as textbook
 from reduced_model_textbook import TABLE_I
+from scipy.interpolate import CubicSpline
 from table_i import defaults
 
 from gapsense.derivative import linearise
@@ -51,6 +52,48 @@ def close(found: Any, expected: Any) -> None:
 def test_normalised_parameters_are_those_of_table_ii() -> None:
     for name in ("m", "k_sp", "z_sp", "c_f", "R_c0", "lam_sat"):
         assert getattr(MODEL, name) == pytest.approx(TABLE_I[name], rel=1e-12), name
+
+
+def table_law(low: float = 0.2e-3, high: float = 1.6e-3) -> tuple[Model, dict[str, Any]]:
+    """Model with twelve rows of another gap law from `low` to `high`, and the same for the textbook."""
+    gaps = np.linspace(low, high, 12)
+    reluctances = 3e6 + 4.5e10 * gaps - 0.9e13 * gaps**2 + 5e4 * np.sin(7e3 * gaps)
+    curvatures = CubicSpline(gaps, reluctances)(gaps, 2)
+    tables = {"gap_knots": gaps, "gap_reluctance": reluctances, "gap_curvature": curvatures}
+    model = MODEL._replace(gap_is_table=True, **{name: tuple(t.tolist()) for name, t in tables.items()})
+    return model, {**TABLE_I, "table": (gaps, reluctances)}
+
+
+@pytest.mark.parametrize("x", STATES)
+@pytest.mark.parametrize("ends", [(0.2e-3, 1.6e-3), (0.5e-3, 1.1e-3)])  # beyond the second the estimates lie outside
+def test_gap_table_and_its_jacobians(x: list[float], ends: tuple[float, float]) -> None:
+    model, p = table_law(*ends)
+    for q in (1, 2, 3):
+        found, F = linearise(transition, x, Held(20.0, float(q)), model)
+        close(found, textbook.f(x, 20.0, q, p))
+        close(F, complex_step(lambda y, q=q: textbook.f(y, 20.0, q, p), x))
+        if x[2] != 0.0:
+            close(F, textbook.F(x, q, p))
+    found, H = linearise(observation, x, model)
+    close(found, np.atleast_1d(textbook.h(x, p)))
+    close(H, complex_step(lambda y: textbook.h(y, p), x))
+
+
+def test_gap_table_is_twice_differentiable_everywhere() -> None:
+    model, p = table_law(0.5e-3, 1.1e-3)
+    for g in (*p["table"][0], 0.2e-3, 2e-3):
+        z = (g - model.z_min) / model.l_z
+        (R, slope), (R_next, slope_next) = gap_law(z - 1e-7, model), gap_law(z + 1e-7, model)
+        assert R_next - R == pytest.approx(2e-7 * textbook.gap(z, p)[1], rel=1e-6)
+        assert slope_next - slope == pytest.approx(2e-7 * textbook.gap(z, p)[2], rel=1e-4)
+
+
+def test_table_of_the_formula_is_the_formula() -> None:
+    par = defaults(ekf, gap_law=1.0)
+    table, formula = normalised(par), normalised(par._replace(gap_law=0.0))
+    for z in np.linspace(-0.1, 1.1, 25):
+        assert gap_law(z, table) == pytest.approx(gap_law(z, formula), rel=3e-4)
+    assert hash(table) == hash(normalised(par))
 
 
 @pytest.mark.parametrize("x", STATES)

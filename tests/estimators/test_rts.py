@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from batch_gaussian import batch
-from valve_signals import T_S, exact, valve
+from scipy.interpolate import CubicSpline
+from valve_signals import AREA, T_S, WINDOW, exact, valve
 
+from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.derivative import linearise
 from gapsense.estimators import ertss
 from gapsense.estimators.ekf import process_noise
@@ -26,7 +28,7 @@ def noise() -> np.ndarray:
     return 2e-3 * np.random.default_rng(3).standard_normal(valve(3).current.size)
 
 
-def posterior(**changes: float) -> Posterior:
+def posterior(**changes: Any) -> Posterior:
     s = valve()
     return smooth_record(s.voltage, s.current + noise()[: s.current.size], s.mode, exact(**changes))
 
@@ -102,6 +104,18 @@ def test_operations_are_those_of_the_plant() -> None:
         assert (o.landed - 1) * T_S <= o.landing_time <= o.landed * T_S + 1e-12
         assert o.impact_speed == pytest.approx(true_speed, rel=0.04)
         assert abs(s.velocity[o.landed - 1]) == pytest.approx(true_speed, rel=0.04)
+
+
+def test_table_of_the_gap_law_serves_as_well_as_its_formula() -> None:
+    gaps = np.linspace(0.05e-3, 1.0e-3, 60)
+    law = np.array([fringing(g, 1.0 / (MU_0 * AREA), AREA**-0.5, 2.0 * WINDOW)[0] for g in gaps])
+    tables = {"gap_file_gap": gaps, "gap_file_reluctance": law, "gap_file_spline": CubicSpline(gaps, law)(gaps, 2)}
+    by_table, by_formula = posterior(gap_law=1.0, **{k: v.tolist() for k, v in tables.items()}), posterior()
+    for a, b in ((by_table.filtered, by_formula.filtered), (by_table.smoothed, by_formula.smoothed)):
+        np.testing.assert_allclose(a.mean / UNIT, b.mean / UNIT, atol=2e-4)
+        assert np.any(a.mean != b.mean)
+    for a, b in zip(by_table.operations, by_formula.operations):
+        assert a.impact_speed == pytest.approx(b.impact_speed, rel=1e-4)
 
 
 def test_motions_that_do_not_start_or_end_in_the_record_are_left_out() -> None:

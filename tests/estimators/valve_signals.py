@@ -53,7 +53,7 @@ def _inputs(plant: Any, time: float, dt: float, voltage: float) -> Any:
     return plant.module.Inputs(*(given[name] for name in plant.module.Inputs._fields))
 
 
-def exact(low: float = 1e-4, **changes: float) -> Any:
+def exact(low: float = 1e-4, **changes: Any) -> Any:
     """Parameters of the filter that are those of the valve."""
     values = {
         "coil_resistance": 76.0, "mover_mass": 1.6e-3, "spring_stiffness": 37.0, "spring_rest": 22.5e-3, "damping": 0.4,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from gapsense.fmi.ports import Component, Port
@@ -12,6 +13,7 @@ Case = tuple[dict[str, Any], list[str]]
 KINDS = ("Real", "Integer", "Boolean", "String")
 PLACE = ["t = ", "step = "]
 MISSING = "für/100 %s %n.csv"
+DISORDERED = Path(__file__).with_name("disordered.csv")
 
 
 def refusals(component: Component) -> dict[str, Case]:
@@ -44,6 +46,8 @@ def _parameters(component: Component) -> Iterator[tuple[str, Case]]:
             yield f"{port.name} is no choice", (at_start(**{port.name: "%s für"}), words)
         if port.columns:
             yield f"{port.name} is missing", (at_start(**{port.name: MISSING}), [f"`{port.name}`", MISSING])
+            words = [f"`{port.name}`", DISORDERED.name, "row 3", "is `nan`", "row 5", "decreases from 2 to 1"]
+            yield f"{port.name} is disordered", (at_start(**{port.name: str(DISORDERED)}), words)
     starts = {p.name: p.start for p in parameters}
     for low, high in component.rising:
         equal = {low: starts[high], high: starts[high]}

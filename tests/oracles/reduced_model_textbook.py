@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 TABLE_I = {
     "T_s": 20e-6, "R": 48.0, "m": 1.6e-9, "k_sp": 6.18e-5, "z_sp": 18.8, "c_f": 8e-7, "R_c0": 1.75, "lam_sat": 0.0238,
@@ -12,14 +13,28 @@ TABLE_I = {
 }  # fmt: skip
 
 
-def gap(z: Any, p: dict[str, float]) -> tuple[Any, Any, Any]:
-    """R_g*, its first and its second derivative by z*."""
+def gap(z: Any, p: dict[str, Any]) -> tuple[Any, Any, Any]:
+    """R_g*, its first and its second derivative by z*; from `table`, gaps and reluctances, if there is one."""
     g = p["z_min"] + p["l_z"] * z
+    if "table" in p:
+        return tuple(R * p["l_z"] ** k / p["N"] ** 2 for k, R in enumerate(spline(g, *p["table"])))
     L = np.log(p["c"] / g)
     D, a = 1.0 + p["k_f"] * g * L, p["Rgp"] / p["N"] ** 2
     slope = a * (1.0 + p["k_f"] * g) / D**2
     bend = a * (p["k_f"] * D - 2.0 * (1.0 + p["k_f"] * g) * p["k_f"] * (L - 1.0)) / D**3
     return p["Rg0"] / p["N"] ** 2 + a * g / D, slope * p["l_z"], bend * p["l_z"] ** 2
+
+
+def spline(g: Any, gaps: Any, reluctances: Any) -> tuple[Any, Any, Any]:
+    """Value, first and second derivative of the cubic spline, which beyond its ends goes on as a parabola."""
+    made = CubicSpline(gaps, reluctances)
+    if not gaps[0] <= np.real(g) <= gaps[-1]:
+        end = gaps[0] if np.real(g) < gaps[0] else gaps[-1]
+        (y, slope, bend), t = (float(made(end, k)) for k in range(3)), g - end
+        return y + slope * t + 0.5 * bend * t**2, slope + bend * t, bend
+    k = min(max(int(np.searchsorted(gaps, np.real(g))) - 1, 0), len(gaps) - 2)
+    (d, c, b, a), t = made.c[:, k], g - gaps[k]
+    return a + b * t + c * t**2 + d * t**3, b + 2.0 * c * t + 3.0 * d * t**2, 2.0 * c + 6.0 * d * t
 
 
 def core(lam: Any, p: dict[str, float]) -> tuple[Any, Any]:

@@ -84,6 +84,12 @@ def test_files_that_travel_exist(folder, component):
         assert (folder / name).is_file(), name
 
 
+def test_tables_of_one_name_are_one_table(folder, component):
+    for name in component.resources:
+        others = [path.read_bytes() for path in (ROOT / "fmus").glob(f"*/{name}")]
+        assert set(others) == {(folder / name).read_bytes()}, name
+
+
 def test_reference_has_a_column_for_every_signal(folder, component):
     with (folder / "reference.csv").open(newline="", encoding="utf-8") as file:
         header, *rows = list(csv.reader(file))

@@ -45,12 +45,14 @@ def test_fringing_law_is_the_same_in_other_symbols():
     assert [reduced(law, h) for h in GAPS] == pytest.approx(expected, rel=1e-12)
 
 
-def test_table_is_fitted(tmp_path):
-    gaps, reluctances, slopes = fringing_table()
-    rows = [f"{a!r},{b!r},{c!r}" for a, b, c in zip(gaps, reluctances, slopes)]
+def test_table_serves_both(tmp_path):
+    rows = [",".join(map(repr, row)) for row in zip(*fringing_table())]
     (tmp_path / "gap.csv").write_text("\n".join(["gap,reluctance,slope", *rows]) + "\n", encoding="utf-8")
-    law = reduced_gap({"gap.law": "table", "gap.file": str(tmp_path / "gap.csv")})
-    assert [reduced(law, h) for h in gaps] == pytest.approx(reluctances, rel=1e-4, abs=1e-4 * max(reluctances))
+    table = {"gap.law": "table", "gap.file": str(tmp_path / "gap.csv")}
+    assert values_for(("gap.law", "gap.file", "gap.fringing"), table) == table
+    rest = {"coil.turns": 1200.0, "core.reluctance": 3.25e6, "stop.upper": 0.9e-3}
+    inductance = 1200.0**2 / (fringing_table()[1][-1] + 3.25e6)
+    assert values_for(("prior.inductance",), {**table, **rest})["prior.inductance"] == pytest.approx(inductance)
 
 
 def test_priors_follow_unless_they_are_given():

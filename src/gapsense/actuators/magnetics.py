@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from gapsense.interpolate import Cubic, cubic, spline_piece
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, load, locate, log, square, where
+from gapsense.trace import cond, fabs, load, locate, log, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
 SATURATED = 0.999  # |lambda| / lambda_sat from which the core reluctance stays constant
@@ -76,33 +77,47 @@ class SmoothGap(NamedTuple):
     curvature: Array  # second derivative of the spline [1/(H m^2)]
 
 
-def smooth_gap_law(h: Scalar, gap: SmoothGap) -> Any:
-    """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap.
+class LocalGap(NamedTuple):
+    """A smooth gap law around a gap: that of a table is the polynomial between two of its rows."""
 
-    R_g = R_g0 + R_gp h / (1 + k_f h ln(c_f/h)), our reading of [RTS] Fig. 4, or the spline of a table.
+    is_table: Scalar
+    closed: Scalar
+    unfringed: Scalar
+    fringing: Scalar
+    window: Scalar
+    piece: Cubic
+
+
+def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
+    """The law around the gap `h`: found once, it serves a whole step of an integrator.
+
+    Where a step passes a row of the table it goes on with the polynomial before: up to the second derivative there is
+    no difference, so that the error has the order of that of the step.
     """
+    piece = cond(
+        gap.is_table,
+        lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature),
+        lambda: Cubic(0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+    return LocalGap(gap.is_table, gap.closed, gap.unfringed, gap.fringing, gap.window, piece)
+
+
+def local_gap_law(h: Scalar, gap: LocalGap) -> Any:
+    """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap."""
 
     def formula() -> tuple[Scalar, Scalar, Scalar]:
         R, slope, curvature = fringing(h, gap.unfringed, gap.fringing, gap.window)
         return gap.closed + R, slope, curvature
 
-    return cond(gap.is_table, lambda: spline(h, gap.knots, gap.reluctance, gap.curvature), formula)
+    return cond(gap.is_table, lambda: cubic(h, gap.piece), formula)
 
 
-def spline(x: Scalar, knots: Array, values: Array, curvatures: Array) -> tuple[Scalar, Scalar, Scalar]:
-    """Value, first and second derivative of a cubic spline; beyond its ends the second derivative stays."""
-    k = locate(knots, x)
-    left, right = load(knots, k), load(knots, k, 1)
-    width, inside = right - left, clip(x, left, right)
-    a, b = (right - inside) / width, (inside - left) / width
-    y, y_next = load(values, k), load(values, k, 1)
-    c, c_next = load(curvatures, k), load(curvatures, k, 1)
-    sixth = width / 6.0
-    value = a * y + b * y_next - a * b * width * sixth * ((1.0 + a) * c + (1.0 + b) * c_next)
-    slope = (y_next - y) / width + sixth * ((3.0 * b * b - 1.0) * c_next - (3.0 * a * a - 1.0) * c)
-    curvature = a * c + b * c_next
-    beyond = x - inside
-    return value + beyond * (slope + 0.5 * beyond * curvature), slope + beyond * curvature, curvature
+def smooth_gap_law(h: Scalar, gap: SmoothGap) -> Any:
+    """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap.
+
+    R_g = R_g0 + R_gp h / (1 + k_f h ln(c_f/h)), our reading of [RTS] Fig. 4, or the spline of a table.
+    """
+    return local_gap_law(h, gap_near(h, gap))
 
 
 def _table(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:

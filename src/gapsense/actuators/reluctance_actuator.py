@@ -15,8 +15,9 @@ from gapsense.actuators.hysteresis import make_core
 from gapsense.actuators.magnetics import SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
 from gapsense.actuators.reluctance_steps import Actuator, circuit_at, micro_step
+from gapsense.integrate import equal_parts
 from gapsense.records import Array, Scalar, Table
-from gapsense.trace import clip, fabs, floor, loop, square, where
+from gapsense.trace import clip, fabs, loop, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FLUX_FINENESS = 0.05  # micro-step at most, in time constants of the flux
@@ -102,7 +103,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest and unmagnetized inside the stops, before any voltage."""
-    act = _actuator(inputs._replace(voltage=0.0), par)
+    act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
     state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
@@ -114,7 +115,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     A step of no length changes nothing.
     """
-    act = _actuator(inputs, par)
+    act = make_actuator(inputs, par)
     start = (inputs.dt, *state[:6], 0.0, 0.0)
     _, flux, H_e, h, v, mode, heat, eddy, work = loop(MICRO_STEPS, partial(micro_step, act), start)
     charge = (inputs.voltage * inputs.dt - act.turns * (flux - state.flux)) / act.resistance  # (1), integrated
@@ -132,9 +133,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, _outputs(state, act)
 
 
-def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
-    count = -floor(1e-6 - inputs.dt / par.micro_step)  # rounded up, save for rounding errors of the quotient
-    micro_step = inputs.dt / where(count > 1.0, count, 1.0)
+def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
+    """Constants of a communication step."""
+    micro_step = equal_parts(inputs.dt, par.micro_step)
     gap = SmoothGap(
         is_table=par.gap_law > 0.5,
         closed=par.gap_reluctance,

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
-from gapsense.actuators.magnetics import SmoothGap
+from gapsense.actuators.magnetics import LocalGap, SmoothGap
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, rk4
+from gapsense.integrate import crossing, least, next_part, rk4
 from gapsense.records import Scalar
 from gapsense.trace import cond, fabs, not_, where
 
@@ -40,6 +40,7 @@ class Actuator(NamedTuple):
 class Circuit(NamedTuple):
     """The magnetic circuit at one instant."""
 
+    gap: LocalGap  # the law of the gap around there
     reluctance: Scalar  # of the gap
     slope: Scalar  # its derivative
     current: Scalar
@@ -52,12 +53,11 @@ def micro_step(
     act: Actuator, left: Scalar, flux: Scalar, H_e: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
 ) -> tuple[Any, Any]:
     """One step of the loop; `left` is what is left of the communication step [s], `sums` are the integrals."""
-    is_last = left < 1.000001 * act.micro_step  # not by rounding errors one more
     circuit = circuit_at(act, flux, H_e, h)
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(circuit.flux_rate < 0.0, -1.0, 1.0), 0.0)
     walls = hysteresis.moving_walls(direction, circuit.excess)
-    dt = _limited(act, where(is_last, left, act.micro_step), circuit, walls)
+    dt = _limited(act, next_part(left, act.micro_step), circuit, walls)
     is_moving = mode == MOVING
     dt, flux, H_e, h, v, mode, *parts = cond(
         is_moving,
@@ -70,8 +70,12 @@ def micro_step(
 
 def circuit_at(act: Actuator, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
     """The magnetic circuit and what drives it, in a state."""
-    reluctance, slope, _ = magnetics.smooth_gap_law(h, act.gap)
-    return Circuit(reluctance, slope, *_electric(act, flux, H_e, reluctance))
+    return _circuit(act, magnetics.gap_near(h, act.gap), flux, H_e, h)
+
+
+def _circuit(act: Actuator, gap: LocalGap, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
+    reluctance, slope, _ = magnetics.local_gap_law(h, gap)
+    return Circuit(gap, reluctance, slope, *_electric(act, flux, H_e, reluctance))
 
 
 def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
@@ -106,15 +110,15 @@ def _magnetic_rates(act: Actuator, walls: Scalar, electric: Any) -> tuple[Any, A
     return (rate, field_rate), (act.resistance * (i * i), rate * rate, excess * field_rate), (rate, excess)
 
 
-def _moving_rates(act: Actuator, walls: Scalar, y: Any) -> tuple[Any, Any, Any]:
+def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Any) -> tuple[Any, Any, Any]:
     flux, H_e, h, _ = y
-    return _rates_from(act, walls, y, circuit_at(act, flux, H_e, h))
+    return _rates_from(act, walls, y, _circuit(act, gap, flux, H_e, h))
 
 
 def _rates_from(act: Actuator, walls: Scalar, y: Any, circuit: Circuit) -> tuple[Any, Any, Any]:
     """As `_magnetic_rates`, with velocity and acceleration (11), and with the loss in the damper."""
     flux, _, h, v = y
-    rates, (copper, *more), watched = _magnetic_rates(act, walls, circuit[2:])
+    rates, (copper, *more), watched = _magnetic_rates(act, walls, circuit[3:])
     drag = act.mover.damping * v
     net_force = magnetics.flux_force(flux, circuit.slope) + motion.spring_force(h, act.mover) - drag
     return (*rates, v, net_force / act.mover.mass), (copper + drag * v, *more), watched
@@ -134,21 +138,17 @@ def _switch(act: Actuator, switches: Any, watched: Any) -> tuple[Scalar, Scalar]
     return turning, thawing
 
 
-def _least(a: Scalar, b: Scalar) -> Scalar:
-    return where(a < b, a, b)
-
-
 def _move(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, is_moving: Scalar) -> Any:
     """Step of the moving mover, up to the first contact or switch if there is one."""
     mover, walls = act.mover, switches[1]
     first = _rates_from(act, walls, y, circuit)
 
     def after(length: Scalar) -> Any:
-        return rk4(partial(_moving_rates, act, walls), y, length, first)
+        return rk4(partial(_moving_rates, act, circuit.gap, walls), y, length, first)
 
     def margin(y: Any, watched: Any) -> Scalar:
-        clearance = _least(y[2] - mover.lower, mover.upper - y[2]) / act.stroke
-        return _least(clearance, _least(*_switch(act, switches, watched)))
+        clearance = least(y[2] - mover.lower, mover.upper - y[2]) / act.stroke
+        return least(clearance, least(*_switch(act, switches, watched)))
 
     y_next, sums, watched = after(dt)
 
@@ -178,7 +178,7 @@ def _move(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, is
 def _rest(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, h: Scalar, mode: Scalar) -> Any:
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
     walls, spring = switches[1], motion.spring_force(h, act.mover)
-    first = _magnetic_rates(act, walls, circuit[2:])
+    first = _magnetic_rates(act, walls, circuit[3:])
 
     def after(length: Scalar) -> Any:
         return rk4(partial(_resting_rates, act, walls, circuit.reluctance), y, length, first)
@@ -187,7 +187,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, h:
         return -motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
 
     def margin(flux: Scalar, watched: Any) -> Scalar:
-        return _least(hold(flux), _least(*_switch(act, switches, watched)))
+        return least(hold(flux), least(*_switch(act, switches, watched)))
 
     y_next, sums, watched = after(dt)
 

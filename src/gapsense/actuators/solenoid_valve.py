@@ -15,9 +15,9 @@ from typing import Annotated, Any, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, rk4
+from gapsense.integrate import crossing, equal_parts, next_part, rk4
 from gapsense.records import Array, Scalar, Table
-from gapsense.trace import clip, cond, floor, loop, not_, sqrt, square, where
+from gapsense.trace import clip, cond, loop, not_, sqrt, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux errors below 1e-9 where the core saturates
@@ -117,7 +117,6 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _valve(inputs: Inputs, par: Parameters) -> Valve:
-    count = -floor(1e-6 - inputs.dt / par.micro_step)  # rounded up, save for rounding errors of the quotient
     circuit = Circuit(
         turns=par.coil_turns,
         is_table=par.gap_law > 1.5,
@@ -139,7 +138,7 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
         voltage=inputs.voltage,
         circuit=circuit,
         mover=mover,
-        micro_step=inputs.dt / where(count > 1.0, count, 1.0),
+        micro_step=equal_parts(inputs.dt, par.micro_step),
         open_square=open_reluctance * par.core_reluctance,
         rate_scale=par.core_reluctance * square(par.coil_turns),
     )
@@ -149,8 +148,7 @@ def _micro_step(
     valve: Valve, left: Scalar, lam: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
 ) -> tuple[Any, Any]:
     """One step of the loop; `left` is what is left of the communication step [s], `sums` are losses and charge."""
-    is_last = left < 1.000001 * valve.micro_step  # not by rounding errors one more
-    dt = _limited(valve, where(is_last, left, valve.micro_step), lam)
+    dt = _limited(valve, next_part(left, valve.micro_step), lam)
     is_moving = mode == MOVING
     dt, lam, h, v, mode, losses, charge = cond(
         is_moving,

@@ -72,22 +72,30 @@ def run(
 @app.command()
 def sweep(
     scenario: Scenario,
-    seeds: Annotated[int, typer.Option(help="Number of runs; run i adds i to every seed")] = 200,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            help="Runs of each combination; run i adds i to every seed", show_default="1, or 200 without `[sweep]`"
+        ),
+    ] = None,
     variant: Variant = None,
     workers: Annotated[int, typer.Option(help="Processes; the numbers do not depend on it")] = 2,
     fmus: Fmus = None,
     to: Annotated[Path, typer.Option("--out", help="Folder for the metrics of every run")] = Path("results"),
+    signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
-    """Run a scenario over many seeds; median and 5-95 % range of every metric beside published values.
+    """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
     with reported(), bar("sweeping") as progress:
-        swept = cosim.sweep(scenario, seeds, variant, workers, to, fmus, progress=progress)
+        swept = cosim.sweep(scenario, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
         loaded = cosim.load(scenario, variant)
     for table in tables.sweep(loaded, swept):
         out.print(table)
     out.print(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.", markup=False)
+    if swept.kept:
+        out.print(f"{swept.kept[0].parent}: their signals.", markup=False)
     for index, error in swept.errors.items():
         err.print(f"run {index}: {error}", style="red", markup=False)
     if swept.interrupted:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from gapsense.cosim.check_record import check_record
-from gapsense.cosim.check_values import check_grid, check_seeds, check_values, limits, within
+from gapsense.cosim.check_values import check_grid, check_grid_values, check_seeds, check_values, limits, within
 from gapsense.cosim.descriptions import Description, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.problems import suggest
@@ -75,8 +75,8 @@ class Checker:
 
     def problems(self) -> Iterator[str]:
         """All problems, in the order of the file."""
-        sections = (self.singles, self.values, self.connections, self.inputs, self.driven, self.loops, self.seeds)
-        for section in sections:
+        sections = (self.singles, self.values, self.connections, self.inputs, self.driven, self.loops)
+        for section in (*sections, self.seeds, self.grid):
             for problem in section():
                 yield f"{self.scenario.path.name}, {problem}"
 
@@ -103,6 +103,17 @@ class Checker:
                 yield f"seeds.{name}: {self.no_component(name)}"
             elif name in self.descriptions:
                 yield from check_seeds(self.scenario.components[name], self.descriptions[name], seed)
+
+    def grid(self) -> Iterator[str]:
+        """Values of a sweep: of known parameters, of the right type, within their limits, and no seeds."""
+        for port, values in self.scenario.grid.items():
+            if port.component not in self.scenario.components:
+                yield f"sweep.{port}: {self.no_component(port.component)}"
+            elif port.variable == "seed" and port.component in self.scenario.seeds:
+                yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
+            elif port.component in self.descriptions:
+                component, description = self.scenario.components[port.component], self.descriptions[port.component]
+                yield from check_grid_values(component, description, port.variable, values, self.scenario.experiment)
 
     def no_component(self, name: str) -> str:
         """Sentence for a component that the scenario does not have."""

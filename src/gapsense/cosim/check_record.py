@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from gapsense.cosim.descriptions import Variable
+from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.problems import suggest
 from gapsense.cosim.scenario import Metric, Scenario
 from gapsense.cosim.signals import Descriptions, matching, recorded_signals, signals
@@ -64,10 +65,12 @@ class MetricCheck:
         name = self.metric.reference
         if not isinstance(name, str):
             return
-        target, unit = self.recorded.get(name) or self.parameter(name), self.unit(self.metric.signal)
+        target, unit = self.recorded.get(name), self.unit(self.metric.signal)
+        is_axis = KINDS[self.metric.kind].reference == "axis"
+        target = target if is_axis else target or self.parameter(name)
         if target is None:
             yield f"metrics.{self.metric.name}.reference: {self.not_recorded(name)}"
-        elif target.unit and unit and target.unit != unit:
+        elif target.unit and unit and target.unit != unit and not is_axis:
             yield (
                 f"metrics.{self.metric.name}: {self.metric.signal} [{unit}] is compared with {name} [{target.unit}]: "
                 "units differ. Correct the reference."

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from gapsense.cosim.descriptions import NUMERIC, Description, Variable
 from gapsense.cosim.problems import suggest
@@ -78,6 +79,18 @@ def check_grid(component: Component, description: Description, experiment: Exper
             f"{place}: its step is {step:.9g} s and `sample_time` is {sample:.9g} s; one must be a whole multiple of "
             "the other. Change `step`, `base_step` or `sample_time`."
         )
+
+
+def check_grid_values(
+    component: Component, description: Description, name: str, values: Sequence[Value], experiment: Experiment
+) -> Iterator[str]:
+    """Problems with the values that a sweep gives a parameter of a component."""
+    for value in values:
+        problem = value_problem(name, value, description)
+        if problem:
+            yield f"sweep.{component.name}.{name}: {problem}"
+        elif name == "sample_time":
+            yield from check_grid(replace(component, values={name: value}), description, experiment)
 
 
 def is_whole(ratio: float) -> bool:

@@ -14,7 +14,7 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.typing as npt
 
-Columns = Mapping[str, npt.NDArray[np.float64]]
+Columns = Mapping[str, npt.NDArray[Any]]
 
 
 def write_atomically(path: Path, write: Callable[[TextIO], None]) -> None:
@@ -38,10 +38,15 @@ def mask() -> int:
 
 
 def write_columns(file: TextIO, columns: Columns) -> None:
-    """CSV with quoted names and the shortest numbers that read back to the same bits."""
+    """CSV with quoted names and texts and the shortest numbers that read back to the same bits."""
     file.write(",".join(f'"{name}"' for name in columns) + "\n")
     for row in zip(*(column.tolist() for column in columns.values())):
-        file.write(",".join(map(repr, row)) + "\n")
+        file.write(",".join(map(cell, row)) + "\n")
+
+
+def cell(value: Any) -> str:
+    """A number, or a text in quotes."""
+    return '"{}"'.format(value.replace('"', '""')) if isinstance(value, str) else repr(value)
 
 
 def read_columns(path: Path) -> dict[str, npt.NDArray[np.float64]]:

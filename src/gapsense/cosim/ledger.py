@@ -16,6 +16,11 @@ class Ledger:
     def __init__(self, file: Path | None, key: str) -> None:
         self.file, self.key = file, key
 
+    @property
+    def folder(self) -> Path | None:
+        """Where what belongs to the entries with this key may be kept, and to no others."""
+        return None if self.file is None else self.file.with_suffix("") / self.key[:16]
+
     def read(self) -> dict[int, Entry]:
         """Entries with this key by run index; a line torn by a kill is skipped."""
         if self.file is None or not self.file.is_file():
@@ -35,6 +40,11 @@ class Ledger:
             file.write(f"{line}\n".encode())
             file.flush()
             os.fsync(file.fileno())
+
+
+def kept(folder: Path, index: int) -> Path:
+    """File for the recorded signals of a run."""
+    return folder / f"{index:05d}.csv"
 
 
 def is_complete(size: int, path: Path) -> bool:

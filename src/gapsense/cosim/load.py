@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
-from gapsense.cosim.parameters import flat_values, is_file, read_parameters
+from gapsense.cosim.parameters import flat_lists, flat_values, is_file, read_parameters
 from gapsense.cosim.problems import ScenarioError, suggest
 from gapsense.cosim.scenario import METHODS, Component, Connection, Experiment, Port, Scenario
 from gapsense.cosim.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
@@ -107,6 +107,7 @@ class Reader:
             connections=self.section("connections", self.connections),
             inputs=self.section("inputs", self.inputs),
             seeds=self.section("seeds", self.seeds),
+            grid=self.section("sweep", self.grid),
             record=self.section("record", lambda: read_record(table)),
             metrics=self.section("metrics", lambda: read_metrics(table)),
             baseline=self.section("baseline", lambda: read_baseline(table, self.path, self.variant)),
@@ -211,6 +212,17 @@ class Reader:
         """Seed of each random component."""
         table = self.table.table("seeds")
         return {name: table.take(name, INDEX, 0) for name in table.data}
+
+    def grid(self) -> dict[Port, tuple[Value, ...]]:
+        """Values that a sweep goes through, by parameter."""
+        table = self.table.table("sweep")
+        out: dict[Port, tuple[Value, ...]] = {}
+        for name, values in flat_lists(table, self.path.parent).items():
+            end = split(table, name, name)
+            if end:
+                out[end] = values
+                self.files.extend(Path(str(value)) for value in values if is_file(name, value))
+        return out
 
     def variants(self) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""

@@ -38,16 +38,19 @@ def read_metric(table: Table, name: str) -> Metric | None:
     table.finish()
     if after is not None and before is not None and after >= before:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
-    if kind is None or signal is None or not reference_fits(table, kind, reference is not None):
+    if kind is None or signal is None or not reference_fits(table, kind, reference):
         return None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     shown = (description, published, title, label)
     return Metric(name, kind, signal, reference, after, before, where, time, span, *shown)
 
 
-def reference_fits(table: Table, kind: str, given: bool) -> bool:
+def reference_fits(table: Table, kind: str, reference: str | float | None) -> bool:
     """True if a metric of this kind has the reference it needs, and none that it does not use."""
-    use = KINDS[kind].reference
+    use, given = KINDS[kind].reference, reference is not None
+    if use == "axis" and not isinstance(reference, str):
+        table.note("reference", f"`{kind}` is of the curve over another signal. Name that signal.")
+        return False
     if use == "required" and not given and "reference" not in table.data:
         table.note("reference", f"missing; `{kind}` compares with a signal, a parameter or a number. Add it.")
         return False

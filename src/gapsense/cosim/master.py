@@ -21,7 +21,7 @@ from gapsense.cosim.instance import Instance, Message, temporary_folder
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.problems import FmuError
-from gapsense.cosim.scenario import Experiment, Scenario
+from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
 from gapsense.cosim.tables import Value
 
@@ -103,6 +103,7 @@ class Master:
         seeds: Mapping[str, int],
         progress: Progress | None = None,
         stopped: Callable[[], bool] = lambda: False,
+        values: Mapping[Port, Value] | None = None,
     ) -> Recording:
         """One run from start to stop.
 
@@ -116,6 +117,8 @@ class Master:
             Called now and then with base steps done and base steps in all.
         stopped : callable, optional
             Asked after each base step; if true, the run ends there and counts as interrupted.
+        values : mapping, optional
+            Parameters of this run, which win over those of the scenario.
 
         Returns
         -------
@@ -126,7 +129,7 @@ class Master:
         recording = Recording(np.empty((experiment.count // decimation + 1, len(columns))))
         begin = perf_counter()
         try:
-            self.initialize(seeds)
+            self.initialize(seeds, values or {})
             recording.parameters = {part.component.name: part.instance.parameters() for part in self.parts}
             self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped)
             self.terminate()
@@ -137,14 +140,15 @@ class Master:
         recording.messages = {part.component.name: list(part.instance.messages) for part in self.parts}
         return recording
 
-    def initialize(self, seeds: Mapping[str, int]) -> None:
+    def initialize(self, seeds: Mapping[str, int], values: Mapping[Port, Value] | None = None) -> None:
         """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
         experiment = self.scenario.experiment
         self.view[:] = 0.0
         for part in self.parts:
             component = part.component
-            seed = {"seed": seeds[component.name]} if component.name in seeds else {}
-            part.instance.initialize({**component.values, **seed}, experiment.time(component.offset), experiment.stop)
+            own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
+            own.update({p.variable: value for p, value in (values or {}).items() if p.component == component.name})
+            part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)
         for port, value in self.scenario.inputs.items():
             self.buffer[self.places.index[port]] = value

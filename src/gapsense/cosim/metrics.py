@@ -20,15 +20,30 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MetricKind:
-    """A function of the samples (less their reference, where there is one), and its use of a reference."""
+    """A function of the samples (less their reference, where there is one), and its use of a reference.
 
-    compute: Callable[[Vector], float]
-    reference: Literal["required", "optional", "none"]
+    With `axis` it is a function of samples and reference signal: of the curve that one draws against the other.
+    """
+
+    compute: Callable[..., float]
+    reference: Literal["required", "optional", "none", "axis"]
 
 
 def rms(error: Vector) -> float:
     """Square root of the mean square."""
     return float(np.sqrt(np.mean(error**2)))
+
+
+def loop_area(y: Vector, x: Vector) -> float:
+    """Area inside the closed curve of y over x, positive if it is run through anticlockwise."""
+    return float(0.5 * np.sum((np.roll(x, -1) + x) * (np.roll(y, -1) - y)))
+
+
+def intercept(y: Vector, x: Vector) -> float:
+    """Mean of |y| where x changes its sign, interpolated; NaN if it never does."""
+    k = np.flatnonzero((x[:-1] < 0.0) != (x[1:] < 0.0))
+    at_zero = y[k] - x[k] * (y[k + 1] - y[k]) / (x[k + 1] - x[k])
+    return float(np.mean(np.abs(at_zero))) if k.size else math.nan
 
 
 KINDS: Mapping[str, MetricKind] = {
@@ -40,7 +55,10 @@ KINDS: Mapping[str, MetricKind] = {
     "final": MetricKind(lambda error: float(error[-1]), "optional"),
     "min": MetricKind(lambda signal: float(np.min(signal)), "optional"),
     "max": MetricKind(lambda signal: float(np.max(signal)), "optional"),
+    "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional"),
     "fraction": MetricKind(lambda signal: float(np.mean(signal != 0.0)), "none"),
+    "loop_area": MetricKind(loop_area, "axis"),
+    "intercept": MetricKind(intercept, "axis"),
 }
 
 
@@ -83,14 +101,17 @@ def measure(metric: Metric, result: Result) -> Measured:
     times = result.times[rows] if metric.time is None else result[metric.time][rows]
     inside = window(metric, times, 1e-9 * result.base_step)
     rows, times = rows[inside], times[inside]
-    samples = result[metric.signal][rows] - reference(metric, result, rows, times)
-    value = KINDS[metric.kind].compute(samples) if samples.size else math.nan
+    kind, samples, other = KINDS[metric.kind], result[metric.signal][rows], reference(metric, result, rows, times)
+    arguments = (samples, other) if kind.reference == "axis" else (samples - other,)
+    value = kind.compute(*arguments) if samples.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, result.units), metric.bounds, *shown)
 
 
 def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
-    """Unit of a metric: that of its signal."""
+    """Unit of a metric: that of its signal, of an area that times that of its reference."""
+    if metric.kind == "loop_area":
+        return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
     return "" if metric.kind == "fraction" else units.get(metric.signal, "")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.tables import SCALAR, TEXT, Table, Value, found, read_toml
+from gapsense.cosim.tables import LIST, SCALAR, TEXT, Table, Value, found, read_toml
 
 
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
@@ -34,6 +34,21 @@ def flat_values(table: Table, folder: Path) -> dict[str, Value]:
             table.note(name, f"{found(value)} found, {SCALAR.name} expected. Correct the value.")
         else:
             out[name] = located(name, value, folder, table)
+    return out
+
+
+def flat_lists(table: Table, folder: Path) -> dict[str, tuple[Value, ...]]:
+    """Lists of different values by dotted name, for a sweep."""
+    out: dict[str, tuple[Value, ...]] = {}
+    for name, values in flattened(table.data, ""):
+        if name in out:
+            table.note(name, "given twice, once as a dotted key and once in a table. Remove one.")
+        elif not LIST.accepts(values):
+            table.note(name, f"{found(values)} found, {LIST.name} expected. Correct the value.")
+        elif len(set(values)) < len(values):
+            table.note(name, "the same value is given twice. Remove one.")
+        else:
+            out[name] = tuple(located(name, value, folder, table) for value in values)
     return out
 
 

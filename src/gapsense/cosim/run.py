@@ -35,6 +35,7 @@ def run(
     fmus: str | Path | None = None,
     seed_shift: int = 0,
     progress: Progress | None = None,
+    point: int | None = None,
 ) -> Result:
     """Run a scenario and measure its metrics.
 
@@ -50,6 +51,8 @@ def run(
         Added to every seed of the scenario.
     progress : callable, optional
         Called now and then with base steps done and base steps in all.
+    point : int, optional
+        Combination of the values in `[sweep]`, counted from 0; by default the components' own values.
 
     Returns
     -------
@@ -65,7 +68,7 @@ def run(
     """
     read, descriptions = prepare(scenario, variant, fmus)
     with Master(read, descriptions) as master:
-        return run_once(master, seed_shift, progress)
+        return run_once(master, seed_shift, progress, point)
 
 
 def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
@@ -123,14 +126,15 @@ def find_fmus(scenario: Path) -> Path:
     return next((folder for folder in above if folder.is_dir()), FMU_FOLDER)
 
 
-def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = None) -> Result:
+def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = None, point: int | None = None) -> Result:
     """One run of a loaded scenario; raises FmuError with the partial result if a component fails."""
     scenario = master.scenario
+    values = {} if point is None else scenario.points()[point]
     seeds = {name: seed + seed_shift for name, seed in scenario.seeds.items()}
     names = list(recorded_signals(scenario, master.descriptions))
     index = {str(port): place for port, place in master.places.index.items()}
     with Interrupt() as interrupt:
-        recording = master.run([index[name] for name in names], seeds, progress, interrupt.happened)
+        recording = master.run([index[name] for name in names], seeds, progress, interrupt.happened, values)
     result = to_result(master, names, seeds, recording)
     if recording.error is not None:
         recording.error.result = replace(result, failure=str(recording.error))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -144,6 +145,8 @@ class Scenario:
 
     Attributes
     ----------
+    grid : mapping
+        Values of parameters that a sweep goes through, every one with every one of the others.
     variants : mapping
         Description of each variant of the file, by name.
     files : tuple of Path
@@ -164,6 +167,7 @@ class Scenario:
     connections: tuple[Connection, ...]
     inputs: Mapping[Port, float]
     seeds: Mapping[str, int]
+    grid: Mapping[Port, tuple[Value, ...]]
     record: Record
     metrics: tuple[Metric, ...]
     baseline: Baseline
@@ -176,3 +180,7 @@ class Scenario:
         """Name of the scenario's folder, with the variant in brackets."""
         folder = self.path.resolve().parent.name
         return f"{folder}[{self.variant}]" if self.variant else folder
+
+    def points(self) -> list[dict[Port, Value]]:
+        """All combinations of the grid, in the order of the file, the last parameter fastest; one without a grid."""
+        return [dict(zip(self.grid, values)) for values in product(*self.grid.values())]

@@ -1,4 +1,8 @@
-"""Run a scenario over many seeds in worker processes; what has been computed once is never computed again."""
+"""Run a scenario over the grid of its `[sweep]` and over seeds; what has been computed once is not computed again.
+
+Of n combinations, run i takes combination i mod n and adds i to every seed: no two runs have the same noise, and more
+seeds leave the runs that are there as they are.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.files import sha256, write_atomically, write_columns
-from gapsense.cosim.ledger import Entry, Ledger
+from gapsense.cosim.ledger import Entry, Ledger, kept
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.problems import ScenarioError
 from gapsense.cosim.process import WorkerProcess
@@ -26,6 +30,7 @@ from gapsense.cosim.record import Measure
 from gapsense.cosim.run import file_hashes, find_fmus, installed, prepare
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
+from gapsense.cosim.tables import Value
 
 Progress = Callable[[int, int], None]
 
@@ -37,7 +42,9 @@ class Sweep:
     Attributes
     ----------
     indices : tuple of int
-        Runs that succeeded: run i adds i to every seed of the scenario.
+        Runs that succeeded.
+    grid : mapping
+        Values by parameter of `[sweep]`, one for each of `indices`.
     metrics : mapping
         Values by metric, one for each of `indices`; NaN where a metric had no samples.
     errors : mapping
@@ -50,6 +57,8 @@ class Sweep:
         One line per run, if a folder was given.
     units : mapping
         Unit of each metric.
+    kept : tuple of Path
+        Recorded signals of each of `indices`, for `read_result`, if they were kept.
     """
 
     indices: tuple[int, ...]
@@ -59,6 +68,8 @@ class Sweep:
     interrupted: bool
     file: Path | None
     units: Mapping[str, str] = field(default_factory=dict)
+    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    kept: tuple[Path, ...] = ()
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
@@ -67,22 +78,23 @@ class Sweep:
 
 def sweep(
     scenario: str | Path,
-    seeds: int,
+    seeds: int | None = None,
     variant: str | None = None,
     workers: int = 2,
     out: str | Path | None = None,
     fmus: str | Path | None = None,
     measure: Measure | None = None,
     progress: Progress | None = None,
+    keep: bool = False,
 ) -> Sweep:
-    """Run a scenario with `seeds` different seeds and collect its metrics.
+    """Run every combination of a scenario's `[sweep]` with `seeds` different seeds and collect the metrics.
 
     Parameters
     ----------
     scenario : str or Path
-        Scenario file, or its folder; it must have `[seeds]`.
-    seeds : int
-        Number of runs.
+        Scenario file, or its folder; it must have `[sweep]` or `[seeds]`.
+    seeds : int, optional
+        Number of runs of each combination; by default 1, or 200 of a scenario without `[sweep]`.
     variant : str, optional
         Variant of the scenario.
     workers : int
@@ -96,41 +108,70 @@ def sweep(
         Further metrics of a result: a function at the top level of a module, which the workers import.
     progress : callable, optional
         Called after each run with runs done and runs in all.
+    keep : bool
+        Keep the recorded signals of every run too, in a folder below `out`.
 
     Returns
     -------
     Sweep
     """
     read, descriptions = prepare(scenario, variant, fmus)
-    refuse_senseless(read, seeds, workers)
+    seeds = (1 if read.grid else 200) if seeds is None else seeds
+    refuse_senseless(read, seeds, workers, keep and out is None)
+    total = seeds * len(read.points())
+    hashes = {name: description.sha256 for name, description in descriptions.items()}
+    ledger = Ledger(None if out is None else Path(out) / f"{file_stem(read)}.jsonl", key(read, hashes, measure))
+    store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
         "scenario": str(read.path.resolve()),
         "variant": variant,
         "fmus": str(folder.resolve()),
         "measure": None if measure is None else importable_name(measure),
+        "keep": None if store is None else str(store.resolve()),
     }
-    hashes = {name: description.sha256 for name, description in descriptions.items()}
-    ledger = Ledger(None if out is None else Path(out) / f"{file_stem(read)}.jsonl", key(read, hashes, measure))
-    known = {index: entry for index, entry in ledger.read().items() if index < seeds and "metrics" in entry}
-    job = Job(task, measure, [index for index in range(seeds) if index not in known], workers)
-    interrupted = job.run(known, ledger, seeds, progress)
+    known = {index: entry for index, entry in ledger.read().items() if index < total and is_there(entry, store)}
+    job = Job(task, measure, [index for index in range(total) if index not in known], workers)
+    interrupted = job.run(known, ledger, total, progress)
     units = {name: signal.unit or "" for name, signal in recorded_signals(read, descriptions).items()}
+    result = collect(known, job.computed, interrupted, ledger.file)
     result = replace(
-        collect(known, job.computed, interrupted, ledger.file), units={m.name: unit_of(m, units) for m in read.metrics}
+        result,
+        units={m.name: unit_of(m, units) for m in read.metrics},
+        grid=columns(read, result.indices),
+        kept=() if store is None else tuple(kept(store, index) for index in result.indices),
     )
     if ledger.file is not None and not interrupted:
         save_table(result, ledger.file.with_suffix(".csv"))
     return result
 
 
-def refuse_senseless(scenario: Scenario, seeds: int, workers: int) -> None:
+def is_there(entry: Entry, store: Path | None) -> bool:
+    """True if a run is known, with its signals where they are kept."""
+    return "metrics" in entry and (store is None or kept(store, entry["index"]).is_file())
+
+
+def columns(scenario: Scenario, indices: Sequence[int]) -> dict[str, tuple[Value, ...]]:
+    """Values of the grid for some runs, by parameter."""
+    points = scenario.points()
+    return {str(port): tuple(points[index % len(points)][port] for index in indices) for port in scenario.grid}
+
+
+def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: bool) -> None:
     """Raise ScenarioError for a sweep that makes no sense."""
     problems = []
     if seeds < 1 or workers < 1:
         problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
-    if not scenario.seeds:
-        problems.append(f"{scenario.path.name}, seeds: a sweep varies seeds, and there are none. Add `[seeds]`.")
+    if not scenario.seeds and not scenario.grid:
+        problems.append(
+            f"{scenario.path.name}: a sweep varies parameters or seeds, and there are none. Add `[sweep]` or `[seeds]`."
+        )
+    if not scenario.seeds and scenario.grid and seeds > 1:
+        problems.append(
+            f"{scenario.path.name}, seeds: {seeds} runs of each combination would be the same. Add `[seeds]`."
+        )
+    if homeless:
+        problems.append("signals are to be kept, but nowhere. Name a folder.")
     if problems:
         raise ScenarioError(problems)
 
@@ -226,6 +267,7 @@ def number(value: float | None) -> float:
 
 
 def save_table(result: Sweep, path: Path) -> None:
-    """CSV with one row per run."""
-    columns = {"run": np.array(result.indices, dtype=np.float64), **result.metrics}
-    write_atomically(path, lambda file: write_columns(file, columns))
+    """CSV with one row per run: its number, the parameters of the grid, the metrics."""
+    grid = {name: np.array(values, dtype=object) for name, values in result.grid.items()}
+    table = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+    write_atomically(path, lambda file: write_columns(file, table))

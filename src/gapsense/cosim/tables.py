@@ -50,6 +50,10 @@ NUMBER_OR_TEXT = Kind("a name or a finite number", lambda value: isinstance(valu
 SCALAR = Kind(
     "a finite number, a truth value or a text", lambda value: isinstance(value, (bool, str)) or is_number(value)
 )
+LIST = Kind(
+    "a list of finite numbers, truth values or texts",
+    lambda value: isinstance(value, list) and bool(value) and all(map(SCALAR.accepts, value)),
+)
 BOUNDS = Kind(
     "a pair [lowest, highest] in rising order (`-inf` and `inf` are allowed)",
     lambda value: (

@@ -12,8 +12,10 @@ import math
 import os
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TextIO
 
+from gapsense.cosim.ledger import kept
 from gapsense.cosim.master import Master
 from gapsense.cosim.problems import FmuError, ScenarioError
 from gapsense.cosim.record import Measure, Result
@@ -55,13 +57,18 @@ class Worker:
     def __init__(self, task: Mapping[str, Any]) -> None:
         self.scenario, self.descriptions = prepare(task["scenario"], task["variant"], task["fmus"])
         self.measure = imported(task["measure"])
+        self.keep = None if task["keep"] is None else Path(task["keep"])
         self.master: Master | None = None
 
     def answer(self, index: int) -> dict[str, Any]:
         """Metrics of one run, or what went wrong."""
         try:
             self.master = self.master or Master(self.scenario, self.descriptions)
-            return {"index": index, "metrics": self.metrics(run_once(self.master, index))}
+            point = index % len(self.scenario.points()) if self.scenario.grid else None
+            result = run_once(self.master, index, point=point)
+            if self.keep:
+                result.save(kept(self.keep, index))
+            return {"index": index, "metrics": self.metrics(result)}
         except FmuError as error:
             self.drop()
             return {"index": index, "error": str(error)}

@@ -25,9 +25,10 @@ class C(Printer):
             "or": "({a[0]} || {a[1]})",
             "where": "({a[0]} ? {a[1]} : {a[2]})",
             "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
-            "table": "{a[0]}[(int){a[1]}{shift}]",
-            "load": "{a[0]}[(int){a[1]}{shift}]",
-            "store": "{a[0]}[(int){a[1]}] = {b[2]}",
+            "whole": "(int)({0})",
+            "table": "{a[0]}[{i}{shift}]",
+            "load": "{a[0]}[{i}{shift}]",
+            "store": "{a[0]}[{i}{shift}] = {b[2]}",
         }
     )
     head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
@@ -66,7 +67,9 @@ static inline int locate(const real *table, int size, real x)
 
     def _let(self, node: Expr, text: str) -> str:
         name = self.fresh()
-        self.write(f"const {'int' if node.op in (*BOOLEAN, 'locate') else 'real'} {name} = {text};")
+        self.write(
+            f"const {'int' if node.op in (*BOOLEAN, 'locate') or self.is_index(node) else 'real'} {name} = {text};"
+        )
         return name
 
     def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:

@@ -63,6 +63,8 @@ class Printer(ABC):
         self.uses: dict[int, int] = {}
         self.home: dict[int, Region] = {}
         self.far: set[int] = set()  # used in another region than their own: never inlined
+        self.indices: set[int] = set()  # used as the index of an array
+        self.numbers: set[int] = set()  # used otherwise
         self._place(graph.tape.root, ())
         for _, entries in graph.results:
             for entry in entries:
@@ -76,8 +78,11 @@ class Printer(ABC):
                 self._place(inner, (*enclosing, region))
             for value, place in operands(node, region):
                 self._check_visible(value, {*enclosing, region, place})
-                if isinstance(value, Expr) and self.home[value.id] is not place:
-                    self.far.add(value.id)
+                if isinstance(value, Expr):
+                    is_index = node.op in ("load", "store") and value is node.args[1]
+                    (self.indices if is_index else self.numbers).add(value.id)
+                    if self.home[value.id] is not place:
+                        self.far.add(value.id)
 
     def _check_visible(self, value: Any, regions: Any) -> None:
         if isinstance(value, Expr) and self.home.get(value.id) not in regions:
@@ -88,6 +93,7 @@ class Printer(ABC):
     def _use(self, result: Any) -> None:
         """Count the uses of everything that `result` needs; a result counts twice, so that it gets a name."""
         pending = [(result, 2)]
+        self.numbers |= {result.id} if isinstance(result, Expr) else set()
         while pending:
             node, weight = pending.pop()
             if isinstance(node, Expr):
@@ -150,11 +156,22 @@ class Printer(ABC):
             self.text[node.id] = text if is_inline and node.op != "load" else self._let(node, _bare(text))
 
     def expression(self, node: Expr) -> str:
-        """Text of an operation."""
+        """Text of an operation; what is nothing but an index becomes a whole number here, once."""
         a = [self.ref(arg) for arg in node.args]
         op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
         form = self.forms.get(op, self.forms["unary"] if op in UNARY else "({a[0]} {op} {a[1]})")
-        return form.format(op=op, a=a, b=[*map(_bare, a)], shift=f" + {node.extra}" if node.extra else "")
+        index = self._index(node.args[1]) if node.op in ("load", "store") else ""
+        shift = f" + {node.extra}" if node.extra else ""
+        text = form.format(op=op, a=a, b=[*map(_bare, a)], i=index, shift=shift)
+        return self.forms["whole"].format(_bare(text)) if self.is_index(node) and node.op != "locate" else text
+
+    def is_index(self, node: Expr) -> bool:
+        """Whether the value is used as an index only."""
+        return node.id in self.indices and node.id not in self.numbers
+
+    def _index(self, value: Any) -> str:
+        is_whole = isinstance(value, Expr) and (value.op == "locate" or self.is_index(value))
+        return self.bare(value) if is_whole else self.forms["whole"].format(self.bare(value))
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
         """Print `target = value` for each."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from gapsense.emit.names import renamed
 from gapsense.emit.printer import Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
@@ -16,10 +17,6 @@ class Python(Printer):
 
     head = """from bisect import bisect_left
 from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
-
-
-def locate(table, x):
-    return min(max(bisect_left(table, x) - 1, 0), len(table) - 2)
 """
     forms: Mapping[str, str] = MappingProxyType(
         {
@@ -29,10 +26,11 @@ def locate(table, x):
             "neg": "(-{a[0]})",
             "not": "(not {a[0]})",
             "where": "({a[1]} if {b[0]} else {a[2]})",
-            "locate": "locate({a[0]}, {b[1]})",
-            "table": "{a[0]}[int({b[1]}){shift}]",
-            "load": "{a[0]}[int({b[1]}){shift}]",
-            "store": "{a[0]}[int({b[1]})] = {b[2]}",
+            "locate": "(bisect_left({a[0]}, {b[1]}, 1, len({a[0]}) - 1) - 1)",
+            "whole": "int({0})",
+            "table": "{a[0]}[{i}{shift}]",
+            "load": "{a[0]}[{i}{shift}]",
+            "store": "{a[0]}[{i}{shift}] = {b[2]}",
         }
     )
     extra_argument = ""
@@ -75,7 +73,7 @@ def locate(table, x):
         self.region(g.tape.root)
         self.write(f"return {', '.join(self._tuple(entries) for _, entries in g.results)}")
         arguments = ", ".join(name for name, _, _ in g.arguments)
-        return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(self.lines) + "\n"
+        return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(renamed(self.lines)) + "\n"
 
     def _tuple(self, entries: list[Any]) -> str:
         texts = [self.memory(len(e)) if isinstance(e, list) else self.ref(e) for e in entries]
@@ -98,7 +96,7 @@ def locate(table, x):
 
 def row(array, index):
     # branches are computed for all runs: an index that means nothing must not fail in a run that does not use it
-    return clip(asarray(index).astype(int), 0, len(array) - 1)
+    return clip(index, 0, len(array) - 1)
 """
     forms: Mapping[str, str] = MappingProxyType(
         {
@@ -109,9 +107,10 @@ def row(array, index):
             "or": "({a[0]} | {a[1]})",
             "where": "where({b[0]}, {b[1]}, {b[2]})",
             "locate": "locate({a[0]}, {b[1]})",
-            "table": "{a[0]}[row({a[0]}, {a[1]}{shift})]",
-            "load": "{a[0]}[row({a[0]}, {a[1]}{shift}), arange(runs)]",
-            "store": "{a[0]}[row({a[0]}, {b[1]}), arange(runs)] = {b[2]}",
+            "whole": "asarray({0}).astype(int)",
+            "table": "{a[0]}[row({a[0]}, {i}{shift})]",
+            "load": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)]",
+            "store": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)] = {b[2]}",
         }
     )
     extra_argument = ", runs"

@@ -26,7 +26,7 @@ from gapsense.estimators.reduced_model import (
     transition,
 )
 from gapsense.linalg import deviation, diagonal, matrix, vector
-from gapsense.records import Array, Covariance, Scalar, Vector
+from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import cond, square, where
 
 
@@ -44,10 +44,14 @@ class Parameters(NamedTuple):
     stop_upper: Scalar  # z_max [m]
     core_reluctance: Scalar  # R_c0 [1/H]
     core_saturation: Scalar  # lambda_sat [Wb]
+    gap_law: Scalar  # 0: formula with fringing, 1: table
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_g0' [1/(H m)]
     gap_fringing: Scalar  # k_f [1/m]
     gap_window: Scalar  # c_f [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
+    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
     gap_tilt: Scalar  # [1/(H m)]
     option_force_error: Scalar  # 1: with e_F
     option_current_error: Scalar  # 1: with e_i

@@ -222,7 +222,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
 
 def _stored(samples: Array, slot: Scalar, place: int, entries: Any) -> Array:
     for k, value in enumerate(entries):
-        samples = store(samples, slot * WIDTH + (place + k), value)
+        samples = store(samples, slot * WIDTH, value, place + k)
     return samples
 
 

@@ -7,11 +7,12 @@ are left out; e_i and e_F, constant but for noise, stand for what the current an
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+from gapsense.interpolate import spline
 from gapsense.linalg import vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, log, square, where
+from gapsense.records import Array, Scalar, Table
+from gapsense.trace import clip, cond, fabs, is_traced, log, square, where
 
 SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
@@ -32,6 +33,11 @@ class Model(NamedTuple):
     lam_sat: Scalar
     l_z: Scalar
     z_min: Scalar
+    gap_is_table: Scalar
+    gap_knots: Annotated[Array, Table()]  # [m]
+    gap_reluctance: Annotated[Array, Table()]  # [1/H]
+    gap_curvature: Annotated[Array, Table()]  # [1/(H m^2)]
+    gap_scale: Scalar  # 1/N^2
     gap_offset: Scalar
     gap_slope: Scalar
     gap_fringing: Scalar
@@ -62,6 +68,11 @@ def normalised(par: Any) -> Model:
         lam_sat=par.core_saturation,
         l_z=l_z,
         z_min=par.stop_lower,
+        gap_is_table=par.gap_law > 0.5,
+        gap_knots=_constant(par.gap_file_gap),
+        gap_reluctance=_constant(par.gap_file_reluctance),
+        gap_curvature=_constant(par.gap_file_spline),
+        gap_scale=1.0 / square(par.coil_turns),
         gap_offset=par.gap_reluctance / square(par.coil_turns),
         gap_slope=par.gap_slope * scale,
         gap_fringing=par.gap_fringing,
@@ -71,9 +82,26 @@ def normalised(par: Any) -> Model:
     )
 
 
+def _constant(table: Array) -> Array:
+    """A table that can be compared and hashed, as the rest of the model."""
+    return table if is_traced(table) else tuple(table)
+
+
 def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
-    """R_g* = (R_g0 + R_g0' g / (1 + k g ln(c/g))) / N^2 with the gap g = z_min + l_z z*, and its derivative by z*."""
+    """R_g* = R_g(z_min + l_z z*) / N^2 by formula or from a table, and its derivative by z*."""
     g = m.z_min + m.l_z * z
+    R, slope = cond(m.gap_is_table, lambda: _from_table(g, m), lambda: _from_formula(g, m))
+    return R + (z - 0.5) * m.gap_tilt, slope + m.gap_tilt
+
+
+def _from_table(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """The spline of a table, beyond its ends with the second derivative there."""
+    R, slope, _ = spline(g, m.gap_knots, m.gap_reluctance, m.gap_curvature)
+    return m.gap_scale * R, m.gap_scale * m.l_z * slope
+
+
+def _from_formula(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """R_g = R_g0 + R_g0' g / (1 + k g ln(c/g))."""
 
     def beyond() -> tuple[Scalar, Scalar]:
         end = where(g < m.gap_window, SMALLEST_GAP, m.gap_window)
@@ -81,7 +109,7 @@ def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
         return R + slope * ((g - end) / m.l_z), slope
 
     R, slope = cond((g > SMALLEST_GAP) & (g < m.gap_window), lambda: _fringing(g, m), beyond)
-    return m.gap_offset + R + (z - 0.5) * m.gap_tilt, slope + m.gap_tilt
+    return m.gap_offset + R, slope
 
 
 def _fringing(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +85,16 @@ def legend(axis: Any) -> None:
     axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize="small")
 
 
+def recorded(result: Result, names: Iterable[str]) -> None:
+    """Refuse to draw a run that does not record these signals; all that are missing are named."""
+    missing = [name for name in names if name not in result.signals]
+    if missing:
+        raise ValueError(
+            f"{result.run.scenario}: its figure needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            'Add them to `[record]`, or choose `figure = "overview"`.'
+        )
+
+
 def overview(result: Result) -> Figure:
     """All recorded signals, one panel per unit."""
     units = list(dict.fromkeys(result.units[name] for name in result.signals))
@@ -103,4 +113,23 @@ def semera(result: Result) -> Figure:
     return figure(result)
 
 
-FIGURES: dict[str, Callable[[Result], Figure]] = {"overview": overview, "semera": semera}
+def hysteresis_loops(result: Result) -> Figure:
+    """Flux density over field in the core."""
+    from gapsense.report.loops import core
+
+    return core(result)
+
+
+def locked_plunger(result: Result) -> Figure:
+    """Figure 7 of [SEMERA]: flux linkage over current."""
+    from gapsense.report.loops import linkage
+
+    return linkage(result)
+
+
+FIGURES: dict[str, Callable[[Result], Figure]] = {
+    "overview": overview,
+    "semera": semera,
+    "hysteresis_loops": hysteresis_loops,
+    "locked_plunger": locked_plunger,
+}

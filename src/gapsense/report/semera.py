@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
-from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
+from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
 from gapsense.studies.observability import steps_since_observable
 
 LABELS = [
@@ -57,12 +57,7 @@ def plant_of(result: Result) -> str:
     plant = next((name.partition(".")[0] for name in result.signals if name.endswith(".position")), "<actuator>")
     estimates = [f"{e}.{s}" for e in ("semera", "integral", "offline") for s in ESTIMATES]
     truths = [f"{plant}.{signal}" for signal in ("position", "current", "inductance", "flux_linkage")]
-    missing = [name for name in (*truths, *OTHERS, *estimates) if name not in result.signals]
-    if missing:
-        raise ValueError(
-            f"{result.run.scenario}: figure `semera` needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
-            'Add them to `[record]`, or choose `figure = "overview"`.'
-        )
+    recorded(result, (*truths, *OTHERS, *estimates))
     return plant
 
 

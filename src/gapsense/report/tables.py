@@ -62,15 +62,16 @@ def metrics(result: Result) -> list[Table]:
 
 
 def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
-    """Median and 5-95 % range of each metric beside the published value and the run with the scenario's own seed."""
+    """Median and 5-95 % range of each metric beside the published value and the first run."""
     if not swept.indices:
         return []
     quantiles = swept.quantiles()
+    runs, first_run = ("runs", "first run") if swept.grid else ("seeds", "first seed")
     groups: dict[str, Table] = {}
     for metric in scenario.metrics:
-        title = f"{metric.table or 'Metrics'}, {len(swept.indices)} seeds"
+        title = f"{metric.table or 'Metrics'}, {len(swept.indices)} {runs}"
         if title not in groups:
-            groups[title] = new_table(title, "metric", "published", "first seed", "median", "5 %", "95 %")
+            groups[title] = new_table(title, "metric", "published", first_run, "median", "5 %", "95 %")
         unit = swept.units.get(metric.name, "")
         low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
         published = "" if metric.published is None else quantity(metric.published, unit)

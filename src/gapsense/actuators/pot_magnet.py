@@ -1,0 +1,262 @@
+"""Pot magnet that lifts its armature against gravity, the five-mode plant of [HEKF] Section 4.
+
+Modes: 0 on the lower stop, 1 lifting, 2 in contact with the upper stop, 3 the same without voltage, 4 falling.
+
+    0 -> 1  |i| >= i_on and the net force points up       1 -> 2  s = s_max
+    2 -> 3  the voltage sustains less than i_off          3 -> 2  it sustains that again
+    3 -> 4  |i| < i_off and the net force points down     4 -> 0  s = 0
+    1 -> 0  s = 0: a lift that failed                     4 -> 3  s = s_max: pulled back below i_on
+    4 -> 1  |i| >= i_on and the net force points up: energised again while falling
+
+Current and position go on through all of them, an impact takes the velocity.  The four transitions at the end are not
+in print, nor are the conditions on the net force; the printed end of contact, di/dt = 0, cannot work.
+
+Integrated in flux linkage: lambda' = u - R i with i = lambda (K2 + K3 gap) / K5.  With (14) the force is then
+K4 (lambda / K5)^2 wherever the armature is.  Orientation `printed` has gap = s: the force points to where the
+inductance falls, which creates energy; `consistent` has gap = s_max - s and does not.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+from gapsense.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.records import Scalar
+from gapsense.trace import clip, cond, fabs, loop, not_, square, where
+
+MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
+MICRO_STEPS = 10_000_000  # at most, per communication step
+FINENESS = 0.025  # longest micro-step in the smallest time constant of the coil: flux errors below 1e-9
+LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
+
+
+class Parameters(NamedTuple):
+    """Table 1, the orientation and the micro-step."""
+
+    orientation: Scalar  # 0: consistent, 1: printed
+    coil_turns: Scalar  # N [1]
+    coil_resistance: Scalar  # K6 = R_i + R_m, modes 0 to 2 [ohm]
+    coil_resistance_upper: Scalar  # K7 = R_d + R_m, modes 3 and 4 [ohm]
+    core_permeability: Scalar  # mu_r [1]
+    core_length: Scalar  # l_1 [m]
+    pole_area: Scalar  # A [m^2]
+    mover_mass: Scalar  # m [kg]
+    gravity: Scalar  # g [m/s^2]
+    stop_upper: Scalar  # s_max [m]
+    current_on: Scalar  # i_on [A]
+    current_off: Scalar  # i_off [A]
+    initial_position: Scalar  # s [m]
+    micro_step: Scalar  # longest step of the integrator [s]
+
+
+class State(NamedTuple):
+    """What is carried from step to step."""
+
+    flux_linkage: Scalar  # lambda [Wb]
+    position: Scalar  # s, above the lower stop [m]
+    velocity: Scalar  # v [m/s]
+    mode: Scalar  # q, 0 to 4
+    dissipated_energy: Scalar  # copper and impacts, since the start [J]
+    supplied_energy: Scalar  # integral of u i since the start [J]
+    created_energy: Scalar  # by the printed orientation, out of nothing, since the start [J]
+
+
+class Inputs(NamedTuple):
+    """Voltage, and the communication step that ends at `time`."""
+
+    time: Scalar  # [s]
+    dt: Scalar  # [s]
+    voltage: Scalar  # u, held during the step [V]
+
+
+class Outputs(NamedTuple):
+    """Values at the end of the step."""
+
+    current: Scalar
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    inductance: Scalar
+    force: Scalar  # magnetic, upwards
+    mode: Scalar
+    contact: Scalar  # 1 on a stop, else 0
+    dissipated_energy: Scalar
+    stored_energy: Scalar  # magnetic, potential and kinetic
+    supplied_energy: Scalar
+    created_energy: Scalar
+
+
+class Magnet(NamedTuple):
+    """Constants of a step, with the names of [HEKF] Section 4."""
+
+    u: Scalar
+    K2: Scalar
+    K3: Scalar
+    K4: Scalar
+    K5: Scalar
+    K6: Scalar
+    K7: Scalar
+    m: Scalar
+    g: Scalar
+    s_max: Scalar
+    i_on: Scalar
+    i_off: Scalar
+    is_printed: Scalar
+    micro_step: Scalar  # length of the equal micro-steps [s]
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest without flux, between the stops."""
+    s = clip(par.initial_position, 0.0, par.stop_upper)
+    mode = where(s <= 0.0, LOWER, where(s >= par.stop_upper, UPPER, FALLING))
+    state = State(0.0, s, 0.0, mode, 0.0, 0.0, 0.0)
+    return state, _outputs(state, _magnet(inputs, par))
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One communication step of equal micro-steps, shortened where the mode changes.
+
+    A step of no length changes nothing.
+    """
+    mag = _magnet(inputs, par)
+    start = (inputs.dt, *state[:4], state.dissipated_energy, 0.0, state.created_energy)
+    _, lam, s, v, mode, dissipated, charge, created = loop(MICRO_STEPS, partial(_micro_step, mag), start)
+    state = State(lam, s, v, mode, dissipated, state.supplied_energy + inputs.voltage * charge, created)
+    return state, _outputs(state, mag)
+
+
+def _magnet(inputs: Inputs, par: Parameters) -> Magnet:
+    K3, K5 = 2.0 * par.core_permeability, square(par.coil_turns) * par.core_permeability * MU_0 * par.pole_area
+    K6, K7 = par.coil_resistance, par.coil_resistance_upper
+    fastest = where(K6 < K7, K7, K6) * (par.core_length + K3 * par.stop_upper) / K5
+    return Magnet(
+        u=inputs.voltage,
+        K2=par.core_length,
+        K3=K3,
+        K4=par.core_permeability * K5,
+        K5=K5,
+        K6=K6,
+        K7=K7,
+        m=par.mover_mass,
+        g=par.gravity,
+        s_max=par.stop_upper,
+        i_on=par.current_on,
+        i_off=par.current_off,
+        is_printed=par.orientation > 0.5,
+        micro_step=equal_parts(inputs.dt, least(par.micro_step, FINENESS / fastest)),
+    )
+
+
+def _micro_step(
+    mag: Magnet, left: Scalar, lam: Scalar, s: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
+) -> tuple[Any, Any]:
+    """One step of the loop; `left` is what is left of the communication step [s], `sums` are the integrals."""
+    dt = next_part(left, mag.micro_step)
+    mode = where(left > 0.0, _contact(mag, lam, mode), mode)
+    is_moving = (mode == LIFTING) | (mode == FALLING)
+    dt, lam, s, v, mode, *parts = cond(
+        is_moving,
+        lambda: _move(mag, dt, lam, s, v, mode, is_moving),
+        lambda: _rest(mag, dt, lam, s, mode),
+    )
+    left = left - dt
+    return (left, lam, s, v, mode, *(a + b for a, b in zip(sums, parts))), not_(left > 0.0)
+
+
+def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:
+    """Mode at the upper stop, 2 or 3: by the current that the voltage sustains in the direction of the present flux."""
+    is_sustained = where(lam < 0.0, -mag.u, mag.u) >= mag.K7 * mag.i_off
+    return where((mode == CONTACT) | (mode == UPPER), where(is_sustained, CONTACT, UPPER), mode)
+
+
+def _move(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, v: Scalar, mode: Scalar, is_moving: Scalar) -> Any:
+    """Step of the moving armature, up to an impact or until it is energised again."""
+    is_lifting, R = mode == LIFTING, _resistance(mag, mode)
+
+    def margin(y: Any) -> Scalar:
+        clearance = least(y[1], mag.s_max - y[1]) / mag.s_max
+        return least(clearance, where(is_lifting, 1.0, -_lift(mag, y[0], y[1])))
+
+    dt, (lam, s, v), (heat, charge, work) = rk4_until(partial(_rates, mag, R), (lam, s, v), dt, margin, is_moving)
+    is_below, is_above = s < 0.0, s > mag.s_max
+    is_landed = is_below | is_above
+    flying = where(is_lifting | (_lift(mag, lam, s) > 0.0), LIFTING, FALLING)
+    mode = where(is_below, LOWER, where(is_above, where(is_lifting, CONTACT, UPPER), flying))
+    heat = heat + where(is_landed, _kinetic_energy(v, mag), 0.0)
+    created = where(mag.is_printed, 2.0 * work, 0.0)
+    return dt, lam, clip(s, 0.0, mag.s_max), where(is_landed, 0.0, v), mode, heat, charge, created
+
+
+def _rest(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, mode: Scalar) -> Any:
+    """Step on a stop, of the flux only, up to the release if there is one."""
+    R, is_lower, is_upper = _resistance(mag, mode), mode == LOWER, mode == UPPER
+
+    def margin(y: Any) -> Scalar:
+        return where(is_lower, -_lift(mag, y[0], s), where(is_upper, -_drop(mag, y[0], s), 1.0))
+
+    dt, (lam,), (heat, charge) = rk4_until(partial(_resting_rates, mag, R, s), (lam,), dt, margin)
+    mode = where(margin((lam,)) < 0.0, where(is_lower, LIFTING, FALLING), mode)
+    return dt, lam, s, 0.0, mode, heat, charge, 0.0
+
+
+def _rates(mag: Magnet, R: Scalar, y: Any) -> Any:
+    """(9) in flux linkage and (13); integrands: loss in copper [W], current [A], power of the magnetic force [W]."""
+    lam, s, v = y
+    F_m, i = _force(lam, mag), _current(lam, s, mag)
+    return (mag.u - R * i, v, F_m / mag.m - mag.g), (R * i * i, i, F_m * v)
+
+
+def _resting_rates(mag: Magnet, R: Scalar, s: Scalar, y: Any) -> Any:
+    """(16), (18), (19); integrands: loss in copper [W] and current [A]."""
+    i = _current(y[0], s, mag)
+    return (mag.u - R * i,), (R * i * i, i)
+
+
+def _lift(mag: Magnet, lam: Scalar, s: Scalar) -> Scalar:
+    """Positive if the current reaches i_on and the net force points up."""
+    weight = mag.m * mag.g
+    return least(fabs(_current(lam, s, mag)) / mag.i_on - 1.0, _force(lam, mag) / weight - 1.0)
+
+
+def _drop(mag: Magnet, lam: Scalar, s: Scalar) -> Scalar:
+    """Positive if the current is below i_off and the net force points down."""
+    weight = mag.m * mag.g
+    return least(1.0 - fabs(_current(lam, s, mag)) / mag.i_off, 1.0 - _force(lam, mag) / weight)
+
+
+def _resistance(mag: Magnet, mode: Scalar) -> Scalar:
+    return where(mode >= UPPER, mag.K7, mag.K6)
+
+
+def _current(lam: Scalar, s: Scalar, mag: Magnet) -> Scalar:
+    """Current lambda / L with L = K5 / (K2 + K3 gap), (10)."""
+    return lam * (mag.K2 + mag.K3 * where(mag.is_printed, s, mag.s_max - s)) / mag.K5
+
+
+def _force(lam: Scalar, mag: Magnet) -> Scalar:
+    """F_m = K4 i^2 / (K2 + K3 gap)^2 (14), with i = lambda / L."""
+    return mag.K4 * square(lam / mag.K5)
+
+
+def _kinetic_energy(v: Scalar, mag: Magnet) -> Scalar:
+    return 0.5 * mag.m * square(v)
+
+
+def _outputs(state: State, mag: Magnet) -> Outputs:
+    lam, s, v, mode, dissipated, supplied, created = state
+    i = _current(lam, s, mag)
+    return Outputs(
+        current=i,
+        position=s,
+        velocity=v,
+        flux_linkage=lam,
+        inductance=mag.K5 / (mag.K2 + mag.K3 * where(mag.is_printed, s, mag.s_max - s)),
+        force=_force(lam, mag),
+        mode=mode,
+        contact=where((mode == LIFTING) | (mode == FALLING), 0.0, 1.0),
+        dissipated_energy=dissipated,
+        stored_energy=0.5 * lam * i + _kinetic_energy(v, mag) + mag.m * mag.g * s,
+        supplied_energy=supplied,
+        created_energy=created,
+    )
