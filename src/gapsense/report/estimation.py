@@ -23,7 +23,7 @@ QUANTITIES = {  # of estimators: label, factor for display, unit
     "inductance": ("inductance\n/ mH", 1e3, "H"),
 }
 COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")
-THICKEST = 3.0  # points; thinner and thinner, so that estimates that coincide are all seen
+THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide are all seen
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
 
@@ -41,15 +41,15 @@ def figure(record: Record, estimates: Sequence[Estimate]) -> Figure:
 def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) -> None:
     """One quantity; smoothed values at the times that they belong to."""
     scale, drawn = QUANTITIES[name][1], []
-    if name == "position" and record.position is not None:
-        line(axis, record.times, scale * record.position, TRUE, "recorded")
     for k, (estimate, color) in enumerate(zip(estimates, COLORS * len(estimates))):
         if name in estimate.outputs:
             drawn.append(scale * estimate.outputs[name])
-            line(axis, record.times, drawn[-1], color, estimate.name, linewidth=THICKEST / (k + 1.0))
+            line(axis, record.times, drawn[-1], color, estimate.name, linewidth=THICKEST * 0.8**k)
         if f"smoothed_{name}" in estimate.outputs:
             at, values = replayed(estimate.outputs, f"smoothed_{name}")
             axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
+    if name == "position" and record.position is not None:
+        line(axis, record.times, scale * record.position, TRUE, "recorded", linestyle="--")
     low, high = np.percentile(np.concatenate(drawn), SHOWN)
     margin = 0.25 * (high - low) or abs(high) or 1.0
     axis.set_ylim(low - margin, high + margin)  # a transient at the start must not hide the rest
