@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fmpy
@@ -158,3 +159,22 @@ def test_wrong_names_and_values_are_refused(data, process, fmus, arguments, word
     printed, said = done.communicate()
     assert done.returncode == 2 and not (data / "x").exists(), printed + said
     assert all(word in said for word in words), said
+
+
+def test_gap_table_of_a_parameter_set_travels_in_the_fmus(data):
+    (data / "tables").mkdir()
+    shutil.copy(ROOT / "fmus" / "solenoid_valve" / "fringing_19.csv", data / "tables" / "mine.csv")
+    text = '[values]\n"gap.law" = "table"\n"gap.file" = "tables/mine.csv"\n'
+    (data / "table.toml").write_text(text, encoding="utf-8")
+    names = ("solenoid_valve", "ekf", "semera")
+    command = [sys.executable, str(ROOT / "build_fmus.py"), *names, "--parameters", "table.toml", "--out", "tabled"]
+    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    done = subprocess.run(command, cwd=data, env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    for name in ("SolenoidValve", "Ekf"):
+        description = fmpy.read_model_description(str(data / "tabled" / f"{name}.fmu"))
+        start = {v.name: v.start for v in description.modelVariables}
+        assert (start["gap.law"], start["gap.file"]) == ("table", "mine.csv")
+        with zipfile.ZipFile(data / "tabled" / f"{name}.fmu") as archive:
+            assert archive.read("resources/mine.csv") == (data / "tables" / "mine.csv").read_bytes()
+            assert not [n for n in archive.namelist() if n.endswith(".py") and str(data).encode() in archive.read(n)]

@@ -67,6 +67,8 @@ def remarks(result: Identified) -> list[str]:
         worse = len(result.starts) - result.agreeing
         others = f"; {worse} ended in worse ones, rejected by their cost" if worse else ""
         said.append(f"{result.agreeing} of {len(result.starts)} starts found this minimum{others}.")
+    else:
+        said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     for name in result.poor:
         k = result.names.index(name)
         error = 100.0 * float(result.uncertainty.relative[k])

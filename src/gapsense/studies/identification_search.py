@@ -27,7 +27,7 @@ class Minimum(NamedTuple):
 
 
 def search(
-    value: Callable[[Vector], float], start: Vector, size: float = 0.1, tolerance: float = 1e-6, limit: int = 20_000
+    value: Callable[[Vector], float], start: Vector, size: float = 0.1, tolerance: float = 1e-6, limit: int = 5_000
 ) -> Minimum:
     """Minimum of a function.
 
