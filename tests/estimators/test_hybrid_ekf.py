@@ -13,7 +13,7 @@ from magnet_signals import PLANTS, PULSES, T_S, changes_of, exact, magnet
 
 from gapsense.derivative import linearise
 from gapsense.estimators import hybrid_ekf
-from gapsense.estimators.hybrid_ekf import Held, Inputs, model, moving, resting
+from gapsense.estimators.hybrid_ekf import Held, Inputs, extrapolated, model, moving, resting
 from gapsense.kernel import Kernel
 from gapsense.linalg import vector
 
@@ -53,7 +53,7 @@ def test_jacobian_of_each_mode_equals_complex_step(orientation: str, mode: int, 
     i, s, v = 0.2 * rng.standard_normal(), mod.s_max * rng.random(), 0.1 * rng.standard_normal()
     R = mod.K7 if mode >= 3 else mod.K6
     if mode in (1, 4):
-        function, x, held = moving, [i, s, v], Held(24.0, R, 0.0, T_S)
+        function, x, held = extrapolated, [i, s, v], Held(24.0, R, 0.0, T_S)
     else:
         function, x, held = resting, [i], Held(24.0, R, 0.0 if mode == 0 else mod.s_max, T_S)
     values, F = linearise(function, vector(x), held, mod)
@@ -62,24 +62,42 @@ def test_jacobian_of_each_mode_equals_complex_step(orientation: str, mode: int, 
     np.testing.assert_allclose(np.array(F, float), expected, rtol=1e-12, atol=1e-12 * np.abs(expected).min())
 
 
+def flown(x: Any, mod: Any, duration: float, count: int) -> Any:
+    """(i, s, v) after so many steps in the air."""
+    i, s, v = x
+    y = vector([i / (mod.path + mod.slope * s), s, v])
+    for _ in range(count):
+        y = moving(y, Held(24.0, mod.K6, 0.0, duration / count), mod)
+    return vector([y[0] * (mod.path + mod.slope * y[1]), *y[1:]])
+
+
 @both
 def test_motion_has_order_two(orientation: str) -> None:
     """Against steps a hundred times as fine, in the states of the printed equations."""
     mod = model(exact(orientation))
     start = vector([0.15, 0.3 * mod.s_max, 0.02])
-
-    def end(count: int) -> np.ndarray:
-        x = start
-        for _ in range(count):
-            x = moving(x, Held(24.0, mod.K6, 0.0, 1e-3 / count), mod)
-        return np.array(x, float)
-
-    errors = [np.abs(end(n) / end(4000) - 1.0).max() for n in (10, 20, 40)]
+    exact_end = np.array(flown(start, mod, 1e-3, 4000), float)
+    errors = [np.abs(np.array(flown(start, mod, 1e-3, n), float) / exact_end - 1.0).max() for n in (10, 20, 40)]
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.25)
 
 
 @both
-def test_small_steps_solve_the_printed_equations(orientation: str) -> None:
+def test_jacobian_of_motion_is_right_to_first_order(orientation: str) -> None:
+    """Against that of fine steps, each state in its unit: what one step leaves out is of the second order."""
+    mod = model(exact(orientation))
+    start, unit = [0.15, 0.3 * mod.s_max, 0.02], np.array([0.1, 1e-4, 0.1])
+    errors = []
+    for dt in (4e-5, 2e-5, 1e-5):
+        held = Held(24.0, mod.K6, 0.0, dt)
+        fine = complex_step(lambda x, held, mod: flown(x, mod, held.dt, 50), start, held, mod)
+        coarse = np.array(linearise(extrapolated, vector(start), held, mod)[1], float)
+        errors.append(np.abs((coarse - fine) * unit / unit[:, None]).max())
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.25)
+
+
+@both
+@pytest.mark.parametrize("method", [extrapolated, lambda x, held, mod: flown(x, mod, held.dt, 1)], ids=["F", "x"])
+def test_small_steps_solve_the_printed_equations(method: Any, orientation: str) -> None:
     """(17) written out, with the motional term, against the difference quotient of a tiny step."""
     p = PLANTS[orientation]
     mod, (i, s, v), dt = model(exact(orientation)), (0.15, 0.3 * p.stop_upper, 0.05), 1e-9
@@ -87,13 +105,13 @@ def test_small_steps_solve_the_printed_equations(orientation: str) -> None:
     path = p.core_length + 2.0 * p.core_permeability * (s if sign < 0.0 else p.stop_upper - s)
     K5 = p.coil_turns**2 * p.core_permeability * 1.257e-6 * p.pole_area
     L, slope = K5 / path, sign * 2.0 * p.core_permeability * K5 / path**2
-    rates = [
+    expected = [
         (24.0 - (mod.K6 + slope * v) * i) / L,
         v,
         0.5 * i**2 * abs(slope) / p.mover_mass - 9.81,
     ]
-    found = (np.array(moving(vector([i, s, v]), Held(24.0, mod.K6, 0.0, dt), mod), float) - [i, s, v]) / dt
-    np.testing.assert_allclose(found, rates, rtol=1e-5)
+    found = (np.array(method(vector([i, s, v]), Held(24.0, mod.K6, 0.0, dt), mod), float) - [i, s, v]) / dt
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("mode", [0, 2, 3])
@@ -128,8 +146,8 @@ def test_equals_the_textbook_filter_in_the_air() -> None:
     scale = np.array([0.1, 1e-4, 0.1])
     for measured in (0.118, 0.119, 0.117, 0.115, 0.117):
         held = Held(24.0, mod.K6, 0.0, T_S)
-        F = complex_step(moving, x.tolist(), held, mod)
-        x, P = np.array(moving(vector(x.tolist()), held, mod), float), F @ P @ F.T + Q
+        F = complex_step(extrapolated, x.tolist(), held, mod)
+        x, P = np.array(flown(x.tolist(), mod, T_S, 1), float), F @ P @ F.T + Q
         K = P[:, 0] / (P[0, 0] + par.noise_current**2)
         x, P = x + K * (measured - x[0]), P - np.outer(K, P[0])
         state, outputs = KERNEL.step(state, Inputs(24.0, measured), par)

@@ -2,8 +2,8 @@
 
 [HEKF].  The state is x = (i, s, v); the mode q is that of an automaton which the estimate drives, and has no gain.  On
 a stop only the current is uncertain; while the armature moves, all three are.  A sampling interval is predicted in
-pieces: on a stop up to the release, in the air in sub-steps up to the landing.  The covariance is reset where the
-armature leaves or meets a stop.
+pieces: on a stop up to the release, in the air up to the landing, the state there in sub-steps.  The covariance is
+reset where the armature leaves or meets a stop.
 
 Modes: 0 lower stop, 1 lifting, 2 contact, 3 upper stop without voltage, 4 falling.  Transitions as in the plant,
 including those that are not in print (1 -> 0, 4 -> 1, 3 -> 2, 4 -> 3); see papers.md.
@@ -17,12 +17,12 @@ from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
 from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector, flat, record
-from gapsense.trace import clip, cond, fabs, loop, not_, sqrt, square, where
+from gapsense.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
 LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
-CURRENT, POSITION, VELOCITY = range(3)
-PIECES = 200  # of a sampling interval, at most
+CURRENT, POSITION = range(2)
+PIECES, SUB_STEPS = 200, 64  # of a sampling interval, and of a piece of it in the air, at most
 BEYOND_REASON = 1e6  # amperes and volts from which a measurement counts as lost, as NaN does
 H = (1.0, 0.0, 0.0)  # (3)
 
@@ -105,6 +105,7 @@ class Model(NamedTuple):
     s_max: Scalar
     i_on: Scalar
     i_off: Scalar
+    T_s: Scalar
 
 
 class Tuning(NamedTuple):
@@ -114,10 +115,12 @@ class Tuning(NamedTuple):
     rest: Scalar  # of the current, on a stop
     Q: tuple[Scalar, ...]  # R_w in the air
     release: tuple[Scalar, Scalar]  # of position and velocity after leaving a stop
-    T_s: Scalar
-    piece: Scalar  # longest step in the air [s]
+    sub_steps: Scalar  # of a piece in the air
     band: Scalar  # [m]
     is_open_loop: Scalar
+
+
+PUBLISHED = Tuning(0.01, 1.0, Q=(1.0, 1e-10, 1e-10), release=(0.0, 0.0), sub_steps=1.0, band=0.0, is_open_loop=False)
 
 
 class Held(NamedTuple):
@@ -182,34 +185,29 @@ def model(par: Any) -> Model:
         s_max=par.stop_upper,
         i_on=par.current_on,
         i_off=par.current_off,
+        T_s=par.sample_time,
     )
 
 
 def tuning(par: Any) -> Tuning:
-    """That of the parameters, or the published one: (21), R_zeta = 0.01 A^2, P(0) = 0, no band, no sub-steps."""
-    is_paper = (par.tuning > 0.5) & (par.tuning < 1.5)
-    return Tuning(
-        R=where(is_paper, 0.01, square(par.noise_current)),
-        rest=where(is_paper, 1.0, square(par.process_current)),
-        Q=(
-            where(is_paper, 1.0, square(par.process_current_moving)),
-            where(is_paper, 1e-10, square(par.process_position)),
-            where(is_paper, 1e-10, square(par.process_velocity)),
-        ),
-        release=(
-            where(is_paper, 0.0, square(par.release_position_std)),
-            where(is_paper, 0.0, square(par.release_velocity_std)),
-        ),
-        T_s=par.sample_time,
-        piece=par.sample_time / where(is_paper, 1.0, where(par.sub_steps > 1.0, par.sub_steps, 1.0)),
-        band=where(is_paper, 0.0, par.landing_band * par.stop_upper),
-        is_open_loop=par.tuning > 1.5,
+    """That of the parameters, or the published one, (21): P(0) = 0, no band, no sub-steps."""
+    is_open_loop = par.tuning > 1.5
+    own = Tuning(
+        R=square(par.noise_current),
+        rest=square(par.process_current),
+        Q=(square(par.process_current_moving), square(par.process_position), square(par.process_velocity)),
+        release=(square(par.release_position_std), square(par.release_velocity_std)),
+        sub_steps=where(par.sub_steps > 1.0, floor(par.sub_steps), 1.0),
+        band=par.landing_band * par.stop_upper,
+        is_open_loop=is_open_loop,
     )
+    return cond((par.tuning > 0.5) & not_(is_open_loop), lambda: PUBLISHED, lambda: own)  # type: ignore[no-any-return]
 
 
 def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
     """The estimate one sampling interval later: (4), (5) with F P F', in pieces within which the mode stays."""
-    q = where(is_resting(estimate.q) & (estimate.q > LOWER), _contact(estimate.x[CURRENT], u, mod), estimate.q)
+    is_above = is_resting(estimate.q) & (estimate.q > LOWER)
+    q = cond(is_above, lambda: _contact(estimate.x[CURRENT], u, mod), lambda: estimate.q)
 
     def piece(left: Scalar, *entries: Scalar) -> tuple[Any, Any]:
         before = record(Hybrid, entries)
@@ -219,14 +217,14 @@ def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
             lambda: _move(before, u, left, mod, tun),
         )
         left = left - dt
-        return (left, *flat(after)), not_(left > 1e-6 * tun.T_s)
+        return (left, *flat(after)), not_(left > 1e-6 * mod.T_s)
 
-    return record(Hybrid, loop(PIECES, piece, (tun.T_s, *flat(estimate._replace(q=q))))[1:])  # type: ignore[no-any-return]
+    return record(Hybrid, loop(PIECES, piece, (mod.T_s, *flat(estimate._replace(q=q))))[1:])  # type: ignore[no-any-return]
 
 
 def is_resting(q: Scalar) -> Any:
     """Modes 0, 2 and 3."""
-    return (q < 0.5) | ((q > 1.5) & (q < 3.5))
+    return not_((q == LIFTING) | (q == FALLING))
 
 
 def _contact(i: Scalar, u: Scalar, mod: Model) -> Scalar:
@@ -240,7 +238,7 @@ def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
     s, R = x[POSITION], where(q > 2.5, mod.K7, mod.K6)
     start = vector([x[CURRENT]])
     end, F = linearise(resting, start, Held(u, R, s, left), mod)
-    P_end = predict(matrix([[P[CURRENT, CURRENT]]]), F, matrix([[tun.rest * (left / tun.T_s)]]))[0, 0]
+    P_end = predict(matrix([[P[CURRENT, CURRENT]]]), F, matrix([[tun.rest * (left / mod.T_s)]]))[0, 0]
     share, is_released = _release(q, fabs(start[0]), fabs(end[0]), s, mod)
 
     def released() -> tuple[Scalar, Hybrid]:  # linear up to the release: the interval is short beside L / R
@@ -269,34 +267,47 @@ def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tu
 
 
 def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Hybrid]:
-    """One sub-step in the air, and the landing."""
-    x, P, q = before
-    dt = where(left < 1.000001 * tun.piece, left, tun.piece)
-    (i, s, v), F = linearise(moving, x, Held(u, where(q > 2.5, mod.K7, mod.K6), 0.0, dt), mod)
-    P = predict(P, F, diagonal([variance * (dt / tun.T_s) for variance in tun.Q]))
-    inside = clip(s, 0.0, mod.s_max)
-    i, s = _current_at(inside, i, s, mod), inside
-    is_pulled = (fabs(i) >= mod.i_on) & (mod.lift * square(i) > mod.g * square(mod.path + mod.slope * s))
-    q = where((q > 2.5) & is_pulled, LIFTING, q)
-    return dt, _landed(Hybrid(vector([i, s, v]), P, q), mod, tun)
+    """What is left of the interval in the air, or the part of it up to the landing: x in sub-steps, P at once.
+
+    F is for all that is left: of P a landing keeps the variance of the current alone.
+    """
+    (i, s, v), P, q = before
+    held = Held(u, where(q > 2.5, mod.K7, mod.K6), 0.0, left / tun.sub_steps)
+
+    def sub_step(k: Scalar, *y: Scalar) -> tuple[Any, Any]:
+        psi, s, v = moving(vector(y), held, mod)
+        is_up, is_down = _meets(s, v, q, mod, tun)
+        return (k + 1.0, psi, s, v), (k + 1.0 >= tun.sub_steps) | is_up | is_down
+
+    steps, psi, s, v = loop(SUB_STEPS, sub_step, (0.0, i / (mod.path + mod.slope * s), s, v))
+    dt = steps * held.dt
+    _, F = linearise(extrapolated, before.x, held._replace(dt=left), mod)
+    P = predict(P, F, diagonal([variance * (dt / mod.T_s) for variance in tun.Q]))
+    s = clip(s, 0.0, mod.s_max)
+    i = psi * (mod.path + mod.slope * s)
+    is_pulled = (q > 2.5) & (fabs(i) >= mod.i_on) & (mod.lift * square(psi) > mod.g)
+    return dt, _landed(Hybrid(vector([i, s, v]), P, where(is_pulled, LIFTING, q)), mod, tun)
+
+
+def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Any, Any]:
+    """Whether the armature meets the upper and the lower stop: comes near it, but exactly the one that it has left."""
+    is_falling = q > 2.5
+    is_up = (v > 0.0) & (s >= where(is_falling, mod.s_max, mod.s_max - tun.band))
+    is_down = (v < 0.0) & (s <= where(is_falling, tun.band, 0.0))
+    return is_up, is_down
 
 
 def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
-    """On the stop, if the armature comes near it; the stop that it has left it must meet exactly."""
+    """On the stop, if the armature meets one: late, or early by the band, and so with the flux linkage that it has."""
     (i, s, v), P, q = estimate
-    is_falling = q > 2.5
-    is_up = (v > 0.0) & (s >= mod.s_max - where(is_falling, 0.0, tun.band))
-    is_down = (v < 0.0) & (s <= where(is_falling, tun.band, 0.0))
-    stop = where(is_up, mod.s_max, 0.0)
-    mode = where(is_up, where(is_falling, UPPER, CONTACT), LOWER)
-    known = Hybrid(vector([_current_at(stop, i, s, mod), stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
-    return cond(is_up | is_down, lambda: known, lambda: estimate)  # type: ignore[no-any-return]
+    is_up, is_down = _meets(s, v, q, mod, tun)
 
+    def landed() -> Hybrid:
+        stop, mode = where(is_up, mod.s_max, 0.0), where(is_up, where(q > 2.5, UPPER, CONTACT), LOWER)
+        i_stop = i / (mod.path + mod.slope * s) * (mod.path + mod.slope * stop)
+        return Hybrid(vector([i_stop, stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
 
-def _current_at(place: Scalar, i: Scalar, s: Scalar, mod: Model) -> Scalar:
-    """Current at `place` with the flux linkage that i has at s: a landing is found late, or early by the band."""
-    reach = mod.path + mod.slope * s
-    return i / where(fabs(reach) > 0.0, reach, 1.0) * (mod.path + mod.slope * place)
+    return cond(is_up | is_down, landed, lambda: estimate)  # type: ignore[no-any-return]
 
 
 def resting(x: Array, held: Held, mod: Model) -> Array:
@@ -306,19 +317,27 @@ def resting(x: Array, held: Held, mod: Model) -> Array:
     return vector([i + rate * (held.u - held.R * i) / (1.0 + a * (0.5 + a / 12.0))])
 
 
-def moving(x: Array, held: Held, mod: Model) -> Array:
-    """(i, s, v) after `dt` in the air, (17), (20), by the midpoint rule in flux linkage: no motional term.
+def moving(y: Array, held: Held, mod: Model) -> Array:
+    """(psi, s, v) after `dt` in the air, by the midpoint rule."""
+    return y + held.dt * rates(y + 0.5 * held.dt * rates(y, held, mod), held, mod)
+
+
+def extrapolated(x: Array, held: Held, mod: Model) -> Array:
+    """(i, s, v) after `dt` in the air by (4), a step of Euler, but in flux linkage; for the Jacobian of (5)."""
+    i, s, v = x
+    y = vector([i / (mod.path + mod.slope * s), s, v])
+    psi, s, v = y + held.dt * rates(y, held, mod)
+    return vector([psi * (mod.path + mod.slope * s), s, v])
+
+
+def rates(y: Array, held: Held, mod: Model) -> Array:
+    """d/dt (psi, s, v) in the air, (17), (20), in flux linkage, which has no motional term.
 
     psi = i / (K2 + K3 gap) is the flux linkage over K5, by (10); the force (13), (14) depends on it alone.
     """
-    i, s, v = x
-    half, per_volt = 0.5 * held.dt, held.dt / mod.K5
-    psi = i / (mod.path + mod.slope * s)
-    psi_mid = psi + 0.5 * per_volt * (held.u - held.R * i)
-    s_mid, v_mid = s + half * v, v + half * (mod.lift * square(psi) - mod.g)
-    psi_next = psi + per_volt * (held.u - held.R * (psi_mid * (mod.path + mod.slope * s_mid)))
-    s_next, v_next = s + held.dt * v_mid, v + held.dt * (mod.lift * square(psi_mid) - mod.g)
-    return vector([psi_next * (mod.path + mod.slope * s_next), s_next, v_next])
+    psi, s, v = y
+    i = psi * (mod.path + mod.slope * s)
+    return vector([(held.u - held.R * i) / mod.K5, v, mod.lift * square(psi) - mod.g])
 
 
 def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:
@@ -338,5 +357,5 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
 
 
 def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:
-    stds = [deviation(estimate.P[k, k]) for k in (CURRENT, POSITION, VELOCITY)]
+    stds = map(deviation, estimate.P.diagonal())
     return Outputs(*(*estimate.x, estimate.q, *stds, innovation, innovation_std, health))
