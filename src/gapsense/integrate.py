@@ -68,8 +68,8 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = 
 
 def rk4_until(
     rate: Rate, y: Scalars, dt: Scalar, margin: Margin, is_live: Scalar = True
-) -> tuple[Scalar, tuple[Any, ...], tuple[Any, ...]]:
-    """Length of the step, states after it and integrals over it: `dt`, or up to where `margin(y)` becomes negative.
+) -> tuple[Scalar, tuple[Any, ...], tuple[Any, ...], Scalar]:
+    """Length of the step, states after it, integrals over it, and whether it ends where `margin(y)` becomes negative.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def rk4_until(
 
     def shorter() -> Any:
         length = crossing(lambda length: margin(after(length)[0]), dt, margin(y), margin(y_next))
-        return length, *after(length)
+        return length, *after(length), True
 
-    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums))  # type: ignore[no-any-return]
+    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums, False))  # type: ignore[no-any-return]
 
 
 def _along(y: Scalars, k: Scalars, dt: Scalar) -> tuple[Any, ...]:

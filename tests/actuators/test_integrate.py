@@ -60,11 +60,12 @@ def test_step_ends_where_its_margin_becomes_negative(height):
     def rate(y):
         return (y[1], -2.0), (y[1],)
 
-    length, (h, v), (fallen,) = rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0])
-    assert length == pytest.approx(math.sqrt(height), abs=1e-9)
+    length, (h, v), (fallen,), has_landed = rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0])
+    assert has_landed and length == pytest.approx(math.sqrt(height), abs=1e-9)
     assert -1e-9 < h <= 0.0 and v == pytest.approx(-2.0 * length)
     assert fallen == pytest.approx(-height)
-    assert rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0], False)[0] == 1.0
+    passed_by = rk4_until(rate, (height, 0.0), 1.0, lambda y: y[0], False)
+    assert (passed_by[0], passed_by[3]) == (1.0, False)
     assert rk4_until(rate, (height, 0.0), 0.1, lambda y: y[0] - 2.0)[0] == 0.0
 
 

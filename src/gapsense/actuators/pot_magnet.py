@@ -178,7 +178,7 @@ def _move(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, v: Scalar, mode: Scal
         clearance = least(y[1], mag.s_max - y[1]) / mag.s_max
         return least(clearance, where(is_lifting, 1.0, -_lift(mag, y[0], y[1])))
 
-    dt, (lam, s, v), (heat, charge, work) = rk4_until(partial(_rates, mag, R), (lam, s, v), dt, margin, is_moving)
+    dt, (lam, s, v), (heat, charge, work), _ = rk4_until(partial(_rates, mag, R), (lam, s, v), dt, margin, is_moving)
     is_below, is_above = s < 0.0, s > mag.s_max
     is_landed = is_below | is_above
     flying = where(is_lifting | (_lift(mag, lam, s) > 0.0), LIFTING, FALLING)
@@ -195,8 +195,8 @@ def _rest(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, mode: Scalar) -> Any:
     def margin(y: Any) -> Scalar:
         return where(is_lower, -_lift(mag, y[0], s), where(is_upper, -_drop(mag, y[0], s), 1.0))
 
-    dt, (lam,), (heat, charge) = rk4_until(partial(_resting_rates, mag, R, s), (lam,), dt, margin)
-    mode = where(margin((lam,)) < 0.0, where(is_lower, LIFTING, FALLING), mode)
+    dt, (lam,), (heat, charge), is_released = rk4_until(partial(_resting_rates, mag, R, s), (lam,), dt, margin)
+    mode = where(is_released, where(is_lower, LIFTING, FALLING), mode)
     return dt, lam, s, 0.0, mode, heat, charge, 0.0
 
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, equal_parts, next_part, rk4
+from gapsense.integrate import crossing, equal_parts, next_part, rk4, rk4_until
 from gapsense.records import Array, Scalar, Table
 from gapsense.trace import clip, cond, loop, not_, sqrt, square, where
 
@@ -207,21 +207,12 @@ def _rest(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, mode: Scalar) -> Any
     gap_reluctance, slope = magnetics.gap_law(h, valve.circuit)
     spring = motion.spring_force(h, valve.mover)
 
-    def after(length: Scalar) -> Any:
-        return rk4(partial(_resting_rates, valve, gap_reluctance), (lam,), length)
+    def margin(y: Any) -> Scalar:
+        return -motion.inward(mode, magnetics.force(y[0], slope, valve.circuit) + spring)
 
-    def hold(lam: Scalar) -> Scalar:
-        return -motion.inward(mode, magnetics.force(lam, slope, valve.circuit) + spring)
-
-    (lam_next,), (losses, charge) = after(dt)
-    held = hold(lam_next)
-
-    def release() -> Any:
-        length = crossing(lambda length: hold(after(length)[0][0]), dt, hold(lam), held)
-        (lam_then,), (losses, charge) = after(length)
-        return length, lam_then, h, 0.0, MOVING, losses, charge
-
-    return cond(held < 0.0, release, lambda: (dt, lam_next, h, 0.0, mode, losses, charge))
+    rate = partial(_resting_rates, valve, gap_reluctance)
+    dt, (lam,), (losses, charge), is_released = rk4_until(rate, (lam,), dt, margin)
+    return dt, lam, h, 0.0, where(is_released, MOVING, mode), losses, charge
 
 
 def _moving_rates(valve: Valve, y: Any) -> Any:
