@@ -35,6 +35,12 @@ def test_robust_tuning_misses_no_landing_at_five_percent(wrong: dict[str, Errors
     assert not bounded_ukf.parameters(0.0, (0.05,))[ROBUST].missed.any()
 
 
+def test_robust_tuning_holds_where_it_was_not_made() -> None:
+    found = bounded_ukf.unseen(runs=40)
+    assert not found[ROBUST].missed[0].any()  # at 10 % some are
+    assert np.mean(found[ROBUST].rmse[0, ..., 1] ** 2) < 0.6 * np.mean(found[OPEN].rmse[0, ..., 1] ** 2)
+
+
 def test_tuning_of_the_paper_misses_some(wrong: dict[str, Errors]) -> None:
     assert wrong[PAPER].missed[1].sum() > 10
 

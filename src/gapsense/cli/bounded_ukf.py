@@ -48,3 +48,6 @@ def ukf_parameters(to: Folder = Path("results")) -> None:
             with bar(f"resistance {100 * r:+g} %, samples") as progress:
                 wrong[r] = bounded_ukf.parameters(r, (0.0, errors[-1]), progress)
         out.print(bounded_ukf_report.resistance_text(wrong, errors[-1]), markup=False)
+        with bar("unseen cases, samples") as progress:
+            found = bounded_ukf.unseen(progress=progress)
+        out.print(f"\n{bounded_ukf_report.unseen_text(found)}", markup=False)

@@ -27,6 +27,7 @@ SAMPLES = REST + 2 * HALF
 LAST = 50  # samples at the end of each half, in which the plunger has long landed
 MISSED = 0.25  # an estimate that is further from the stop there, in strokes, has missed the landing
 VOLTAGES = (24.0, 30.0, 36.0)  # [V]
+UNSEEN = (21.0, 27.0, 33.0)  # voltages that no tuning was made with [V]
 NOISES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # sigma_n (37)
 ERRORS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05)  # relative, of the parameters
 RESISTANCES = (-0.05, -0.02, 0.02, 0.05)  # relative
@@ -88,9 +89,28 @@ def parameters(
     return _all(np.full(shape, NOISE), drawn, factors, progress)
 
 
-def _all(sizes: Array, drawn: Array, factors: Mapping[str, Array], progress: Progress) -> dict[str, Errors]:
+def unseen(runs: int = 200, progress: Progress = lambda done, total: None) -> dict[str, Errors]:
+    """A check of the tuning by cases that it does not know: `UNSEEN` voltages, random errors in all parameters.
+
+    The errors are uniform within +-5 and +-10 %, those of the resistance too, with noise of their own for each run.
+    """
+    rng, widths = np.random.default_rng(1000), np.array([0.05, 0.10])[:, None, None]
+    factors = {name: 1.0 + widths * rng.uniform(-1.0, 1.0, (1, 1, runs)) for name in (*WRONG, "coil_resistance")}
+    factors["core_saturation"] = factors["coil_turns"] / factors["core_saturation"]
+    shape = (len(widths), len(UNSEEN), runs)
+    drawn = rng.standard_normal((2, SAMPLES, 1, *shape[1:]))
+    return _all(np.full(shape, NOISE), drawn, factors, progress, UNSEEN)
+
+
+def _all(
+    sizes: Array,
+    drawn: Array,
+    factors: Mapping[str, Array],
+    progress: Progress,
+    voltages: Sequence[float] = VOLTAGES,
+) -> dict[str, Errors]:
     """Errors of all filters; `sizes` (levels, voltages, runs) are those of the noise, `drawn` is noise of size 1."""
-    cycles = [simulated(volts) for volts in VOLTAGES]
+    cycles = [simulated(volts) for volts in voltages]
     found, total = {}, SAMPLES * len(FILTERS)
     for k, (name, options) in enumerate(FILTERS.items()):
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gapsense.studies.bounded_ukf import NOISE, VOLTAGES, Errors
+from gapsense.studies.bounded_ukf import NOISE, UNSEEN, VOLTAGES, Errors
 
 PARTS = ("closing", "opening")
 
@@ -55,6 +55,20 @@ def resistance_text(found: Mapping[float, Mapping[str, Errors]], error: float) -
             lines.append(_row(f"{name}, {title}", cells, 20))
         missed = [found[r][name].missed[1] for r in found]
         lines.append(_row(f"{name}, missed", [f"{m.sum()} of {m.size}" for m in missed], 20))
+    return "\n".join(lines)
+
+
+def unseen_text(found: Mapping[str, Errors]) -> str:
+    """The check by cases that the tuning does not know."""
+    lines = [
+        f"Cases that no tuning was made with: {', '.join(f'{v:g}' for v in UNSEEN)} V, random errors of all parameters and",
+        "the resistance within +-5 and +-10 %. RMS error of the position / um, closing / opening; landings missed",
+        "",
+        _row("", ["5 %", "10 %", "missed 5 %", "missed 10 %"], 16),
+    ]
+    for name, e in found.items():
+        errors = ["/".join(_micro(np.sqrt(np.mean(x[..., p] ** 2))) for p in (0, 1)) for x in e.rmse]
+        lines.append(_row(name, [*errors, *(f"{m.sum()} of {m.size}" for m in e.missed)], 16))
     return "\n".join(lines)
 
 
