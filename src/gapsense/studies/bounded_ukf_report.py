@@ -61,8 +61,8 @@ def resistance_text(found: Mapping[float, Mapping[str, Errors]], error: float) -
 def unseen_text(found: Mapping[str, Errors]) -> str:
     """The check by cases that the tuning does not know."""
     lines = [
-        f"Cases that no tuning was made with: {', '.join(f'{v:g}' for v in UNSEEN)} V, random errors of all parameters and",
-        "the resistance within +-5 and +-10 %. RMS error of the position / um, closing / opening; landings missed",
+        f"Cases that no tuning was made with: {', '.join(f'{v:g}' for v in UNSEEN)} V, random errors of all parameters",
+        "and the resistance within +-5 and +-10 %. RMS error of the position / um, closing / opening; landings missed",
         "",
         _row("", ["5 %", "10 %", "missed 5 %", "missed 10 %"], 16),
     ]
