@@ -46,7 +46,7 @@ def start_values(files: list[Path], folders: list[Path]) -> dict[Path, dict[str,
     """Start values for the component of each folder; a ValueError tells everything that is wrong with them."""
     from gapsense.fmi.package import find_components, load_component
     from gapsense.fmi.start_values import unknown_names, with_start_values
-    from gapsense.studies.transfer import read_values, values_for
+    from gapsense.studies.identification.transfer import read_values, values_for
 
     values = read_values(files) if files else {}
     problems = unknown_names([load_component(folder) for folder in find_components(ROOT / "fmus")], values)

@@ -17,7 +17,7 @@ import pytest
 from gapsense.actuators.parameters import VALVE
 from gapsense.cosim import run
 from gapsense.cosim.files import read_columns
-from gapsense.studies.identification_model import simulate
+from gapsense.studies.identification.model import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 DT, REST, PERIODS, SAMPLES, ON = 50e-6, 10, 2, 320, 100

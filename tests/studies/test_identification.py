@@ -9,9 +9,9 @@ import pytest
 from valve_records import GUESS, record
 
 from gapsense.actuators.parameters import VALVE
-from gapsense.studies.identification import POOR, Fit, identify
-from gapsense.studies.identification_errors import long_run, uncertainty
-from gapsense.studies.identification_model import (
+from gapsense.studies.identification.errors import long_run, uncertainty
+from gapsense.studies.identification.fit import POOR, Fit, identify
+from gapsense.studies.identification.model import (
     FITTED,
     balanced,
     cost,
@@ -22,8 +22,8 @@ from gapsense.studies.identification_model import (
     shortened,
     simulate,
 )
-from gapsense.studies.identification_search import search
-from gapsense.studies.identification_validation import validate
+from gapsense.studies.identification.search import search
+from gapsense.studies.identification.validation import validate
 
 
 def errors(result) -> np.ndarray:

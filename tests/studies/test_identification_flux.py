@@ -7,9 +7,9 @@ import pytest
 from valve_records import PERIOD, record
 
 from gapsense.actuators.parameters import VALVE
-from gapsense.studies.identification_flux import edges, estimate, operations
-from gapsense.studies.identification_model import simulate
-from gapsense.studies.identification_record import Columns, to_record
+from gapsense.studies.identification.flux import edges, estimate, operations
+from gapsense.studies.identification.model import simulate
+from gapsense.studies.identification.record import Columns, to_record
 
 DT = 1e-4
 

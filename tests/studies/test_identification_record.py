@@ -10,8 +10,8 @@ import pytest
 from valve_records import columns, write
 
 from gapsense.cosim import run
-from gapsense.studies.identification_checks import noise, read_record
-from gapsense.studies.identification_record import RecordError
+from gapsense.studies.identification.checks import noise, read_record
+from gapsense.studies.identification.record import RecordError
 
 ROOT = Path(__file__).resolve().parents[2]
 

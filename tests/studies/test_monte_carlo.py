@@ -15,8 +15,8 @@ from wrong_models import filter_parameters
 
 from gapsense.estimators.rts import motions, smooth_record
 from gapsense.report.monte_carlo import orderings
-from gapsense.studies.batch import Variant
-from gapsense.studies.monte_carlo import (
+from gapsense.studies.smoother.batch import Variant
+from gapsense.studies.smoother.monte_carlo import (
     ESTIMATORS,
     WIDTHS,
     compare,
@@ -26,7 +26,7 @@ from gapsense.studies.monte_carlo import (
     trajectories,
     tuning,
 )
-from gapsense.studies.perturbation import CHUNK, chunks, errors, noise, perturbed
+from gapsense.studies.smoother.perturbation import CHUNK, chunks, errors, noise, perturbed
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
@@ -114,7 +114,7 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, sys
 from pathlib import Path
-from gapsense.studies.monte_carlo import compare, study_of
+from gapsense.studies.smoother.monte_carlo import compare, study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 compare(study, [0.01, 0.02, 0.03, 0.05], 3, 2, Path(sys.argv[2]))
 """

@@ -8,7 +8,7 @@ import pytest
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
 from gapsense.cosim import ScenarioError
-from gapsense.studies.transfer import read_values, reduced_gap, values_for
+from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
 
 LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}
 REDUCED = ("gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "coil.turns")

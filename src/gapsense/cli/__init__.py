@@ -1,6 +1,7 @@
 """The command line: one module per group of commands, each registered by its import."""
 
 from gapsense.cli import (
+    bounded_ukf,
     components,
     hybrid_ekf,
     identify,
@@ -15,6 +16,7 @@ from gapsense.cli.common import app
 
 __all__ = [
     "app",
+    "bounded_ukf",
     "components",
     "hybrid_ekf",
     "identify",

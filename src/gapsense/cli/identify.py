@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import app, bar, checkout, err, out, reported
-from gapsense.studies.identification import STARTS
-from gapsense.studies.identification_record import CONVENTIONS, Record
+from gapsense.studies.identification.fit import STARTS
+from gapsense.studies.identification.record import CONVENTIONS, Record
 
 MODELS = ("solenoid_valve",)
 Column = Annotated[
@@ -47,19 +47,19 @@ def identify(
     """
     from gapsense.report import figures
     from gapsense.report import identification as report
-    from gapsense.studies import identification, identification_file, identification_validation
+    from gapsense.studies.identification import file, fit, validation
 
     with reported():
         one_of("--model", model, MODELS)
         if figure is not None:
             figures.check("overview", figure)
-        known = identification_file.read_known(parameters)
+        known = file.read_known(parameters)
         records = read(data, column, voltage, period, "periods")
         kept = read(validate or [], column, voltage, None, "rest")
         with bar("identifying") as progress:
-            result = identification.identify(records, known.parameters, starts, seed, period, progress)
-        checks = [identification_validation.validate(result.parameters, record) for record in kept]
-        identification_file.write_identified(to, result, known, data)
+            result = fit.identify(records, known.parameters, starts, seed, period, progress)
+        checks = [validation.validate(result.parameters, record) for record in kept]
+        file.write_identified(to, result, known, data)
         shown = [report.resistances(result, records), report.parameters(result), report.correlations(result)]
         for table in (*shown, *([report.validation(checks)] if checks else [])):
             out.print(table)
@@ -91,7 +91,7 @@ def estimate(
     """Run estimators, through their FMUs, on a measured record, and draw what they say."""
     from gapsense.report import estimation as report
     from gapsense.report import figures
-    from gapsense.studies import estimation, transfer
+    from gapsense.studies.identification import estimation, transfer
 
     with reported():
         picture = figure or Path("results") / f"{data.stem}_estimates.png"
@@ -125,8 +125,8 @@ def one_of(option: str, value: str, choices: tuple[str, ...]) -> None:
 
 def read(files: list[Path], column: list[str] | None, voltage: str, period: float | None, needs: str) -> list[Record]:
     """Records of files; all problems of all files at once."""
-    from gapsense.studies.identification_checks import read_record
-    from gapsense.studies.identification_record import RecordError
+    from gapsense.studies.identification.checks import read_record
+    from gapsense.studies.identification.record import RecordError
 
     one_of("--voltage", voltage, CONVENTIONS)
     if wrong := [pair for pair in column or [] if "=" not in pair]:
@@ -154,7 +154,7 @@ def estimators(root: Path) -> dict[str, list[str]]:
 
 def chosen(wanted: str | None, inputs: dict[str, list[str]], record: Record) -> list[str]:
     """Names of the estimators to run: those wanted, or all that can run; a ValueError says why one cannot."""
-    from gapsense.studies.estimation import missing
+    from gapsense.studies.identification.estimation import missing
 
     plain = {name.lower(): name for name in inputs}
     asked = [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else list(plain)

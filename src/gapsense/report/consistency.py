@@ -9,8 +9,8 @@ from rich.table import Table
 
 from gapsense.report.figures import FIRST, SECOND, Vector
 from gapsense.report.tables import add_row, new_table
-from gapsense.studies.consistency import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
-from gapsense.studies.monte_carlo import OPERATIONS
+from gapsense.studies.smoother.consistency import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
+from gapsense.studies.smoother.monte_carlo import OPERATIONS
 
 
 def squared(found: Consistency) -> Figure:

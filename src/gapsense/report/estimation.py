@@ -13,8 +13,8 @@ from rich.table import Table
 from gapsense.cosim.files import write_atomically, write_columns
 from gapsense.report.figures import FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
 from gapsense.report.tables import add_row, new_table, quantity
-from gapsense.studies.estimation import Estimate
-from gapsense.studies.identification_record import Record
+from gapsense.studies.identification.estimation import Estimate
+from gapsense.studies.identification.record import Record
 
 QUANTITIES = {  # of estimators: label, factor for display, unit
     "position": ("position\n/ mm", 1e3, "m"),

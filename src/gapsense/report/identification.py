@@ -11,10 +11,10 @@ from rich.table import Table
 
 from gapsense.report.figures import FIRST, SECOND, TRUE, legend, line, stack
 from gapsense.report.tables import add_row, new_table, quantity
-from gapsense.studies.identification import POOR, Identified
-from gapsense.studies.identification_model import Trajectory
-from gapsense.studies.identification_record import Record
-from gapsense.studies.identification_validation import Validation
+from gapsense.studies.identification.fit import POOR, Identified
+from gapsense.studies.identification.model import Trajectory
+from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.validation import Validation
 
 NAMES = {
     "coil_turns": ("coil.turns", "1"),

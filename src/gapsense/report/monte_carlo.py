@@ -11,8 +11,8 @@ from rich.table import Table
 from gapsense.cosim.files import Columns
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE
 from gapsense.report.tables import add_row, new_table
-from gapsense.studies.batch import MOVING
-from gapsense.studies.monte_carlo import (
+from gapsense.studies.smoother.batch import MOVING
+from gapsense.studies.smoother.monte_carlo import (
     ESTIMATORS,
     OPERATIONS,
     QUANTITIES,

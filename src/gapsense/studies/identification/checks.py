@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification_flux import edges, operations
-from gapsense.studies.identification_record import (
+from gapsense.studies.identification.flux import edges, operations
+from gapsense.studies.identification.record import (
     SHOWN,
     Columns,
     Record,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gapsense.studies.profiles import ESTIMATORS, LEVELS, OPERATIONS, PUBLISHED, Errors, Profile, Vector
+from gapsense.studies.smoother.profiles import ESTIMATORS, LEVELS, OPERATIONS, PUBLISHED, Errors, Profile, Vector
 
 UNITS = {"position": "1", "velocity": "1/s"}
 ALIKE = 1e-2  # difference of positions, in strokes, by which two motions are the same

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from gapsense.cosim.sweep import Progress
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import motions
-from gapsense.studies.batch import Row, Tuning, Variant, Varied
-from gapsense.studies.perturbation import chunks, errors, noise, perturbed
-from gapsense.studies.reference import process_noise
-from gapsense.studies.runs import Estimator, filtered, open_loop, smoothed
+from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
+from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
+from gapsense.studies.smoother.reference import process_noise
+from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.studies.soft_landing import Samples
 from gapsense.studies.tasks import Facts, compute
 

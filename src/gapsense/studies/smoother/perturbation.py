@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from gapsense.estimators.reduced_model import Model, gap_law
-from gapsense.studies.batch import Varied
+from gapsense.studies.smoother.batch import Varied
 
 Floats = NDArray[np.float64]
 ERRORS = 8  # parameters that are wrong (52)

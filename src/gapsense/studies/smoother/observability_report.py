@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.motion import MOVING
-from gapsense.studies.nominal import nominal, own
-from gapsense.studies.observability_rts import TOLERANCE, Vector, samples_needed
-from gapsense.studies.reference import reference_states
+from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.studies.smoother.observability import TOLERANCE, Vector, samples_needed
+from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing import Samples, sampled, soft_landing
 
 OTHERS = (1e-9, 1e-10, 1e-11, 1e-13, 1e-14)  # tolerances to compare with

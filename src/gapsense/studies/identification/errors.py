@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.studies.identification_flux import trapezoid
-from gapsense.studies.identification_model import (
+from gapsense.studies.identification.flux import trapezoid
+from gapsense.studies.identification.model import (
     FITTED,
     Experiment,
     charge,
@@ -26,7 +26,7 @@ from gapsense.studies.identification_model import (
     simulate,
     with_resistance,
 )
-from gapsense.studies.identification_record import Vector
+from gapsense.studies.identification.record import Vector
 
 Matrix = npt.NDArray[np.float64]
 STEP = 1e-5  # relative change of a parameter for a difference quotient

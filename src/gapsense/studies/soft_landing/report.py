@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gapsense.actuators.motion import CLOSED, MOVING
-from gapsense.studies.soft_landing_phases import Cycle
+from gapsense.studies.soft_landing.phases import Cycle
 
 COLUMNS = (  # heading, field, factor
     ("voltage / V", "voltage", 1.0),

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from gapsense.cosim.sweep import Progress
-from gapsense.studies.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
-from gapsense.studies.monte_carlo import Study, noise_of_width, operation_of, tuning
-from gapsense.studies.perturbation import chunks, errors, noise, perturbed
-from gapsense.studies.reference import reference_states
-from gapsense.studies.runs import Estimator, filtered, smoothed
+from gapsense.studies.smoother.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
+from gapsense.studies.smoother.monte_carlo import Study, noise_of_width, operation_of, tuning
+from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
+from gapsense.studies.smoother.reference import reference_states
+from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
 
 Floats = NDArray[np.float64]
 CONFIDENCE = 0.9

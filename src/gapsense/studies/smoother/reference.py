@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar, Vector
-from gapsense.studies.batch import Code, Variant, Varied, compiled, varied_model
+from gapsense.studies.smoother.batch import Code, Variant, Varied, compiled, varied_model
 
 Floats = NDArray[np.float64]
 BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache

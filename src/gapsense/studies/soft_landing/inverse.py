@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.reluctance_steps import Actuator
-from gapsense.studies.trajectory import Mechanics, Motion, mechanics
+from gapsense.studies.soft_landing.trajectory import Mechanics, Motion, mechanics
 
 Vector = npt.NDArray[np.float64]
 SHORTEST = 50  # steps per motion at least, in the integration of the core

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Model, is_moving, limit
 from gapsense.estimators.rts import motions
-from gapsense.studies.batch import (
+from gapsense.studies.smoother.batch import (
     Row,
     Tuning,
     Variant,

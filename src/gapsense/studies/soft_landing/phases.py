@@ -16,8 +16,8 @@ from gapsense.actuators.motion import CLOSED, MOVING, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State
 from gapsense.actuators.reluctance_steps import Actuator
 from gapsense.kernel import Kernel
-from gapsense.studies.inverse_actuator import SoftLandingError, follow, needed_flux
-from gapsense.studies.trajectory import Motion
+from gapsense.studies.soft_landing.inverse import SoftLandingError, follow, needed_flux
+from gapsense.studies.soft_landing.trajectory import Motion
 
 Vector = npt.NDArray[np.float64]
 BALANCE = 1e-6  # net force that counts as none, in forces of the spring

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from gapsense.cosim.descriptions import describe
 from gapsense.cosim.feed import feed
 from gapsense.cosim.tables import Value
-from gapsense.studies.identification_record import Record, Vector
-from gapsense.studies.transfer import values_for
+from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.transfer import values_for
 
 REMEDY = {
     "mode": "Add a column `mode [1]` with 1: closed, 2: moving, 3: open, from contact sensors on the stops",

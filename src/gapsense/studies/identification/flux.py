@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification_record import Record, Vector
+from gapsense.studies.identification.record import Record, Vector
 
 LOW, HIGH = 0.25, 0.75  # levels between the lowest and the highest voltage that tell an edge from noise
 

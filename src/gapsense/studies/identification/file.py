@@ -16,8 +16,8 @@ from gapsense.cosim.files import read_columns, write_atomically
 from gapsense.cosim.parameters import read_parameters
 from gapsense.cosim.problems import ScenarioError, suggest
 from gapsense.cosim.tables import Value, found, is_number
-from gapsense.studies.identification import POOR, Identified
-from gapsense.studies.transfer import GAPS
+from gapsense.studies.identification.fit import POOR, Identified
+from gapsense.studies.identification.transfer import GAPS
 
 COLUMNS = ("gap", "reluctance", "slope")
 WRITTEN = (

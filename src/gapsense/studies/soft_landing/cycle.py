@@ -15,11 +15,9 @@ import numpy as np
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
-from gapsense.studies.inverse_actuator import SoftLandingError
-from gapsense.studies.soft_landing_phases import Cycle as Cycle
-from gapsense.studies.soft_landing_phases import Setup, Vector, balancing_voltage, move, rest
-from gapsense.studies.trajectory import FIG_5, Motion
-from gapsense.studies.trajectory import Trajectory as Trajectory
+from gapsense.studies.soft_landing.inverse import SoftLandingError
+from gapsense.studies.soft_landing.phases import Cycle, Setup, Vector, balancing_voltage, move, rest
+from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory
 
 INSTANT = 1e-12  # [s]; times that are closer are the same
 

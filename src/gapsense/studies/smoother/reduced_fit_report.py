@@ -12,7 +12,7 @@ from gapsense.actuators.motion import MOVING
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.cosim.files import read_columns
 from gapsense.estimators.reduced_model import normalised
-from gapsense.studies.reduced_fit import CoreFit, current_rms, fit_core, integrated_flux
+from gapsense.studies.smoother.reduced_fit import CoreFit, current_rms, fit_core, integrated_flux
 from gapsense.studies.soft_landing import sampled, soft_landing
 
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II

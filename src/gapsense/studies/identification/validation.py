@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.studies.identification_flux import edges
-from gapsense.studies.identification_model import Trajectory, simulate
-from gapsense.studies.identification_record import Record
+from gapsense.studies.identification.flux import edges
+from gapsense.studies.identification.model import Trajectory, simulate
+from gapsense.studies.identification.record import Record
 
 
 class Validation(NamedTuple):

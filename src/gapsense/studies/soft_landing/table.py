@@ -13,7 +13,7 @@ from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters
 from gapsense.kernel import Kernel
-from gapsense.studies.soft_landing_phases import Cycle, Vector
+from gapsense.studies.soft_landing.phases import Cycle, Vector
 
 PIECES = 100  # per motion
 

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.studies.identification_errors import Uncertainty, uncertainty
-from gapsense.studies.identification_flux import Flux
-from gapsense.studies.identification_model import (
+from gapsense.studies.identification.errors import Uncertainty, uncertainty
+from gapsense.studies.identification.flux import Flux
+from gapsense.studies.identification.model import (
     FITTED,
     Experiment,
     Trajectory,
@@ -30,8 +30,8 @@ from gapsense.studies.identification_model import (
     shortened,
     simulate,
 )
-from gapsense.studies.identification_record import Record, Vector
-from gapsense.studies.identification_search import search
+from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.search import search
 
 STARTS, SPREAD = 6, 1.5  # random starts lie within this factor of the first one
 BOUND = 5.0  # and the result within this one
