@@ -211,11 +211,8 @@ def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
 
     def piece(left: Scalar, *entries: Scalar) -> tuple[Any, Any]:
         before = record(Hybrid, entries)
-        dt, after = cond(
-            is_resting(before.q),
-            lambda: _rest(before, u, left, mod, tun),
-            lambda: _move(before, u, left, mod, tun),
-        )
+        given = (before, u, left, mod, tun)
+        dt, after = cond(is_resting(before.q), lambda: _rest(*given), lambda: _move(*given))
         left = left - dt
         return (left, *flat(after)), not_(left > 1e-6 * mod.T_s)
 
@@ -292,9 +289,8 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
 def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Any, Any]:
     """Whether the armature meets the upper and the lower stop: comes near it, but exactly the one that it has left."""
     is_falling = q > 2.5
-    is_up = (v > 0.0) & (s >= where(is_falling, mod.s_max, mod.s_max - tun.band))
-    is_down = (v < 0.0) & (s <= where(is_falling, tun.band, 0.0))
-    return is_up, is_down
+    highest, lowest = mod.s_max - where(is_falling, 0.0, tun.band), where(is_falling, tun.band, 0.0)
+    return (v > 0.0) & (s >= highest), (v < 0.0) & (s <= lowest)
 
 
 def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
