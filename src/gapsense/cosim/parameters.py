@@ -9,7 +9,6 @@ from typing import Any
 from gapsense.cosim.files import read_columns
 from gapsense.cosim.tables import LIST, SCALAR, TEXT, Table, Value, found, read_toml
 
-
 ROWS = "rows"  # of `[sweep]`: a file, no parameter
 
 
