@@ -28,7 +28,7 @@ def estimators(
     fmus: Fmus = None,
     to: Annotated[Path, typer.Option("--out", help="Folder for runs and figure")] = Path("results"),
 ) -> None:
-    """Run all estimators on the same actuator under nine conditions, through the FMUs: one table, one figure.
+    """Run all estimators on the same actuator under ten conditions, through the FMUs: one table, one figure.
 
     Errors, missed landings, latency, cost per step, and what each needs. It goes on after an interruption.
     """

@@ -10,14 +10,17 @@ from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line, recorded, stack
-from gapsense.studies.estimators import CONTENDERS, Contender, estimate, lined_up, signals
+from gapsense.studies.estimators import CONTENDERS, Contender, estimate, learnt, lined_up, signals
 from gapsense.studies.estimators_report import CONDITIONS, Runs, values
 
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
 COLORS = dict(
-    zip((c.label for c in CONTENDERS), (FAINT, FIRST, "#bf8700", SECOND, THIRD, "#8250df", "#cf222e", "#1b7c83"))
+    zip(
+        (c.label for c in CONTENDERS),
+        (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#8250df", "#cf222e", "#1b7c83"),
+    )
 )
-SHAPES = dict(zip(COLORS, "osD^vPX*"))
+SHAPES = dict(zip(COLORS, "ospD^vPX*"))
 SPACING = 0.11  # between the estimators of a condition
 
 
@@ -66,17 +69,18 @@ def styled(axis: Any, title: str, count: int) -> None:
 
 
 def run(result: Result) -> Figure:
-    """One run: voltage, current, then positions and flux linkages of all estimators against the truth."""
+    """The second cycle of a run: voltage, current, positions and flux linkages of all estimators against the truth."""
     recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
     title = f"{result.run.scenario}: {result.run.title}"
     labels = ["voltage / V", "current / A", "position / mm", "flux linkage / mWb"]
-    figure, axes = stack(title, labels, [1.0, 1.0, 2.5, 2.5])
+    figure, axes = stack(title, labels, [1.4, 1.4, 3.0, 3.0])
     line(axes[0], result.times, result["sensor.voltage_measured"], TRUE)
     line(axes[1], result.times, result["sensor.current_measured"], TRUE)
     for axis, quantity in zip(axes[2:], PANELS):
         estimates(axis, result, quantity)
         legend(axis)
     axes[3].set_ylim(-3.0, 1.4e3 * float(np.max(result["actuator.flux_linkage"])))
+    axes[3].set_xlim(1e3 * learnt(result), 2e3 * learnt(result))
     return figure
 
 

@@ -42,6 +42,7 @@ MODEL = "all parameters"
 CONTENDERS = (
     Contender("open loop", "open_loop", REAL_TIME, f"{MODEL}; no current"),
     Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL),
+    Contender("BoundedUkf, tuned", "bounded_ukf_tuned", REAL_TIME, MODEL),
     Contender("HybridEkf", "hybrid_ekf", {k: k for k in QUANTITIES[:2]}, MODEL, is_lift=True),
     Contender("Ekf", "ekf", REAL_TIME, f"{MODEL}; contact sensor"),
     Contender(
@@ -166,10 +167,10 @@ def rmse(result: Result, contender: Contender, quantity: str, samples: Samples) 
 
 
 def rests(result: Result) -> list[int]:
-    """Rows half-way through the rests after all landings of the second cycle and later ones."""
-    found, mode = motions(result["actuator.mode"]), result["actuator.mode"]
-    ends = [first for first, _ in found[1:]] + [mode.size]
-    return [(landed + end) // 2 for (_, landed), end in zip(found, ends) if result.times[landed] > learnt(result)]
+    """Rows half-way through the rests, from the second cycle on, that the mover leaves again."""
+    found = motions(result["actuator.mode"])
+    between = [(landed, taken_off) for (_, landed), (taken_off, _) in zip(found, found[1:])]
+    return [(landed + end) // 2 for landed, end in between if result.times[landed] > learnt(result)]
 
 
 def missed(result: Result, position: Vector, samples: Samples, at: list[int]) -> int:

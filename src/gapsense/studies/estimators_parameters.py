@@ -155,6 +155,7 @@ def beliefs(v: Valve) -> dict[str, float]:
         "ekf": reduced(v),
         "ertss": reduced(v),
         "bounded_ukf": tabulated(v),
+        "bounded_ukf_tuned": tabulated(v),
         "open_loop": tabulated(v),
         "hybrid_ekf": magnet(v),
         "semera": coil(v),
