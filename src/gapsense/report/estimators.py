@@ -17,16 +17,16 @@ PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / m
 COLORS = dict(
     zip(
         (c.label for c in CONTENDERS),
-        (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#8250df", "#cf222e", "#1b7c83"),
+        (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83"),
     )
 )
-SHAPES = dict(zip(COLORS, "ospD^vPX*"))
+SHAPES = dict(zip(COLORS, "ospD^v<PX*"))
 SPACING = 0.11  # between the estimators of a condition
 
 
 def conditions(found: Mapping[str | None, Runs]) -> Figure:
     """Root mean square errors: dots are medians over the runs, lines reach from the best to the worst run."""
-    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    figure = Figure(figsize=(11.5, 7.0), layout="constrained")
     axes = figure.subplots(len(PANELS), 1, sharex=True)
     shown = [c for c in CONDITIONS if c.variant in found]
     for axis, (quantity, (title, factor)) in zip(axes, PANELS.items()):
@@ -36,7 +36,7 @@ def conditions(found: Mapping[str | None, Runs]) -> Figure:
             errors = [factor * values(found[c.variant], contender, quantity) for c in shown]
             dots(axis, at, errors, contender)
         styled(axis, f"RMS error of the {title}", len(shown))
-    axes[-1].set_xticks(range(len(shown)), [c.title for c in shown])
+    axes[-1].set_xticks(range(len(shown)), [c.title for c in shown], fontsize="small")
     figure.suptitle("All estimators on the same actuator: median of the runs, from the best to the worst")
     return figure
 

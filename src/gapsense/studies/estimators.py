@@ -39,15 +39,16 @@ REAL_TIME = {"position": "position", "velocity": "velocity", "flux_linkage": "fl
 SMOOTHED = {quantity: f"smoothed_{signal}" for quantity, signal in REAL_TIME.items()}
 ELECTRIC = {"flux_linkage": "flux_linkage", "resistance": "resistance"}
 MODEL = "all parameters"
+CONTACT = f"{MODEL}; contact sensor"
+LATE = ("smoothed_published", "smoothed_time")
 CONTENDERS = (
     Contender("open loop", "open_loop", REAL_TIME, f"{MODEL}; no current"),
     Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL),
     Contender("BoundedUkf, tuned", "bounded_ukf_tuned", REAL_TIME, MODEL),
     Contender("HybridEkf", "hybrid_ekf", {k: k for k in QUANTITIES[:2]}, MODEL, is_lift=True),
-    Contender("Ekf", "ekf", REAL_TIME, f"{MODEL}; contact sensor"),
-    Contender(
-        "Ertss", "ertss", SMOOTHED, f"{MODEL}; contact sensor", published="smoothed_published", time="smoothed_time"
-    ),
+    Contender("Ekf", "ekf", REAL_TIME, CONTACT),
+    Contender("Ertss", "ertss", SMOOTHED, CONTACT, *LATE),
+    Contender("Ertss without e_i", "no_current_error", SMOOTHED, CONTACT, *LATE),
     Contender("Semera", "semera", ELECTRIC, "R, rest inductance"),
     Contender("Integral", "integral", ELECTRIC, "R, periodic drive"),
     Contender(

@@ -154,6 +154,7 @@ def beliefs(v: Valve) -> dict[str, float]:
     of: Mapping[str, dict[str, float]] = {
         "ekf": reduced(v),
         "ertss": reduced(v),
+        "no_current_error": reduced(v),
         "bounded_ukf": tabulated(v),
         "bounded_ukf_tuned": tabulated(v),
         "open_loop": tabulated(v),
