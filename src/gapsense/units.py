@@ -50,6 +50,15 @@ UNITS = {
     "1/(H.m)": Unit(kg=-1, m=-3, s=2, A=2),
 }
 
+PREFIXES = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6, "\u03bc": 1e-6, "n": 1e-9}
+
+
+def factor(written: str, unit: str) -> float | None:
+    """SI value of one `written`, a unit with or without a prefix (`ms`, `mA`), if it is a multiple of `unit`."""
+    if unit == "1":
+        return 1.0 if written in ("1", "-", "") else None
+    return PREFIXES.get(written.removesuffix(unit)) if written.endswith(unit) else None
+
 
 def base_exponents(unit: str) -> dict[str, int]:
     """Non-zero exponents of the SI base units in `unit`."""

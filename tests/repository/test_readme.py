@@ -83,7 +83,7 @@ def test_variants_and_scenarios_of_the_readme_exist():
 
 def test_every_command_is_named_in_the_readme():
     section = README.partition("\n## Commands\n")[2].partition("\n## ")[0]
-    named = set(re.findall(r"`(?:gapsense )?([a-z]+)`", section))
+    named = set(re.findall(r"`(?:gapsense )?([a-z-]+)`", section))
     assert set(COMMANDS) <= named
 
 

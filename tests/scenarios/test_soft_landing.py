@@ -15,9 +15,9 @@ from gapsense.fmi.tables import read_table
 from gapsense.report import figures
 from gapsense.report.soft_landing import LABELS, smoothed
 from gapsense.studies import soft_landing
-from gapsense.studies.nominal import nominal, own
-from gapsense.studies.reference import process_noise
-from gapsense.studies.soft_landing_table import deviation, voltage_table, write
+from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.studies.smoother.reference import process_noise
+from gapsense.studies.soft_landing.table import deviation, voltage_table, write
 
 if sys.version_info >= (3, 11):
     import tomllib

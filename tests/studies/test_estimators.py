@@ -15,9 +15,9 @@ from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.settings import kernel_parameters
 from gapsense.report import estimators as drawn
 from gapsense.report import figures
-from gapsense.studies import estimators as benchmark
-from gapsense.studies import estimators_parameters as known
-from gapsense.studies import estimators_report as report
+from gapsense.studies.estimators import measures as benchmark
+from gapsense.studies.estimators import parameters as known
+from gapsense.studies.estimators import report
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"

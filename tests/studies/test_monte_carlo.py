@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
-import signal
 import subprocess
 import sys
 import time
@@ -17,8 +15,8 @@ from wrong_models import filter_parameters
 
 from gapsense.estimators.rts import motions, smooth_record
 from gapsense.report.monte_carlo import orderings
-from gapsense.studies.batch import Variant
-from gapsense.studies.monte_carlo import (
+from gapsense.studies.smoother.batch import Variant
+from gapsense.studies.smoother.monte_carlo import (
     ESTIMATORS,
     WIDTHS,
     compare,
@@ -28,7 +26,7 @@ from gapsense.studies.monte_carlo import (
     trajectories,
     tuning,
 )
-from gapsense.studies.perturbation import CHUNK, chunks, errors, noise, perturbed
+from gapsense.studies.smoother.perturbation import CHUNK, chunks, errors, noise, perturbed
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
@@ -116,7 +114,7 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, sys
 from pathlib import Path
-from gapsense.studies.monte_carlo import compare, study_of
+from gapsense.studies.smoother.monte_carlo import compare, study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 compare(study, [0.01, 0.02, 0.03, 0.05], 3, 2, Path(sys.argv[2]))
 """
@@ -130,7 +128,7 @@ def test_killed_run_goes_on_without_computing_anything_twice(coarse, tmp_path):
     deadline = time.monotonic() + 60
     while lines(file) < 5 and time.monotonic() < deadline:
         time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
+    process.kill()
     process.wait()
     done = lines(file)
     assert 5 <= done < 8
@@ -184,6 +182,7 @@ def test_orderings_of_the_paper_come_out_in_few_runs(study):
 
 @pytest.mark.slow
 def test_figure_9_in_full(study, tmp_path):
+    resource = pytest.importorskip("resource")
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     found = compare(study, WIDTHS, 10_000, 2, tmp_path / "found.jsonl")
     elapsed, after = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -9,8 +9,8 @@ from matplotlib.image import imread
 from gapsense.cosim import run, sweep
 from gapsense.report import figures
 from gapsense.report import profiles as drawn
-from gapsense.studies import profiles as experiment
-from gapsense.studies import profiles_report
+from gapsense.studies.smoother import profiles as experiment
+from gapsense.studies.smoother import profiles_report
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 

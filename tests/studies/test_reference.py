@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from wrong_models import Textbook
 
 from gapsense.estimators.reduced_model import gap_law
-from gapsense.studies.nominal import fitted, nominal, own
-from gapsense.studies.perturbation import errors, gap_means, perturbed
-from gapsense.studies.reference import process_noise, reference_states, transition_errors
+from gapsense.studies.smoother.nominal import fitted, nominal, own
+from gapsense.studies.smoother.perturbation import errors, gap_means, perturbed
+from gapsense.studies.smoother.reference import process_noise, reference_states, transition_errors
 
 RUNS, WIDTH = 3, 0.2
 

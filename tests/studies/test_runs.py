@@ -7,9 +7,9 @@ import pytest
 from wrong_models import Textbook, filter_parameters
 
 from gapsense.estimators.rts import smooth_record
-from gapsense.studies.batch import MOVING, Tuning, Variant, uncertain
-from gapsense.studies.perturbation import errors, gap_means, noise, perturbed
-from gapsense.studies.runs import Estimator, filtered, open_loop, smoothed
+from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, uncertain
+from gapsense.studies.smoother.perturbation import errors, gap_means, noise, perturbed
+from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 
 RUNS = 4
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)

@@ -10,9 +10,9 @@ from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs
 from gapsense.kernel import Kernel
-from gapsense.studies.inverse_actuator import SoftLandingError
 from gapsense.studies.soft_landing import run, sampled, soft_landing
-from gapsense.studies.trajectory import FIG_5, Motion, Trajectory, mechanics
+from gapsense.studies.soft_landing.inverse import SoftLandingError
+from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics
 
 CLOSE = 1e-8  # [m]
 TABLE = RTS_VALVE._replace(

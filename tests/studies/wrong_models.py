@@ -9,7 +9,7 @@ from table_i import defaults
 
 from gapsense.estimators import ekf
 from gapsense.estimators.reduced_model import Model
-from gapsense.studies.batch import Tuning, Variant, Varied
+from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 
 
 def filter_parameters(m: Model, varied: Varied, run: int, tuning: Tuning, variant: Variant) -> Any:

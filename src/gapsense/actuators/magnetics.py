@@ -92,7 +92,7 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     """The law around the gap `h`: found once, it serves a whole step of an integrator.
 
     Where a step passes a row of the table it goes on with the polynomial before: up to the second derivative there is
-    no difference, so that the error has the order of that of the step.
+    no difference.  The error is of order 4 in the step, and in the actuator of [RTS] below that of a table of 29 rows.
     """
     piece = cond(
         gap.is_table,

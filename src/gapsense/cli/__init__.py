@@ -1,9 +1,11 @@
 """The command line: one module per group of commands, each registered by its import."""
 
 from gapsense.cli import (
+    bounded_ukf,
     components,
     estimators,
     hybrid_ekf,
+    identify,
     observability,
     profiles,
     reduced_fit,
@@ -15,9 +17,11 @@ from gapsense.cli.common import app
 
 __all__ = [
     "app",
+    "bounded_ukf",
     "components",
     "estimators",
     "hybrid_ekf",
+    "identify",
     "observability",
     "profiles",
     "reduced_fit",

@@ -20,14 +20,19 @@ def build(
         list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
     ] = None,
     to: Annotated[Path | None, typer.Option("--out", help="Where to write them", show_default="build/fmus")] = None,
+    parameters: Annotated[
+        list[Path] | None,
+        typer.Option(help="Parameter-set file of start values; each FMU takes those it has", show_default=False),
+    ] = None,
 ) -> None:
-    """Build and validate the FMUs of the components in fmus/."""
+    """Build and validate the FMUs of the components in fmus/, on request with other start values."""
     with reported():
         command = [
             sys.executable,
             str(checkout() / "build_fmus.py"),
             *(names or []),
             *(["--out", str(to)] if to else []),
+            *(word for file in parameters or [] for word in ("--parameters", str(file))),
         ]
         raise typer.Exit(subprocess.run(command).returncode)
 

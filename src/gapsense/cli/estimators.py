@@ -34,7 +34,7 @@ def estimators(
     """
     from gapsense.report import estimators as drawn
     from gapsense.report import figures
-    from gapsense.studies import estimators_report as report
+    from gapsense.studies.estimators import report
 
     with reported():
         chosen = [None, *(variant or [c.variant for c in report.CONDITIONS if c.variant])]
@@ -45,7 +45,7 @@ def estimators(
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:
     """The runs of one condition."""
-    from gapsense.studies import estimators as benchmark
+    from gapsense.studies.estimators import measures as benchmark
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)
     benchmark.require(recorded_signals(read, descriptions), read.name)

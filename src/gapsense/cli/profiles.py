@@ -40,8 +40,8 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     """One variant: its sweep, figures and numbers."""
     from gapsense.report import figures
     from gapsense.report import profiles as drawn
-    from gapsense.studies import profiles as experiment
-    from gapsense.studies import profiles_report
+    from gapsense.studies.smoother import profiles as experiment
+    from gapsense.studies.smoother import profiles_report
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)
     experiment.require(recorded_signals(read, descriptions), read.name)

@@ -32,7 +32,7 @@ def reduced_fit(
 ) -> None:
     """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
     from gapsense.fmi.settings import kernel_parameters
-    from gapsense.studies import reduced_fit_report as report
+    from gapsense.studies.smoother import reduced_fit_report as report
 
     with reported():
         problems: list[str] = []

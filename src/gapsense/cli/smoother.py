@@ -10,7 +10,7 @@ import typer
 from gapsense.cli.common import bar, out, reported, study
 
 if TYPE_CHECKING:
-    from gapsense.studies.monte_carlo import Study
+    from gapsense.studies.smoother.monte_carlo import Study
 
 Runs = Annotated[int, typer.Option(help="Runs at each width", min=1)]
 Seed = Annotated[int, typer.Option(help="Of the parameter errors and of the noise", min=0)]
@@ -37,7 +37,7 @@ def monte_carlo(
     from gapsense.cosim.files import write_atomically, write_columns
     from gapsense.report import figures
     from gapsense.report import monte_carlo as report
-    from gapsense.studies.monte_carlo import WIDTHS, compare
+    from gapsense.studies.smoother.monte_carlo import WIDTHS, compare
 
     with reported():
         chosen = numbers(widths) or WIDTHS
@@ -67,7 +67,7 @@ def consistency(
     """Normalised errors of the smoother against its covariances: Figs. 7 and 8 of [RTS]."""
     from gapsense.report import consistency as report
     from gapsense.report import figures
-    from gapsense.studies.consistency import consistency as study_consistency
+    from gapsense.studies.smoother.consistency import consistency as study_consistency
 
     with reported():
         reference = studied(core, seed)
@@ -83,8 +83,8 @@ def consistency(
 
 def studied(core: str, seed: int) -> Study:
     """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for."""
-    from gapsense.studies.monte_carlo import Study
-    from gapsense.studies.nominal import fitted, nominal
+    from gapsense.studies.smoother.monte_carlo import Study
+    from gapsense.studies.smoother.nominal import fitted, nominal
     from gapsense.studies.soft_landing import sampled, soft_landing
 
     if core not in ("fitted", "published"):

@@ -18,7 +18,7 @@ from gapsense.cosim.parameters import read_parameters
 from gapsense.fmi.package import load_component
 from gapsense.fmi.ports import Port
 from gapsense.fmi.tables import column_name, read_table
-from gapsense.studies.trajectory import FIG_5, Trajectory
+from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
 
@@ -40,18 +40,18 @@ def soft_landing(
 
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
-    from gapsense.studies import soft_landing, soft_landing_report, soft_landing_table
+    from gapsense.studies.soft_landing import report, run, table
 
     with reported():
         actuator = _actuator(parameters) if parameters else RTS_VALVE
         motions = making_start, making_duration, breaking_start, breaking_duration
         trajectory = Trajectory(period, *motions, hold_voltage, lead)
-        cycles = soft_landing.run(actuator, trajectory, highest_voltage=highest_voltage)
-        times, voltages = soft_landing_table.voltage_table(cycles)
-        points, positions = soft_landing_table.played(actuator, times, voltages)
-        deviation = soft_landing_table.deviation(cycles, points, positions)
-        soft_landing_table.write(to, times, voltages)
-    out.print(soft_landing_report.text(cycles[-1]), markup=False)
+        cycles = run(actuator, trajectory, highest_voltage=highest_voltage)
+        times, voltages = table.voltage_table(cycles)
+        points, positions = table.played(actuator, times, voltages)
+        deviation = table.deviation(cycles, points, positions)
+        table.write(to, times, voltages)
+    out.print(report.text(cycles[-1]), markup=False)
     out.print(f"\nSimulated with steps of 1 us, the actuator follows within {1e9 * deviation:.2g} nm.", markup=False)
     out.print(
         f'{to}: {times.size} rows. In DriveVoltage set waveform = "soft_landing", soft_landing.file = "{to}", '
@@ -67,13 +67,13 @@ def reference_cycle(
 ) -> None:
     """Figure 5 of [RTS]: the cycle with soft landing that its analyses take as the truth."""
     from gapsense.report import figures, reference_cycle
-    from gapsense.studies import soft_landing, soft_landing_report
+    from gapsense.studies.soft_landing import report, soft_landing
 
     with reported():
         figures.check("overview", to)
-        cycle = soft_landing.soft_landing(_actuator(parameters) if parameters else RTS_VALVE)
+        cycle = soft_landing(_actuator(parameters) if parameters else RTS_VALVE)
         figures.save(reference_cycle.figure(cycle), to)
-    out.print(soft_landing_report.text(cycle), markup=False)
+    out.print(report.text(cycle), markup=False)
     out.print(f"{to} written.", markup=False)
 
 
@@ -83,13 +83,13 @@ def observability_rts(
 ) -> None:
     """Figure 6 of [RTS]: samples that make the state of the reduced model observable, along the reference cycle."""
     from gapsense.report import figures, observability_rts
-    from gapsense.studies import observability_rts_report
+    from gapsense.studies.smoother import observability_report as report
 
     with reported():
         figures.check("overview", to)
-        observed = observability_rts_report.along_reference_cycle()
+        observed = report.along_reference_cycle()
         figures.save(observability_rts.figure(observed), to)
-    out.print(observability_rts_report.text(observed), markup=False)
+    out.print(report.text(observed), markup=False)
     out.print(f"{to} written.", markup=False)
 
 

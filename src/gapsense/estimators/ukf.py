@@ -200,9 +200,12 @@ def _additive(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Pa
         return transition(x, Held(voltage, 0.0), segment(x[POSITION], par), m)
 
     x, pairs = moved(before.mean), []
-    for c in columns(before.cov, par.sigma_spread, ORDER):
-        odd, even = pair(x, moved(before.mean + c), moved(before.mean - c))
+    for k, c in enumerate(columns(before.cov, par.sigma_spread, ORDER)):
+        up = moved(before.mean + c)
+        odd, even = pair(x, up, moved(before.mean - c))
         odd[CURRENT_ERROR], even[CURRENT_ERROR] = m.memory * c[CURRENT_ERROR], 0.0  # it is linear
+        if ORDER[k] == CURRENT_ERROR:  # and so is the flux linkage, where nothing else differs
+            odd[FLUX_LINKAGE], even[FLUX_LINKAGE] = up[FLUX_LINKAGE] - x[FLUX_LINKAGE], 0.0
         pairs.append(Pair(odd, even))
     x, P = moments(x, pairs, par.sigma_spread)
     return _observed(Gaussian(x, P + diagonal(noise)), m, par)
@@ -258,9 +261,9 @@ def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: 
 
 
 def _tuning(par: Parameters) -> Tuning:
-    own = [getattr(par, f"process_{name}") for name in Tuning._fields]
-    chosen = par.option_tuning
-    return Tuning(*(where(chosen < 0.5, a, where(chosen < 1.5, b, c)) for a, b, c in zip(ROBUST, PAPER, own)))
+    own = Tuning(*(getattr(par, f"process_{name}") for name in Tuning._fields))
+    given = cond(par.option_tuning > 1.5, lambda: own, lambda: PAPER)
+    return cond(par.option_tuning < 0.5, lambda: ROBUST, lambda: given)  # type: ignore[no-any-return]
 
 
 def _process_noise(par: Parameters) -> Array:

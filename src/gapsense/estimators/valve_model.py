@@ -19,14 +19,16 @@ FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
 class Model(NamedTuple):
     """The coefficients of one step, made from physical parameters."""
 
-    T_s: Scalar
-    R: Scalar
-    core: Scalar  # k_1 / N^2 [1/H]
+    inverse_square: Scalar  # 1 / N^2
+    core: Scalar  # k_1 [1/H]
     lam_sat: Scalar  # N / k_2 [Wb]
-    keep: Scalar  # of (28) and (30): factor of z_(k-1), of z_(k-2), constant part and factor of the magnetic force
-    drop: Scalar
-    spring: Scalar
-    mobility: Scalar  # T_s^2 / m
+    T_s: Scalar
+    drop: Scalar  # T_s R
+    half_drop: Scalar
+    keep: Scalar  # of (28) and (30): factor of z_(k-1)
+    lose: Scalar  # factor of z_(k-2)
+    spring: Scalar  # constant part
+    mobility: Scalar  # T_s^2 / 2 m
     memory: Scalar  # phi of (31)
     low: Scalar  # where positions are clipped
     high: Scalar
@@ -40,28 +42,32 @@ class Held(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """The piece of the table in which a gap lies; divided by N^2."""
+    """The piece of the table in which a gap lies: its start and width, and both columns and how much they rise."""
 
     gap: Scalar
+    width: Scalar
     R_g: Scalar
-    R_g_rate: Scalar
+    R_g_rise: Scalar
     slope: Scalar
-    slope_rate: Scalar
+    slope_rise: Scalar
 
 
 def model(par: Any, memory: Scalar, low: Scalar, high: Scalar) -> Model:
     """Coefficients for physical parameters, a record with the fields of `ukf.Parameters`."""
     mobility = square(par.sample_time) / par.mover_mass
-    drag = par.damping * par.sample_time / par.mover_mass
+    drag, stiffness = par.damping * par.sample_time / par.mover_mass, mobility * par.spring_stiffness
+    drop = par.sample_time * par.coil_resistance
     return Model(
-        T_s=par.sample_time,
-        R=par.coil_resistance,
-        core=par.core_reluctance / square(par.coil_turns),
+        inverse_square=1.0 / square(par.coil_turns),
+        core=par.core_reluctance,
         lam_sat=par.core_saturation,
-        keep=2.0 - drag - mobility * par.spring_stiffness,
-        drop=1.0 - drag,
-        spring=mobility * par.spring_stiffness * par.spring_rest,
-        mobility=mobility,
+        T_s=par.sample_time,
+        drop=drop,
+        half_drop=0.5 * drop,
+        keep=2.0 - drag - stiffness,
+        lose=1.0 - drag,
+        spring=stiffness * par.spring_rest,
+        mobility=0.5 * mobility,
         memory=where(par.option_current_error > 0.5, memory, 0.0),
         low=low,
         high=high,
@@ -71,17 +77,20 @@ def model(par: Any, memory: Scalar, low: Scalar, high: Scalar) -> Model:
 def segment(z: Scalar, par: Any) -> Segment:
     """Piece of the gap table around `z`; its ends go on."""
     k = locate(par.gap_file_gap, z)
-    left, squared = load(par.gap_file_gap, k), square(par.coil_turns)
-    scale = 1.0 / ((load(par.gap_file_gap, k, 1) - left) * squared)
-    R_g, slope = load(par.gap_file_reluctance, k), load(par.gap_file_slope, k)
-    R_g_rate = (load(par.gap_file_reluctance, k, 1) - R_g) * scale
-    slope_rate = (load(par.gap_file_slope, k, 1) - slope) * scale
-    return Segment(left, R_g / squared, R_g_rate, slope / squared, slope_rate)
+    left, R_g, slope = (load(t, k) for t in (par.gap_file_gap, par.gap_file_reluctance, par.gap_file_slope))
+    return Segment(
+        left,
+        load(par.gap_file_gap, k, 1) - left,
+        R_g,
+        load(par.gap_file_reluctance, k, 1) - R_g,
+        slope,
+        load(par.gap_file_slope, k, 1) - slope,
+    )
 
 
 def reluctance(z: Scalar, lam: Scalar, s: Segment, m: Model) -> tuple[Scalar, Scalar]:
-    """Reluctance of gap and core (8), divided by N^2, and the derivative of its product with lambda by lambda."""
-    R_g = s.R_g + (z - s.gap) * s.R_g_rate
+    """Reluctance of gap and core (4), (8), and the derivative of its product with lambda by lambda [1/H]."""
+    R_g = s.R_g + (z - s.gap) / s.width * s.R_g_rise
     x = fabs(lam) / m.lam_sat
     y = where(x < SATURATED, x, SATURATED)
     R_c = m.core / (1.0 - y)
@@ -103,14 +112,13 @@ def transition(x: Array, u: Held, s: Segment, m: Model) -> Array:
     half a sample behind.
     """
     lam, z, z_prev, e_i = x
-    slope = s.slope + (z - s.gap) * s.slope_rate
     R, rate = reluctance(z, lam, s, m)
-    pull = slope * lam  # derivative of the current by the position
-    i = R * lam - e_i
-    way = z - z_prev
-    change = m.T_s * (u.voltage - m.R * (i + 0.5 * pull * way)) / (1.0 + 0.5 * m.T_s * m.R * rate)
-    z_next = m.keep * z - m.drop * z_prev + (m.spring - 0.5 * m.mobility * pull * lam) + u.push
-    return vector([lam + change, clip(z_next, m.low, m.high), z, m.memory * e_i])
+    turned = lam * m.inverse_square  # phi / N
+    pull = (s.slope + (z - s.gap) / s.width * s.slope_rise) * turned  # derivative of the current by the position
+    change = m.T_s * u.voltage - m.drop * (R * turned - e_i) - m.half_drop * pull * (z - z_prev)
+    z_next = m.keep * z - m.lose * z_prev + (m.spring - m.mobility * pull * lam) + u.push
+    lam_next = lam + change / (1.0 + m.half_drop * m.inverse_square * rate)
+    return vector([lam_next, clip(z_next, m.low, m.high), z, m.memory * e_i])
 
 
 def observation(x: Array, s: Segment, m: Model) -> Array:
@@ -120,4 +128,4 @@ def observation(x: Array, s: Segment, m: Model) -> Array:
 
 def model_current(z: Scalar, lam: Scalar, s: Segment, m: Model) -> Scalar:
     """Current by (17) [A]."""
-    return reluctance(z, lam, s, m)[0] * lam
+    return reluctance(z, lam, s, m)[0] * (lam * m.inverse_square)

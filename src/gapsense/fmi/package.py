@@ -9,8 +9,9 @@ import shutil
 import sys
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 from xml.etree import ElementTree
 
@@ -19,6 +20,7 @@ from pythonfmu import FmuBuilder
 import gapsense
 from gapsense.fmi import describe, page, shim
 from gapsense.fmi.ports import Component
+from gapsense.fmi.start_values import with_start_values
 from gapsense.fmi.tables import column_name
 from gapsense.kernel import Kernel
 from gapsense.records import fields
@@ -80,20 +82,29 @@ def kernel_of(component: Component) -> Kernel:
     return Kernel(importlib.import_module(component.kernel))
 
 
-def build(folder: Path, destination: Path) -> Path:
-    """Build `destination/<Name>.fmu` from a component's folder; the same sources give the same bytes.
+def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = None) -> Path:
+    """Build `destination/<Name>.fmu` from a component's folder; the same sources and values give the same bytes.
 
     Call it in a process that will not load the FMU: building imports the modules that the FMU carries.
+
+    Parameters
+    ----------
+    folder : Path
+        With component.py and what belongs to it.
+    destination : Path
+        Folder for the FMU.
+    values : mapping, optional
+        Start values of parameters, in place of those of the port table.
     """
-    component = load_component(folder)
+    component, given = with_start_values(load_component(folder), values or {})
     kernel = kernel_of(component)
     check_records(component, kernel)
     files = _sources(component, kernel)
-    resources = [(folder / name).read_bytes() for name in component.resources]
-    content = (gapsense.__version__, component, sorted(files.items()), resources)
+    resources = [given.get(name, folder / name) for name in component.resources]
+    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
-        stock = _build_stock(Path(temporary), component, files, identity[:12], folder)
+        stock = _build_stock(Path(temporary), component, files, identity[:12], resources)
         members = _members(stock)
     _complete(members, component, folder, UUID(identity[:32]))
     destination.mkdir(parents=True, exist_ok=True)
@@ -136,7 +147,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
 
 
-def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, folder: Path) -> Path:
+def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, paths: list[Path]) -> Path:
     """What pythonfmu makes of the generated class; names carry the build, so that no two FMUs mix up their modules."""
     package = work / f"_gapsense_{component.name.lower()}_{build}"
     package.mkdir()
@@ -145,7 +156,7 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
         (package / name).write_text(text, encoding="utf-8")
     script = work / f"{component.name}_{build}.py"
     script.write_text(SCRIPT.format(**about), encoding="utf-8")
-    resources = [Path(shutil.copy2(folder / name, work)) for name in component.resources]
+    resources = [Path(shutil.copy2(path, work)) for path in paths]
     sys.path.insert(
         0, str(work)
     )  # pythonfmu imports the script from here, and instantiates it for the model description

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.report.figures import FIRST, SECOND, Vector
-from gapsense.report.tables import _row, _table
-from gapsense.studies.consistency import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
-from gapsense.studies.monte_carlo import OPERATIONS
+from gapsense.report.tables import add_row, new_table
+from gapsense.studies.smoother.consistency import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
+from gapsense.studies.smoother.monte_carlo import OPERATIONS
 
 
 def squared(found: Consistency) -> Figure:
@@ -47,19 +47,19 @@ def single(found: Consistency) -> Figure:
 
 def table(found: Consistency) -> Table:
     """Numbers beside the published."""
-    made = _table(f"Consistency of the ERTSS, {found.runs} runs", "", "theory", "published", "this study")
-    _row(
+    made = new_table(f"Consistency of the ERTSS, {found.runs} runs", "", "theory", "published", "this study")
+    add_row(
         made,
         "NEES inside the 90 % interval",
         "90 %",
         f"{100 * PUBLISHED['inside']:.2f} %",
         f"{100 * found.inside:.2f} %",
     )
-    _row(made, "mean NEES", f"{len(STATES)}", f"{PUBLISHED['mean']}", f"{found.mean:.4f}")
+    add_row(made, "mean NEES", f"{len(STATES)}", f"{PUBLISHED['mean']}", f"{found.mean:.4f}")
     first = f"{100 * found.inside_full_rank:.2f} %, {found.mean_full_rank:.4f}"
-    _row(made, "both without the first sample of each motion (rank 4)", "", "", first)
+    add_row(made, "both without the first sample of each motion (rank 4)", "", "", first)
     for state, inside in zip(STATES, found.nee_inside):
-        _row(made, f"NEE of {state} within +-{BOUND:.3f}", "90 %", "", f"{100 * inside:.2f} %")
+        add_row(made, f"NEE of {state} within +-{BOUND:.3f}", "90 %", "", f"{100 * inside:.2f} %")
     return made
 
 

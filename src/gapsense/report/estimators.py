@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line, recorded, stack
-from gapsense.studies.estimators import CONTENDERS, Contender, estimate, learnt, lined_up, signals
-from gapsense.studies.estimators_report import CONDITIONS, Runs, values
+from gapsense.studies.estimators.measures import CONTENDERS, Contender, estimate, learnt, lined_up, signals
+from gapsense.studies.estimators.report import CONDITIONS, Runs, values
 
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
 COLORS = dict(

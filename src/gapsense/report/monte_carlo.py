@@ -10,9 +10,9 @@ from rich.table import Table
 
 from gapsense.cosim.files import Columns
 from gapsense.report.figures import FAINT, FIRST, SECOND, THIRD, TRUE
-from gapsense.report.tables import _row, _table
-from gapsense.studies.batch import MOVING
-from gapsense.studies.monte_carlo import (
+from gapsense.report.tables import add_row, new_table
+from gapsense.studies.smoother.batch import MOVING
+from gapsense.studies.smoother.monte_carlo import (
     ESTIMATORS,
     OPERATIONS,
     QUANTITIES,
@@ -77,23 +77,23 @@ def tables(found: Comparison) -> list[Table]:
     made = []
     for q, quantity in enumerate(QUANTITIES):
         for o, operation in enumerate(OPERATIONS):
-            table = _table(
+            table = new_table(
                 f"NRMSE of the {quantity} in the {operation} / %, {found.runs} runs", "width / %", *ESTIMATORS
             )
             for width, values in zip(found.widths, found.nrmse):
-                _row(table, f"{100 * width:g}", *(f"{100 * value:.3g}" for value in values[:, o, q]))
+                add_row(table, f"{100 * width:g}", *(f"{100 * value:.3g}" for value in values[:, o, q]))
             made.append(table)
     return made
 
 
 def noises(found: Comparison) -> Table:
     """Process noise (60) of each width."""
-    table = _table(
+    table = new_table(
         "Process noise (60), standard deviations per sample", "width / %", "lambda / uWb", "e_i / mA", "e_F / mN"
     )
     for width, t in zip(found.widths, found.tunings):
         cells = (1e6 * t.process_flux_linkage, 1e3 * t.process_current_error, 1e3 * t.process_force_error)
-        _row(table, f"{100 * width:g}", *(f"{value:.4g}" for value in cells))
+        add_row(table, f"{100 * width:g}", *(f"{value:.4g}" for value in cells))
     return table
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gapsense.report.figures import FIRST, SECOND, TRUE, legend, line, stack
-from gapsense.studies.observability_rts import TOLERANCE
-from gapsense.studies.observability_rts_report import Observed
+from gapsense.studies.smoother.observability import TOLERANCE
+from gapsense.studies.smoother.observability_report import Observed
 
 NEVER = 7.0  # where "infinite" is drawn
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
 from gapsense.report.figures import FAINT, FIRST, SECOND, TRUE, line, recorded
-from gapsense.studies.profiles import ESTIMATORS, LEVELS, OPERATIONS, SIGNALS, Errors, Profile, line_up
+from gapsense.studies.smoother.profiles import ESTIMATORS, LEVELS, OPERATIONS, SIGNALS, Errors, Profile, line_up
 
 MARGIN = 0.5e-3  # time shown before and after an operation [s]
 MEDIAN = {"color": "red"}

@@ -28,14 +28,15 @@ def quantity(value: float, unit: str) -> str:
     return f"{value / factor:.4g} {prefix}{unit}"
 
 
-def _table(title: str, *columns: str) -> Table:
+def new_table(title: str, *columns: str) -> Table:
+    """An empty table; its first column is text, the others are numbers."""
     table = Table(title=Text(title, "table.title") if title else None, box=box.SIMPLE_HEAD, title_justify="left")
     for k, column in enumerate(columns):
         table.add_column(column, justify="left" if k == 0 else "right")
     return table
 
 
-def _row(table: Table, *cells: str, style: str | None = None) -> None:
+def add_row(table: Table, *cells: str, style: str | None = None) -> None:
     """Add a row of plain texts: `[m]` in one is a unit, no markup."""
     table.add_row(*map(Text, cells), style=style)
 
@@ -51,11 +52,11 @@ def metrics(result: Result) -> list[Table]:
     """Metrics of a run, grouped as the scenario says, beside published values."""
     made = []
     for title, group in _grouped(result.metrics.values()):
-        table = _table(title or "Metrics", "metric", "published", "this run", "bounds")
+        table = new_table(title or "Metrics", "metric", "published", "this run", "bounds")
         for m in group:
             bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
             shown = (m.label, _published(m), quantity(m.value, m.unit), bounds)
-            _row(table, *shown, style=None if m.passed else "red")
+            add_row(table, *shown, style=None if m.passed else "red")
         made.append(table)
     return made
 
@@ -70,12 +71,12 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
     for metric in scenario.metrics:
         title = f"{metric.table or 'Metrics'}, {len(swept.indices)} {runs}"
         if title not in groups:
-            groups[title] = _table(title, "metric", "published", first_run, "median", "5 %", "95 %")
+            groups[title] = new_table(title, "metric", "published", first_run, "median", "5 %", "95 %")
         unit = swept.units.get(metric.name, "")
         low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
         published = "" if metric.published is None else quantity(metric.published, unit)
         first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
-        _row(groups[title], metric.label, published, first, median, low, high)
+        add_row(groups[title], metric.label, published, first, median, low, high)
     return list(groups.values())
 
 
@@ -87,28 +88,28 @@ def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
     span = result.times[-1] - result.times[0]
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
-    table = _table(title, "component", "steps", "us per step", "share")
+    table = new_table(title, "component", "steps", "us per step", "share")
     for name, t in result.timing.items():
-        _row(table, name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
+        add_row(table, name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
     return table
 
 
 def components(found: Sequence[Component], built: set[str]) -> Table:
     """Components and what they do."""
-    table = _table("Components", "name", "built", "inputs", "outputs", "what it is")
+    table = new_table("Components", "name", "built", "inputs", "outputs", "what it is")
     table.columns[-1].justify = "left"
     for c in found:
         counts = (str(len(c.of(causality))) for causality in ("input", "output"))
-        _row(table, c.name, "yes" if c.name in built else "no", *counts, c.description)
+        add_row(table, c.name, "yes" if c.name in built else "no", *counts, c.description)
     return table
 
 
 def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
     """Scenarios and their variants."""
-    table = _table("Scenarios", "folder", "variants", "what it is")
+    table = new_table("Scenarios", "folder", "variants", "what it is")
     table.columns[1].justify = table.columns[2].justify = "left"
     for folder, scenario in found:
-        _row(table, str(folder.relative_to(root)), ", ".join(scenario.variants) or "-", scenario.title)
+        add_row(table, str(folder.relative_to(root)), ", ".join(scenario.variants) or "-", scenario.title)
     return table
 
 

@@ -15,7 +15,7 @@ from gapsense.cosim.sweep import Job, Progress, importable_name
 
 Facts = Mapping[str, Any]  # of JSON
 SRC = Path(__file__).resolve().parents[1]
-CODE = ("*.py", "emit/*.py", "estimators/*.py", "studies/*.py")  # what the numbers depend on
+CODE = ("*.py", "emit/*.py", "estimators/*.py", "studies/**/*.py")  # what the numbers depend on
 
 
 class Answers(NamedTuple):

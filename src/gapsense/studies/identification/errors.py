@@ -1,0 +1,117 @@
+"""Standard errors and correlations of the identified parameters, from the Jacobian of the residuals.
+
+The textbook formula s^2 (J'J)^-1 takes all residuals for independent.  Here they are not: by (21) and (51) the residual
+of the flux linkage is the integral of that of the current, -R times it, so that it weights slow errors and adds no
+information; the resistances of (23) come from the same currents; and noise of the voltage, which drives the model,
+returns in the current smoothed by L/R.  To first order every estimate is a weighted sum of the residuals of the
+current, and the variance of that sum follows from their autocovariance, tapered (Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification.flux import trapezoid
+from gapsense.studies.identification.model import (
+    FITTED,
+    Experiment,
+    charge,
+    residuals,
+    scaled,
+    simulate,
+    with_resistance,
+)
+from gapsense.studies.identification.record import Vector
+
+Matrix = npt.NDArray[np.float64]
+STEP = 1e-5  # relative change of a parameter for a difference quotient
+NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
+
+
+class Uncertainty(NamedTuple):
+    """Of the fitted parameters, then of the resistance.
+
+    Attributes
+    ----------
+    relative : (7,) array
+        Standard errors, relative to the values; infinite for a parameter without effect.
+    correlation : (7, 7) array
+        Their correlations.
+    """
+
+    relative: Vector
+    correlation: Matrix
+
+
+def uncertainty(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
+    """Standard errors at the minimum `ratios` of the cost."""
+    J = _slopes(known, ratios, experiments)
+    _, sizes, directions = np.linalg.svd(J, full_matrices=False)
+    lost = np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1
+    A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
+    cov = np.zeros((len(FITTED) + 1, len(FITTED) + 1))
+    begin, total = 0, sum(charge(e) for e in experiments)
+    for experiment in experiments:
+        size = 2 * experiment.current.size
+        W = _weights(known, ratios, experiment, A[:, begin : begin + size], total)
+        model = simulate(scaled(known, ratios), experiment.halves, experiment.dt, experiment.resistance)
+        cov += long_run(W, experiment.current - model.current)
+        begin += size
+    std: Vector = np.sqrt(np.diag(cov))
+    scale = np.where(std > 0.0, std, 1.0)
+    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale))
+
+
+def long_run(W: Matrix, r: Vector) -> Matrix:
+    """Covariance of the sum of W[:, k] r[k] for stationary r, with Bartlett's taper over n^(1/3) lags.
+
+    More lags would see the correlation that the fit itself gives to the residuals, and find too little variance.
+    """
+    lags = int(np.cbrt(r.size))
+    cov = float(r @ r) / r.size * (W @ W.T)
+    for h in range(1, lags):
+        part = (1.0 - h / lags) * float(r[h:] @ r[:-h]) / r.size * (W[:, h:] @ W[:, :-h].T)
+        cov = cov + part + part.T
+    return cov
+
+
+def _slopes(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
+    """Jacobian of the residuals by central differences."""
+    steps = STEP * np.eye(ratios.size)
+    columns = [residuals(known, ratios + s, experiments) - residuals(known, ratios - s, experiments) for s in steps]
+    return np.array(columns).T / (2.0 * STEP)
+
+
+def _weights(known: Parameters, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
+    """Influence of each residual of the current on the fitted parameters and on the resistance, both relative."""
+    n = experiment.current.size
+    c_i, c_lam = experiment.weights()
+    R, half = experiment.resistance, 0.5 * experiment.dt
+    later = np.cumsum(A[:, n:][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
+    W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
+    pooled = np.zeros(n)
+    for operation in experiment.operations:
+        inside = slice(operation.start + 1, operation.stop + 1)
+        share = np.zeros(n)
+        share[operation.start + 1 : operation.stop] = 1.0
+        share[[operation.start, operation.stop]] = 0.5
+        slope = _by_resistance(known, ratios, experiment, inside)
+        W += np.outer(A @ slope, share / trapezoid(experiment.current)[inside].sum())
+        pooled -= share / total
+    return np.vstack([W, pooled])
+
+
+def _by_resistance(known: Parameters, ratios: Vector, experiment: Experiment, inside: slice) -> Vector:
+    """Slope of the residuals by the logarithm of the resistance of one operation."""
+
+    def changed(factor: float) -> Vector:
+        R = experiment.resistance.copy()
+        R[inside] *= factor
+        return residuals(known, ratios, [with_resistance(experiment, R)])
+
+    return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)

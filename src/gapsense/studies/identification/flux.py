@@ -1,0 +1,102 @@
+"""Operations of a record, the resistance of each and the flux linkage: [UKF] (19)-(23).
+
+The flux linkage is not measured but integrated, (21), and what is lost at the start is lost for good: periodicity gives
+the resistance (23), never the offset.  So a record must begin at rest, without current, and the integral begins with
+its first operation.  With the resistance of (23) for each operation the integral ends where it began, so that no error
+is carried from one operation to the next.
+
+The sums as printed are biased by half a sample: the voltage is that of the interval, the current its trapezoid.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.studies.identification.record import Record, Vector
+
+LOW, HIGH = 0.25, 0.75  # levels between the lowest and the highest voltage that tell an edge from noise
+
+
+class Operation(NamedTuple):
+    """Samples `start` to `stop` of one period; the flux linkage is the same at both."""
+
+    start: int
+    stop: int
+
+
+class Flux(NamedTuple):
+    """Resistance and flux linkage of a record, from the start of its first operation on.
+
+    Attributes
+    ----------
+    operations : list of Operation
+        Complete operations.
+    resistances : (m,) array
+        Resistance of each [Ohm], (23).
+    resistance : float
+        That of all of them together [Ohm].
+    per_sample : (n,) array
+        Resistance of the interval before each sample [Ohm].
+    flux_linkage : (n,) array
+        [Wb]; zero before the first operation.
+    """
+
+    operations: list[Operation]
+    resistances: Vector
+    resistance: float
+    per_sample: Vector
+    flux_linkage: Vector
+
+
+def edges(voltage: Vector) -> npt.NDArray[np.int_]:
+    """Last sample before each rise of the voltage from its low to its high level."""
+    low, high = float(voltage.min()), float(voltage.max())
+    level = np.where(voltage < low + LOW * (high - low), 0, np.where(voltage > low + HIGH * (high - low), 1, -1))
+    known = np.flatnonzero(level >= 0)
+    rises = known[1:][(level[known[1:]] == 1) & (level[known[:-1]] == 0)]
+    starts = [int(known[np.searchsorted(known, k) - 1]) for k in rises]
+    return np.array(([0] if level[0] == 1 else []) + starts, dtype=int)
+
+
+def operations(record: Record, period: float | None = None) -> list[Operation]:
+    """Complete operations: from each rising edge to the next, or every `period` [s] from the first edge on."""
+    starts, last = edges(record.voltage), record.times.size - 1
+    if starts.size == 0:
+        return []
+    if period is not None:
+        bounds = starts[0] + np.arange(int((last - starts[0]) * record.dt / period + 1e-6) + 1) * (period / record.dt)
+        starts = np.round(bounds).astype(int)
+        return [Operation(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:])]
+    found = [Operation(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:])]
+    if found and starts[-1] + (longest := found[-1].stop - found[-1].start) <= last:
+        found.append(Operation(int(starts[-1]), int(starts[-1] + longest)))
+    return found
+
+
+def trapezoid(current: Vector) -> Vector:
+    """Mean current over the interval before each sample [A]; the first has no interval."""
+    return np.concatenate((current[:1], 0.5 * (current[1:] + current[:-1])))
+
+
+def resistance(record: Record, operation: Operation) -> float:
+    """Resistance that lets the flux linkage of an operation end where it began [Ohm], (23)."""
+    inside = slice(operation.start + 1, operation.stop + 1)
+    return float(record.applied[inside].sum() / trapezoid(record.current)[inside].sum())
+
+
+def estimate(record: Record, found: list[Operation]) -> Flux:
+    """Flux linkage by (21), with the resistance of every operation by (23)."""
+    resistances = np.array([resistance(record, operation) for operation in found])
+    means = trapezoid(record.current)
+    within = slice(found[0].start + 1, found[-1].stop + 1)
+    per_sample = np.full(record.times.size, resistances[-1])
+    per_sample[: found[0].start + 1] = resistances[0]
+    for operation, R in zip(found, resistances):
+        per_sample[operation.start + 1 : operation.stop + 1] = R
+    rates = record.applied - per_sample * means
+    rates[: found[0].start + 1] = 0.0
+    together = float(record.applied[within].sum() / means[within].sum())
+    return Flux(found, resistances, together, per_sample, record.dt * np.cumsum(rates))

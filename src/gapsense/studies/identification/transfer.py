@@ -1,0 +1,75 @@
+"""What a component takes of a parameter set that was made for the solenoid valve.
+
+Most names mean the same everywhere.  But the models of [RTS] have a gap law of their own, with the parameter
+`gap.fringing`, R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), and estimators of the resistance start from priors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gapsense.actuators.magnetics import MU_0, fringing
+from gapsense.cosim.files import read_columns
+from gapsense.cosim.parameters import read_parameters
+from gapsense.cosim.problems import ScenarioError
+from gapsense.cosim.tables import Value
+
+# Parameters of each law of the valve.
+GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}
+AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
+
+
+def read_values(files: Sequence[Path]) -> dict[str, Value]:
+    """Values of parameter-set files; what a later file says wins.  A ScenarioError tells all that is wrong."""
+    problems: list[str] = []
+    values = {name: value for file in files for name, value in read_parameters(file, problems).items()}
+    if problems:
+        raise ScenarioError(problems)
+    return values
+
+
+def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
+    """Values for a component with the parameters `names`; what else `values` has is left out."""
+    known = {**priors(values), **values}
+    if "gap.law" in values and ("gap.fringing" in values) != ("gap.fringing" in names):
+        others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
+        known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
+    return {name: value for name, value in known.items() if name in names}
+
+
+def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:
+    """The valve's gap law as the models of [RTS] have it; a table serves both."""
+    law = str(values["gap.law"])
+    missing = [name for name in GAPS[law] if name not in values]
+    if missing:
+        raise ScenarioError([f"`gap.law` is `{law}`, but `{missing[0]}` is missing. Give both."])
+    if law == "table":
+        return {"gap.law": "table", "gap.file": values["gap.file"]}
+    if law == "linear":
+        return {"gap.law": "fringing", "gap.reluctance": 0.0, "gap.slope": values["gap.slope"], "gap.fringing": 0.0}
+    area, window = float(values["gap.area"]), float(values["gap.window"])
+    symbols = {"gap.slope": 1.0 / (MU_0 * area), "gap.fringing": 1.0 / math.sqrt(area), "gap.window": 2.0 * window}
+    return {"gap.law": "fringing", "gap.reluctance": 0.0, **symbols}
+
+
+def priors(values: Mapping[str, Value]) -> dict[str, Value]:
+    """Expected resistance, and inductance at rest, N^2 / (R_gap(h_max) + R_iron0)."""
+    known: dict[str, Value] = {}
+    if "coil.resistance" in values:
+        known["prior.resistance"] = values["coil.resistance"]
+    if {"gap.law", "coil.turns", "core.reluctance", "stop.upper"} <= set(values) and "gap.fringing" not in values:
+        R = _gap_reluctance(reduced_gap(values), float(values["stop.upper"])) + float(values["core.reluctance"])
+        known["prior.inductance"] = float(values["coil.turns"]) ** 2 / R
+    return known
+
+
+def _gap_reluctance(law: Mapping[str, Value], h: float) -> float:
+    if law["gap.law"] == "table":
+        columns = read_columns(Path(str(law["gap.file"])))
+        return float(np.interp(h, columns["gap"], columns["reluctance"]))
+    window = float(law.get("gap.window", 1.0))
+    return float(fringing(h, float(law["gap.slope"]), float(law["gap.fringing"]), window)[0])

@@ -1,0 +1,47 @@
+"""How well identified parameters predict a record that was not used for the fit, [UKF] Fig. 7."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification.flux import edges
+from gapsense.studies.identification.model import Trajectory, simulate
+from gapsense.studies.identification.record import Record
+
+
+class Validation(NamedTuple):
+    """Model against measurement.
+
+    Attributes
+    ----------
+    record : Record
+        What was measured.
+    model : Trajectory
+        What the model does, from sample `first` on.
+    first : int
+        The last sample before the first rising edge.
+    rms, largest : float
+        Error of the model's current [A].
+    largest_current : float
+        [A].
+    """
+
+    record: Record
+    model: Trajectory
+    first: int
+    rms: float
+    largest: float
+    largest_current: float
+
+
+def validate(par: Parameters, record: Record) -> Validation:
+    """The model, with its own resistance, beside a record that begins at rest."""
+    first = int(edges(record.voltage)[0])
+    halves = record.halves[first:]
+    model = simulate(par, halves, record.dt, np.full(len(halves), par.coil_resistance))
+    error = np.abs(record.current[first:] - model.current)
+    rms = float(np.sqrt(np.mean(error**2)))
+    return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))

@@ -1,0 +1,1 @@
+"""The studies of the smoother paper, [RTS] Section IV."""

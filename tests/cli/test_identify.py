@@ -1,0 +1,180 @@
+"""Identify, build, run and estimate from the command line."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from gapsense.actuators.parameters import VALVE
+from gapsense.cosim import run
+from gapsense.cosim.files import read_columns
+from gapsense.studies.identification.model import simulate
+
+ROOT = Path(__file__).resolve().parents[2]
+DT, REST, PERIODS, SAMPLES, ON = 50e-6, 10, 2, 320, 100
+KNOWN = '[values]\n"coil.turns" = 1180\n"mover.mass" = 1.7e-3\n'
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Two operations of the valve with 1 mA of noise, and another one at 26 V."""
+    folder = tmp_path_factory.mktemp("data")
+    for name, volts, seed in (("fit", 30.0, 1), ("other", 26.0, 2)):
+        k = np.arange(REST + PERIODS * SAMPLES + 1)
+        applied = np.where((k > REST) & ((k - REST - 1) % SAMPLES < ON), volts, 0.0)
+        result = simulate(VALVE, np.stack((applied, applied), axis=1), DT, np.full(k.size, 76.0))
+        current = result.current + 1e-3 * np.random.default_rng(seed).standard_normal(k.size)
+        mode = np.where(result.position <= 0.0, 1, np.where(result.position >= 0.9e-3, 3, 2))
+        samples = zip(k, applied.tolist(), current.tolist(), mode)
+        rows = [f"{1e3 * DT * j:.6g},{v!r},{i!r},{m}" for j, v, i, m in samples]
+        text = "\n".join(["time [ms],voltage [V],current [A],mode [1]", *rows]) + "\n"
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    (folder / "known.toml").write_text(KNOWN, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def identified(data):
+    """Parameter set that the command has written, and what it printed."""
+    command = [sys.executable, "-m", "gapsense.cli", "identify", "fit.csv", "--parameters", "known.toml"]
+    more = ["--validate", "other.csv", "--figure", "fit.png", "--voltage", "end", "--starts", "1"]
+    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    done = subprocess.run([*command, *more], cwd=data, env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    return data / "valve.toml", done.stdout
+
+
+def values(file: Path) -> dict[str, float]:
+    lines = re.findall(r'^"?([\w.]+)"? = ([\d.e+-]+)', file.read_text("utf-8"), re.MULTILINE)
+    return {name: float(text) for name, text in lines}
+
+
+def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, data):
+    file, printed = identified
+    found = values(file)
+    assert found["coil.turns"] == pytest.approx(1200.0, rel=5e-3)
+    assert found["mover.mass"] == pytest.approx(1.6e-3, rel=0.06)
+    assert found["coil.resistance"] == pytest.approx(76.0, rel=1e-3)
+    for words in ("standard error", "Correlations", "Validation", "other", "`damping` is not identified", "1 of 1"):
+        assert words in printed, printed
+    assert (data / "fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_identified_set_builds_fmus_that_run_with_it(identified, data, gapsense, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    file, _ = identified
+    built = data / "built"
+    assert gapsense("build", "--parameters", file, "--out", built).exit_code == 0
+    expected = values(file)
+    valve = {v.name: v.start for v in fmpy.read_model_description(str(built / "SolenoidValve.fmu")).modelVariables}
+    assert {name: float(valve[name]) for name in expected} == expected
+    ekf = {v.name: v.start for v in fmpy.read_model_description(str(built / "Ekf.fmu")).modelVariables}
+    assert float(ekf["mover.mass"]) == expected["mover.mass"] and float(ekf["gap.fringing"]) == 0.0
+    shutil.copytree(ROOT / "scenarios" / "semera_valve", data / "scenario")
+    shutil.copy(file, data / "scenario" / "parameters" / "valve.toml")
+    set_in_scenario = run(data / "scenario", fmus=built)
+    text = (data / "scenario" / "scenario.toml").read_text("utf-8")
+    text = text.replace('fmu = "SolenoidValve"\nparameters = ["parameters/valve.toml"]', 'fmu = "SolenoidValve"')
+    (data / "scenario" / "scenario.toml").write_text(text, encoding="utf-8")
+    by_start_values = run(data / "scenario", fmus=built)
+    np.testing.assert_array_equal(by_start_values["valve.current"], set_in_scenario["valve.current"])
+    assert by_start_values.parameters["valve.coil.turns"] == expected["coil.turns"]
+
+
+def test_estimators_run_on_the_record(identified, data, gapsense, fmus, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    options = ["--parameters", identified[0], "--fmus", fmus, "--figure", data / "e.png", "--out", data / "e.csv"]
+    done = gapsense("estimate", data / "fit.csv", "--estimator", "ekf, integral_estimator,Semera", *options)
+    assert (done.exit_code, done.stderr) == (0, "")
+    found = read_columns(data / "e.csv")
+    assert found["time"].size == REST + PERIODS * SAMPLES + 1
+    assert found["Semera.resistance"][-1] == pytest.approx(76.0, abs=0.5)
+    assert found["Ekf.position"].min() < 0.05e-3 and found["Ekf.position"].max() > 0.85e-3
+    assert (data / "e.png").read_bytes().startswith(b"\x89PNG")
+
+
+def without_mode(data: Path) -> Path:
+    lines = (data / "fit.csv").read_text("utf-8").splitlines()
+    (data / "plain.csv").write_text("\n".join(line.rpartition(",")[0] for line in lines) + "\n", encoding="utf-8")
+    return data / "plain.csv"
+
+
+def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    plain = without_mode(data)
+    done = gapsense("estimate", plain, "--estimator", "ertss,semera", "--fmus", fmus)
+    assert done.exit_code == 2 and not done.stdout
+    assert re.search(r"Ertss needs `mode`.*Add a column `mode \[1\]`.*choose an estimator.*Semera", done.stderr)
+    every = gapsense("estimate", plain, "--fmus", fmus, "--figure", data / "p.png")
+    assert every.exit_code == 0
+    assert "left out: Ekf needs `mode`" in every.stderr and "Semera" in every.stdout
+
+
+WRONG = {
+    "unknown model": (["identify", "fit.csv", "--model", "relay"], ["--model", "`relay`", "solenoid_valve"]),
+    "no file": (["identify", "none.csv"], ["none.csv", "No such file"]),
+    "too few periods": (["identify", "fit.csv", "--period", "0.03"], ["1 complete periods", "--period"]),
+    "unknown known": (["identify", "fit.csv", "--parameters", "bad.toml"], ["mover.mas", "`mover.mass`"]),
+    "unknown convention": (["identify", "fit.csv", "--voltage", "mean"], ["--voltage", "trapezoid"]),
+    "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),
+    "odd quantity": (["identify", "fit.csv", "--column", "volts=u1"], ["volts", "`voltage`"]),
+    "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_input_is_refused_in_sentences(data, gapsense, monkeypatch, case):
+    arguments, words = WRONG[case]
+    monkeypatch.chdir(data)
+    Path("bad.toml").write_text('[values]\n"mover.mas" = 1.0\n', encoding="utf-8")
+    done = gapsense(*arguments, "--out", "not.toml")
+    assert done.exit_code == 2 and not done.stdout and not Path("not.toml").exists()
+    assert all(word in done.stderr for word in words), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["estimate", "fit.csv", "--estimator", "kalman"], ["`kalman`", "Semera"]),
+        (["estimate", "fit.csv", "--estimator", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
+        (["build", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
+        (["build", "ekf", "--parameters", "range.toml"], ["Ekf, `mover.mass`: -1 found", "Ekf, `damping`"]),
+    ],
+)
+def test_wrong_names_and_values_are_refused(data, process, fmus, arguments, words):
+    (data / "bad.toml").write_text('[values]\n"mover.mas" = 1.0\n', encoding="utf-8")
+    (data / "range.toml").write_text('[values]\n"mover.mass" = -1.0\ndamping = true\n', encoding="utf-8")
+    named = [data / a if a.endswith((".csv", ".toml")) else a for a in arguments]
+    code = f"import os; os.chdir({str(ROOT)!r}); from gapsense.cli import app; app()"
+    done = process(code, *named, *(["--fmus", fmus] if arguments[0] == "estimate" else ["--out", data / "x"]))
+    printed, said = done.communicate()
+    assert done.returncode == 2 and not (data / "x").exists(), printed + said
+    assert all(word in said for word in words), said
+
+
+def test_gap_table_of_a_parameter_set_travels_in_the_fmus(data):
+    (data / "tables").mkdir()
+    shutil.copy(ROOT / "fmus" / "solenoid_valve" / "fringing_19.csv", data / "tables" / "mine.csv")
+    text = '[values]\n"gap.law" = "table"\n"gap.file" = "tables/mine.csv"\n'
+    (data / "table.toml").write_text(text, encoding="utf-8")
+    names = ("solenoid_valve", "ekf", "semera")
+    command = [sys.executable, str(ROOT / "build_fmus.py"), *names, "--parameters", "table.toml", "--out", "tabled"]
+    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    done = subprocess.run(command, cwd=data, env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    for name in ("SolenoidValve", "Ekf"):
+        description = fmpy.read_model_description(str(data / "tabled" / f"{name}.fmu"))
+        start = {v.name: v.start for v in description.modelVariables}
+        assert (start["gap.law"], start["gap.file"]) == ("table", "mine.csv")
+        with zipfile.ZipFile(data / "tabled" / f"{name}.fmu") as archive:
+            assert archive.read("resources/mine.csv") == (data / "tables" / "mine.csv").read_bytes()
+            assert not [n for n in archive.namelist() if n.endswith(".py") and str(data).encode() in archive.read(n)]

@@ -1,0 +1,73 @@
+"""What components take of a parameter set of the valve."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gapsense.actuators.magnetics import MU_0, fringing
+from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
+from gapsense.cosim import ScenarioError
+from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
+
+LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}
+REDUCED = ("gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "coil.turns")
+GAPS = np.linspace(0.05e-3, 0.9e-3, 7)
+
+
+def reduced(law, h):
+    slope, k, window = (float(law.get(n, 1.0)) for n in ("gap.slope", "gap.fringing", "gap.window"))
+    return float(law["gap.reluctance"]) + fringing(h, slope, k, window)[0]
+
+
+def test_component_with_the_valves_own_gap_takes_names_as_they_are():
+    names = ("gap.law", "gap.slope", "coil.turns", "seed")
+    assert values_for(names, LINEAR) == {"gap.law": "linear", "gap.slope": 2.7e10, "coil.turns": 1200.0}
+
+
+def test_linear_law_has_no_fringing():
+    law = values_for(REDUCED, LINEAR)
+    assert law == {"gap.reluctance": 0.0, "gap.slope": 2.7e10, "gap.fringing": 0.0, "coil.turns": 1200.0}
+    assert [reduced(law, h) for h in GAPS] == pytest.approx(2.7e10 * GAPS)
+
+
+def test_actuator_with_another_gap_law_of_the_same_name_gets_its_own():
+    names = ("gap.law", "gap.slope", "gap.fringing", "gap.window", "gap.reluctance")
+    assert values_for(names, LINEAR)["gap.law"] == "fringing"
+    own = {"gap.law": "fringing", "gap.slope": 4.7e10, "gap.fringing": 300.0, "gap.window": 9.73e-3}
+    assert values_for(names, own) == own
+    assert values_for(("gap.law", "gap.slope", "gap.area", "gap.window"), own) == {}
+
+
+def test_fringing_law_is_the_same_in_other_symbols():
+    law = reduced_gap({"gap.law": "fringing", "gap.area": GAP_AREA, "gap.window": GAP_WINDOW})
+    expected = [fringing(h, 1 / (MU_0 * GAP_AREA), GAP_AREA**-0.5, 2 * GAP_WINDOW)[0] for h in GAPS]
+    assert [reduced(law, h) for h in GAPS] == pytest.approx(expected, rel=1e-12)
+
+
+def test_table_serves_both(tmp_path):
+    rows = [",".join(map(repr, row)) for row in zip(*fringing_table())]
+    (tmp_path / "gap.csv").write_text("\n".join(["gap,reluctance,slope", *rows]) + "\n", encoding="utf-8")
+    table = {"gap.law": "table", "gap.file": str(tmp_path / "gap.csv")}
+    assert values_for(("gap.law", "gap.file", "gap.fringing"), table) == table
+    rest = {"coil.turns": 1200.0, "core.reluctance": 3.25e6, "stop.upper": 0.9e-3}
+    inductance = 1200.0**2 / (fringing_table()[1][-1] + 3.25e6)
+    assert values_for(("prior.inductance",), {**table, **rest})["prior.inductance"] == pytest.approx(inductance)
+
+
+def test_priors_follow_unless_they_are_given():
+    rest = {**LINEAR, "core.reluctance": 3.25e6, "stop.upper": 0.9e-3}
+    names = ("prior.resistance", "prior.inductance")
+    found = values_for(names, rest)
+    assert found["prior.resistance"] == 76.0
+    assert found["prior.inductance"] == pytest.approx(52.27e-3, rel=1e-3)  # papers.md on [SEMERA]
+    assert values_for(names, {**rest, "prior.inductance": 0.05})["prior.inductance"] == 0.05
+
+
+def test_later_files_win_and_all_problems_are_told(tmp_path):
+    for name, text in (("a", "x = 1.0\ny = 2.0"), ("b", "y = 3.0"), ("c", "z = [1]"), ("d", "z = nan")):
+        (tmp_path / f"{name}.toml").write_text(f"[values]\n{text}\n", encoding="utf-8")
+    assert read_values([tmp_path / "a.toml", tmp_path / "b.toml"]) == {"x": 1.0, "y": 3.0}
+    with pytest.raises(ScenarioError) as caught:
+        read_values([tmp_path / "c.toml", tmp_path / "d.toml", tmp_path / "e.toml"])
+    assert len(caught.value.problems) == 3
