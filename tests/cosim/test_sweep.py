@@ -200,3 +200,39 @@ def test_files_of_a_grid_decide_the_result(write, fmus):
 def test_variant_changes_the_grid(write, fmus):
     text = NOISE + GRID + '[variants.steep.sweep]\n"source.slope" = [9.0]\n'
     assert sweep(write(text), variant="steep", fmus=fmus).grid["source.slope"] == (9.0, 9.0)
+
+
+def test_rows_of_a_file_are_runs(write, fmus, tmp_path):
+    text = NOISE + GRID.replace('"source.slope" = [1.0, 2.0, 3.0]', 'rows = "rows.csv"')
+    path = write(text)
+    (path.parent / "rows.csv").write_text('"source.slope","noise.sample_time"\n1.0,0.2\n7.0,0.1\n')
+    swept = sweep(path, fmus=fmus)
+    assert swept.grid == {
+        "source.slope": (1.0, 1.0, 7.0, 7.0),
+        "noise.sample_time": (0.2, 0.2, 0.1, 0.1),
+        "source.inverted": (False, True, False, True),
+    }
+    assert swept.metrics["end"][0] != swept.metrics["end"][2]
+    assert path.parent / "rows.csv" in load(path).files
+    assert run(path, fmus=fmus, point=2).parameters["source.slope"] == 7.0
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (None, "rows.csv: there is no such file. A CSV file of numbers"),
+        ("source.slope\n1.0,2.0\n", "rows.csv, line 2: 2 values found, 1 expected"),
+        ("source.slope\nsteep\n", "sweep.rows: could not convert"),
+        ("source.slope\n", "rows.csv has no rows"),
+        ("source.inverted\n1\n", "`source.inverted` is given in rows.csv and in `[sweep]` too"),
+        ("source.slop\n1.0\n", "sweep.source.slop: unknown parameter `slop`. Did you mean `slope`?"),
+        ("slope\n1.0\n", "`slope` found, `component.variable` expected"),
+    ],
+)
+def test_wrong_rows_are_told(write, fmus, content, expected):
+    path = write(NOISE + GRID.replace('"source.slope" = [1.0, 2.0, 3.0]', 'rows = "rows.csv"'))
+    if content is not None:
+        (path.parent / "rows.csv").write_text(content)
+    with pytest.raises(ScenarioError) as caught:
+        sweep(path, fmus=fmus)
+    assert sum(expected in problem for problem in caught.value.problems) == 1, caught.value.problems

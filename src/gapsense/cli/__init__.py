@@ -3,6 +3,7 @@
 from gapsense.cli import (
     bounded_ukf,
     components,
+    estimators,
     hybrid_ekf,
     identify,
     observability,
@@ -18,6 +19,7 @@ __all__ = [
     "app",
     "bounded_ukf",
     "components",
+    "estimators",
     "hybrid_ekf",
     "identify",
     "observability",

@@ -60,7 +60,7 @@ def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: froze
     list of str
         Problems, each with file and place.
     """
-    problems = list(Checker(scenario, descriptions, broken).problems())
+    problems = list(dict.fromkeys(Checker(scenario, descriptions, broken).problems()))
     is_complete = len(descriptions) == len(scenario.components)
     if is_complete and not broken & {"record", "components"}:
         problems += [f"{scenario.path.name}, {problem}" for problem in check_record(scenario, descriptions)]
@@ -106,7 +106,7 @@ class Checker:
 
     def grid(self) -> Iterator[str]:
         """Values of a sweep: of known parameters, of the right type, within their limits, and no seeds."""
-        for port, values in self.scenario.grid.items():
+        for port, values in self.scenario.swept.items():
             if port.component not in self.scenario.components:
                 yield f"sweep.{port}: {self.no_component(port.component)}"
             elif port.variable == "seed" and port.component in self.scenario.seeds:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
-from gapsense.cosim.parameters import flat_lists, flat_values, is_file, read_parameters
+from gapsense.cosim.parameters import flat_lists, flat_values, is_file, read_parameters, read_rows
 from gapsense.cosim.problems import ScenarioError, suggest
 from gapsense.cosim.scenario import METHODS, Component, Connection, Experiment, Port, Scenario
 from gapsense.cosim.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
@@ -108,6 +108,7 @@ class Reader:
             inputs=self.section("inputs", self.inputs),
             seeds=self.section("seeds", self.seeds),
             grid=self.section("sweep", self.grid),
+            rows=self.section("sweep", self.rows),
             record=self.section("record", lambda: read_record(table)),
             metrics=self.section("metrics", lambda: read_metrics(table)),
             baseline=self.section("baseline", lambda: read_baseline(table, self.path, self.variant)),
@@ -223,6 +224,17 @@ class Reader:
                 out[end] = values
                 self.files.extend(Path(str(value)) for value in values if is_file(name, value))
         return out
+
+    def rows(self) -> tuple[dict[Port, Value], ...]:
+        """Values that belong together, from a CSV file with a column per parameter and a row per run."""
+        table = self.table.table("sweep")
+        file = table.take("rows", TEXT)
+        if file is None:
+            return ()
+        self.files.append(self.path.parent / file)
+        names, lines = read_rows(self.path.parent / file, table)
+        ends = [split(table, "rows", name) for name in names]
+        return tuple({end: value for end, value in zip(ends, line) if end} for line in lines)
 
     def variants(self) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""

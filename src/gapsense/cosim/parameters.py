@@ -6,7 +6,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.files import read_columns
 from gapsense.cosim.tables import LIST, SCALAR, TEXT, Table, Value, found, read_toml
+
+ROWS = "rows"  # of `[sweep]`: a file, no parameter
 
 
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
@@ -41,6 +44,8 @@ def flat_lists(table: Table, folder: Path) -> dict[str, tuple[Value, ...]]:
     """Lists of different values by dotted name, for a sweep."""
     out: dict[str, tuple[Value, ...]] = {}
     for name, values in flattened(table.data, ""):
+        if name == ROWS:
+            continue
         if name in out:
             table.note(name, "given twice, once as a dotted key and once in a table. Remove one.")
         elif not LIST.accepts(values):
@@ -50,6 +55,22 @@ def flat_lists(table: Table, folder: Path) -> dict[str, tuple[Value, ...]]:
         else:
             out[name] = tuple(located(name, value, folder, table) for value in values)
     return out
+
+
+def read_rows(path: Path, table: Table) -> tuple[list[str], list[list[float]]]:
+    """Names and rows of a CSV file in which each row is what one run of a sweep is given."""
+    try:
+        columns = read_columns(path)
+    except (OSError, ValueError) as error:
+        problem = f"{path}: there is no such file" if isinstance(error, OSError) else str(error).rstrip(".")
+        table.note(ROWS, f"{problem}. A CSV file of numbers is expected, with a column per parameter. Correct it.")
+        return [], []
+    twice = [name for name, _ in flattened(table.data, "") if name in columns]
+    if twice:
+        table.note(ROWS, f"`{twice[0]}` is given in {path.name} and in `[sweep]` too. Keep one.")
+    if not any(column.size for column in columns.values()):
+        table.note(ROWS, f"{path.name} has no rows. Add one per run.")
+    return list(columns), [list(map(float, row)) for row in zip(*columns.values())]
 
 
 def flattened(data: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:

@@ -147,6 +147,8 @@ class Scenario:
     ----------
     grid : mapping
         Values of parameters that a sweep goes through, every one with every one of the others.
+    rows : tuple of mapping
+        Values of several parameters that belong together; the grid is gone through with each.
     variants : mapping
         Description of each variant of the file, by name.
     files : tuple of Path
@@ -168,6 +170,7 @@ class Scenario:
     inputs: Mapping[Port, float]
     seeds: Mapping[str, int]
     grid: Mapping[Port, tuple[Value, ...]]
+    rows: tuple[Mapping[Port, Value], ...]
     record: Record
     metrics: tuple[Metric, ...]
     baseline: Baseline
@@ -182,5 +185,12 @@ class Scenario:
         return f"{folder}[{self.variant}]" if self.variant else folder
 
     def points(self) -> list[dict[Port, Value]]:
-        """All combinations of the grid, in the order of the file, the last parameter fastest; one without a grid."""
-        return [dict(zip(self.grid, values)) for values in product(*self.grid.values())]
+        """All combinations of a sweep, in the order of the file, the last parameter fastest; one without a sweep."""
+        grid = [dict(zip(self.grid, values)) for values in product(*self.grid.values())]
+        return [{**row, **values} for row in self.rows or ({},) for values in grid]
+
+    @property
+    def swept(self) -> dict[Port, tuple[Value, ...]]:
+        """All values that a sweep gives each parameter."""
+        of_rows = {port: tuple(row[port] for row in self.rows) for port in (self.rows[0] if self.rows else ())}
+        return {**of_rows, **self.grid}

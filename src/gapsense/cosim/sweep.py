@@ -116,7 +116,7 @@ def sweep(
     Sweep
     """
     read, descriptions = prepare(scenario, variant, fmus)
-    seeds = (1 if read.grid else 200) if seeds is None else seeds
+    seeds = (1 if read.swept else 200) if seeds is None else seeds
     refuse_senseless(read, seeds, workers, keep and out is None)
     total = seeds * len(read.points())
     hashes = {name: description.sha256 for name, description in descriptions.items()}
@@ -154,7 +154,7 @@ def is_there(entry: Entry, store: Path | None) -> bool:
 def columns(scenario: Scenario, indices: Sequence[int]) -> dict[str, tuple[Value, ...]]:
     """Values of the grid for some runs, by parameter."""
     points = scenario.points()
-    return {str(port): tuple(points[index % len(points)][port] for index in indices) for port in scenario.grid}
+    return {str(port): tuple(points[index % len(points)][port] for index in indices) for port in scenario.swept}
 
 
 def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: bool) -> None:
@@ -162,11 +162,11 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
     problems = []
     if seeds < 1 or workers < 1:
         problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
-    if not scenario.seeds and not scenario.grid:
+    if not scenario.seeds and not scenario.swept:
         problems.append(
             f"{scenario.path.name}: a sweep varies parameters or seeds, and there are none. Add `[sweep]` or `[seeds]`."
         )
-    if not scenario.seeds and scenario.grid and seeds > 1:
+    if not scenario.seeds and scenario.swept and seeds > 1:
         problems.append(
             f"{scenario.path.name}, seeds: {seeds} runs of each combination would be the same. Add `[seeds]`."
         )

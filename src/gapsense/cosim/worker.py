@@ -64,7 +64,7 @@ class Worker:
         """Metrics of one run, or what went wrong."""
         try:
             self.master = self.master or Master(self.scenario, self.descriptions)
-            point = index % len(self.scenario.points()) if self.scenario.grid else None
+            point = index % len(self.scenario.points()) if self.scenario.swept else None
             result = run_once(self.master, index, point=point)
             if self.keep:
                 result.save(kept(self.keep, index))

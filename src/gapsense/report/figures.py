@@ -148,6 +148,13 @@ def profiles(result: Result) -> Figure:
     return cycle(result)
 
 
+def estimators(result: Result) -> Figure:
+    """Positions and flux linkages of all estimators against the truth."""
+    from gapsense.report.estimators import run
+
+    return run(result)
+
+
 FIGURES: dict[str, Callable[[Result], Figure]] = {
     "overview": overview,
     "semera": semera,
@@ -156,4 +163,5 @@ FIGURES: dict[str, Callable[[Result], Figure]] = {
     "locked_plunger": locked_plunger,
     "soft_landing": soft_landing,
     "profiles": profiles,
+    "estimators": estimators,
 }

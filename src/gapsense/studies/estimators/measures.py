@@ -1,0 +1,204 @@
+"""All estimators on the same actuator: errors in motion, missed landings, latency and cost, from runs of `estimators`.
+
+Errors count from the second cycle on, so that estimators which learn have learnt.  Estimates that are published later
+are held against the truth at the samples that they are about.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim import Result
+from gapsense.estimators.rts import motions
+
+Vector = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+QUANTITIES = ("position", "velocity", "flux_linkage", "resistance")
+NUMBERS = (*QUANTITIES, "landings", "missed", "latency", "after_landing", "cost")
+FAR = 0.1  # of the stroke: an estimate as far from the stop has missed the landing
+
+
+class Contender(NamedTuple):
+    """An estimator in the scenario, the signals that it gives, and what it needs beside voltage and current."""
+
+    label: str
+    component: str
+    gives: dict[str, str]  # signal by quantity
+    needs: str
+    published: str = ""  # 1 in samples that are about `time`
+    time: str = ""
+    is_lift: bool = False  # the position counts from the upper stop down
+
+
+REAL_TIME = {"position": "position", "velocity": "velocity", "flux_linkage": "flux_linkage"}
+SMOOTHED = {quantity: f"smoothed_{signal}" for quantity, signal in REAL_TIME.items()}
+ELECTRIC = {"flux_linkage": "flux_linkage", "resistance": "resistance"}
+MODEL = "all parameters"
+CONTACT = f"{MODEL}; contact sensor"
+LATE = ("smoothed_published", "smoothed_time")
+CONTENDERS = (
+    Contender("open loop", "open_loop", REAL_TIME, f"{MODEL}; no current"),
+    Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL),
+    Contender("BoundedUkf, tuned", "bounded_ukf_tuned", REAL_TIME, MODEL),
+    Contender("HybridEkf", "hybrid_ekf", {k: k for k in QUANTITIES[:2]}, MODEL, is_lift=True),
+    Contender("Ekf", "ekf", REAL_TIME, CONTACT),
+    Contender("Ertss", "ertss", SMOOTHED, CONTACT, *LATE),
+    Contender("Ertss without e_i", "no_current_error", SMOOTHED, CONTACT, *LATE),
+    Contender("Semera", "semera", ELECTRIC, "R, rest inductance"),
+    Contender("Integral", "integral", ELECTRIC, "R, periodic drive"),
+    Contender(
+        "Integral offline", "integral_offline", ELECTRIC, "periodic drive", published="published", time="published_time"
+    ),
+)
+
+
+class Samples(NamedTuple):
+    """Rows at which estimates came, and the rows that they are about."""
+
+    came: Index
+    about: Index
+
+
+def signals() -> list[str]:
+    """What a run must have recorded."""
+    own = [f"{c.component}.{s}" for c in CONTENDERS for s in (*c.gives.values(), c.published, c.time) if s]
+    return [*(f"actuator.{signal}" for signal in ("position", "flux_linkage", "mode")), *own]
+
+
+def require(recorded: Collection[str], scenario: str) -> None:
+    """Refuse a scenario that does not record what the study needs, with all that is missing."""
+    missing = [name for name in signals() if name not in recorded]
+    if missing:
+        raise ValueError(
+            f"{scenario}: the study of the estimators needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            "Add them to `[record]`, or take the scenario `estimators`."
+        )
+
+
+def measure(result: Result) -> dict[str, float]:
+    """All numbers of a run, by `component.number`: what a sweep collects."""
+    require(result.signals, result.run.scenario)
+    return {f"{c.component}.{name}": value for c in CONTENDERS for name, value in numbers(result, c).items()}
+
+
+def numbers(result: Result, contender: Contender) -> dict[str, float]:
+    """The numbers of one estimator; NaN where it does not give the quantity.
+
+    Parameters
+    ----------
+    result : Result
+        A run of the scenario `estimators`.
+    contender : Contender
+        The estimator.
+
+    Returns
+    -------
+    dict
+        Root mean square errors of position [m] and velocity [m/s] in motion, of flux linkage [Wb] and resistance [ohm]
+        always; landings and those that were missed; age of the estimates when they come, and time from a landing until
+        its motion is published completely [s]; cost per step [us].
+    """
+    samples = lined_up(result, contender)
+    later = Samples(*(rows[result.times[samples.about] > learnt(result)] for rows in samples))
+    moving = Samples(*(rows[is_moving(result)[later.about]] for rows in later))
+    errors = {q: rmse(result, contender, q, moving if q in QUANTITIES[:2] else later) for q in QUANTITIES}
+    landings = rests(result)
+    position = estimate(result, contender, "position")
+    return {
+        **errors,
+        "landings": float(len(landings)),
+        "missed": math.nan if position is None else float(missed(result, position, samples, landings)),
+        "latency": latency(result.times, samples),
+        "after_landing": after_landing(result.times, samples, motions(result["actuator.mode"])),
+        "cost": result.timing[contender.component].microseconds,
+    }
+
+
+def learnt(result: Result) -> float:
+    """End of the first cycle [s]; those of the soft landing are as long as those of the profile."""
+    return 2.0 * float(result.parameters["drive.profile.half_period"])
+
+
+def lined_up(result: Result, contender: Contender) -> Samples:
+    """Rows at which estimates came and those that they are about; the initial values are no estimates."""
+    came = np.flatnonzero(result.stepped(f"{contender.component}.{next(iter(contender.gives.values()))}"))
+    if not contender.published:
+        return Samples(came, came)
+    came = came[result[f"{contender.component}.{contender.published}"][came] > 0.5]
+    time = result[f"{contender.component}.{contender.time}"][came]
+    about = np.rint((time - result.times[0]) / (result.base_step * result.run.decimation)).astype(np.intp)
+    return Samples(came, about)
+
+
+def is_moving(result: Result) -> npt.NDArray[np.bool_]:
+    """Rows at which the mover is on no stop."""
+    return np.asarray(result["actuator.mode"] == 2.0)
+
+
+def estimate(result: Result, contender: Contender, quantity: str) -> Vector | None:
+    """Estimates of a quantity as they came, in the direction of the actuator; None if there are none."""
+    if quantity not in contender.gives:
+        return None
+    values = result[f"{contender.component}.{contender.gives[quantity]}"]
+    if not contender.is_lift:
+        return values
+    return float(result.parameters["actuator.stop.upper"]) - values if quantity == "position" else -values
+
+
+def truth(result: Result, quantity: str) -> Vector:
+    """What the estimates of a quantity should be; the velocity is the mean since the sample before, as most give it."""
+    if quantity == "resistance":
+        return np.full(result.times.size, float(result.parameters["actuator.coil.resistance"]))
+    if quantity == "velocity":
+        return np.diff(result["actuator.position"], prepend=math.nan) / result.base_step
+    return result[f"actuator.{quantity}"]
+
+
+def rmse(result: Result, contender: Contender, quantity: str, samples: Samples) -> float:
+    """Root mean square error over some samples; NaN if there are none."""
+    values = estimate(result, contender, quantity)
+    if values is None or not samples.came.size:
+        return math.nan
+    return float(np.sqrt(np.mean((values[samples.came] - truth(result, quantity)[samples.about]) ** 2)))
+
+
+def rests(result: Result) -> list[int]:
+    """Rows half-way through the rests, from the second cycle on, that the mover leaves again."""
+    found = motions(result["actuator.mode"])
+    between = [(landed, taken_off) for (_, landed), (taken_off, _) in zip(found, found[1:])]
+    return [(landed + end) // 2 for landed, end in between if result.times[landed] > learnt(result)]
+
+
+def missed(result: Result, position: Vector, samples: Samples, at: list[int]) -> int:
+    """Landings that an estimate missed: half-way through the rest it is more than a tenth of the stroke from the stop.
+
+    A smoother has no estimates of the rest: its last one of the motion counts then, if it was published.
+    """
+    low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
+    true = result["actuator.position"]
+    lost = 0
+    for row in at:
+        before = np.flatnonzero(samples.about <= row)
+        k = before[np.argmax(samples.about[before])] if before.size else None
+        lost += k is None or not abs(position[samples.came[k]] - true[row]) < FAR * (high - low)
+    return lost
+
+
+def latency(times: Vector, samples: Samples) -> float:
+    """Median age of the estimates at the moment they come [s]."""
+    return float(np.median(times[samples.came] - times[samples.about])) if samples.came.size else math.nan
+
+
+def after_landing(times: Vector, samples: Samples, found: list[tuple[int, int]]) -> float:
+    """Median time from a landing until all of its motion has been estimated, of motions of which it has [s]."""
+    waits = []
+    for first, landed in found:
+        inside = (samples.about >= first) & (samples.about < landed)
+        if np.unique(samples.about[inside]).size == landed - first:
+            waits.append(max(0.0, float(times[samples.came[inside].max()] - times[landed])))
+    return float(np.median(waits)) if waits else math.nan

@@ -1,0 +1,185 @@
+"""What the estimators of the scenario `estimators` know of the valve of [RTS], each in its own terms, right or wrong.
+
+All follow from one set of numbers: Table I, and the core of the reduced model as `gapsense study reduced-fit` finds it.
+`HybridEkf` knows pot magnets only: a gap reluctance that is linear in the gap, no saturation, no damping, and a load
+that is the same everywhere.  It is given the magnet that is most like the valve.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapsense.actuators.magnetics import fringing
+from gapsense.actuators.parameters import RTS_VALVE
+from gapsense.estimators.hybrid_ekf import MU_0
+from gapsense.studies.smoother.perturbation import errors
+
+Floats = NDArray[np.float64]
+KNOTS = 19  # of the gap table, as in [UKF]
+PERMEABILITY = 200.0  # of the magnet that stands for the valve; only its ratio to the core's length matters
+CORE_SHARE = 0.798  # by `core_share`, from the motions of the scenario's first cycle
+SEED, DRAWS = 1, 16
+WIDTHS = {"rows_5.csv": 0.1, "rows_10.csv": 0.2}  # intervals of +-5 % and +-10 %, (55)
+
+
+class Valve(NamedTuple):
+    """The valve without hysteresis and eddy currents, as its estimators believe it to be."""
+
+    resistance: float = RTS_VALVE.coil_resistance
+    turns: float = RTS_VALVE.coil_turns
+    lower: float = RTS_VALVE.stop_lower
+    upper: float = RTS_VALVE.stop_upper
+    mass: float = RTS_VALVE.mover_mass
+    stiffness: float = RTS_VALVE.spring_stiffness
+    rest: float = RTS_VALVE.spring_rest
+    damping: float = RTS_VALVE.damping
+    core: float = 1.402 * RTS_VALVE.coil_turns**2  # R_c0 by the reduced fit [1/H]
+    saturation: float = 24.71e-3  # lambda_sat by the same [Wb]
+    gap: float = 1.0  # factor of the gap reluctance
+
+
+VALVE = Valve()
+
+
+def gap_law(z: float, valve: Valve) -> tuple[float, float]:
+    """Reluctance of a gap and its derivative."""
+    slope, k, c = RTS_VALVE.gap_slope, RTS_VALVE.gap_fringing, RTS_VALVE.gap_window
+    R, rate, _ = fringing(z, slope, k, c)
+    return valve.gap * R, valve.gap * rate
+
+
+def gap_table(valve: Valve = VALVE) -> tuple[Floats, Floats, Floats]:
+    """Gaps between the stops, reluctances and derivatives, for `BoundedUkf`."""
+    gaps = np.linspace(valve.lower, valve.upper, KNOTS)
+    laws = np.array([gap_law(float(z), valve) for z in gaps])
+    return gaps, laws[:, 0], laws[:, 1]
+
+
+def wrong(e: ArrayLike) -> Valve:
+    """The valve with relative errors of m, k_sp, z_sp, c_f, R_c0, lambda_sat, R_g and R; z_sp from the lower stop."""
+    v = VALVE
+    m, k, z, c, core, saturation, gap, R = np.asarray(e, float).tolist()
+    return v._replace(
+        mass=v.mass * (1.0 + m),
+        stiffness=v.stiffness * (1.0 + k),
+        rest=v.lower + (v.rest - v.lower) * (1.0 + z),
+        damping=v.damping * (1.0 + c),
+        core=v.core * (1.0 + core),
+        saturation=v.saturation * (1.0 + saturation),
+        gap=1.0 + gap,
+        resistance=v.resistance * (1.0 + R),
+    )
+
+
+def reduced(v: Valve) -> dict[str, float]:
+    """Parameters of `Ekf` and `Ertss`."""
+    return {**mechanics(v), "core.reluctance": v.core, "gap.slope": RTS_VALVE.gap_slope * v.gap}
+
+
+def tabulated(v: Valve) -> dict[str, float]:
+    """Parameters of `BoundedUkf`.
+
+    Its table is a file.  A factor of the reluctance is one of N^2 the other way round, in all that the filter computes
+    from reluctances; that of the core must not change.
+    """
+    return {**mechanics(v), "core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
+
+
+def mechanics(v: Valve) -> dict[str, float]:
+    """What the models of [RTS] and [UKF] have in common."""
+    return {
+        "coil.resistance": v.resistance,
+        "mover.mass": v.mass,
+        "spring.stiffness": v.stiffness,
+        "spring.rest": v.rest,
+        "damping": v.damping,
+        "core.saturation": v.saturation,
+    }
+
+
+def magnet(v: Valve) -> dict[str, float]:
+    """Parameters of `HybridEkf`: the pot magnet that is most like the valve.
+
+    Its gap reluctance is the chord between the stops, and so is the force, (10) and (14); what the valve has at the
+    lower stop, and a core at `CORE_SHARE` of saturation, is in the length of the field lines; the spring at half stroke
+    is its weight.
+    """
+    (low, _), (high, _) = gap_law(v.lower, v), gap_law(v.upper, v)
+    stroke = v.upper - v.lower
+    area = 2.0 * stroke / (MU_0 * (high - low))
+    closed = low + v.core / (1.0 - CORE_SHARE)
+    return {
+        "coil.resistance": v.resistance,
+        "coil.resistance_upper": v.resistance,
+        "core.length": closed * PERMEABILITY * MU_0 * area,
+        "pole.area": area,
+        "mover.mass": v.mass,
+        "gravity": v.stiffness * (v.rest - v.lower - 0.5 * stroke) / v.mass,
+    }
+
+
+def core_share(position: ArrayLike, flux_linkage: ArrayLike, current: ArrayLike, v: Valve = VALVE) -> float:
+    """Share of saturation at which a constant core explains the currents best, in least squares.
+
+    Parameters
+    ----------
+    position, flux_linkage, current : (N,) arrays
+        Samples in motion [m], [Wb], [A].
+    v : Valve
+        The gap law's chord and R_c0 are taken from it.
+    """
+    z, lam, i = (np.asarray(values, float) for values in (position, flux_linkage, current))
+    (low, _), (high, _) = gap_law(v.lower, v), gap_law(v.upper, v)
+    gap = low + (z - v.lower) * (high - low) / (v.upper - v.lower)
+    core = float((v.turns**2 * i - gap * lam) @ lam / (lam @ lam))
+    return 1.0 - v.core / core
+
+
+def coil(v: Valve) -> dict[str, float]:
+    """Parameters of `Semera` and `IntegralEstimator`: resistance, and inductance at the upper stop."""
+    return {
+        "prior.resistance": v.resistance,
+        "prior.inductance": v.turns**2 / (gap_law(v.upper, v)[0] + v.core),
+    }
+
+
+def beliefs(v: Valve) -> dict[str, float]:
+    """Parameters of all estimators by `component.parameter`."""
+    of: Mapping[str, dict[str, float]] = {
+        "ekf": reduced(v),
+        "ertss": reduced(v),
+        "no_current_error": reduced(v),
+        "bounded_ukf": tabulated(v),
+        "bounded_ukf_tuned": tabulated(v),
+        "open_loop": tabulated(v),
+        "hybrid_ekf": magnet(v),
+        "semera": coil(v),
+        "integral": coil(v),
+        "integral_offline": coil(v),
+    }
+    return {f"{name}.{parameter}": value for name, values in of.items() for parameter, value in values.items()}
+
+
+def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
+    """Wrong beliefs, one row per draw: the first draws of the Monte Carlo of [RTS], uniform in an interval of `width`.
+
+    The same draws for every width, as there.
+    """
+    return [beliefs(wrong(e)) for e in width * errors(SEED, 0, draws).T]
+
+
+def write(folder: Path) -> None:
+    """Write the files of the scenario that follow from the numbers above: gap table and rows of wrong beliefs."""
+    np.savetxt(
+        folder / "gap_19.csv", np.transpose(gap_table()), "%.10g", ",", header="gap,reluctance,slope", comments=""
+    )
+    for name, width in WIDTHS.items():
+        table = rows(width)
+        lines = [",".join(table[0]), *(",".join(f"{value:.8g}" for value in row.values()) for row in table)]
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")

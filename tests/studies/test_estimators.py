@@ -1,0 +1,248 @@
+"""The benchmark of all estimators: its measures on constructed signals, what the estimators are told, and its runs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from gapsense.actuators.parameters import RTS_VALVE
+from gapsense.cli import app
+from gapsense.cosim import load, run
+from gapsense.cosim.record import Result, Run, Timing
+from gapsense.estimators import hybrid_ekf
+from gapsense.fmi.settings import kernel_parameters
+from gapsense.report import estimators as drawn
+from gapsense.report import figures
+from gapsense.studies.estimators import measures as benchmark
+from gapsense.studies.estimators import parameters as known
+from gapsense.studies.estimators import report
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "scenarios" / "estimators"
+STEP, LOW, HIGH = 1e-3, 0.4e-3, 1.4e-3
+FILTER = benchmark.Contender("a filter", "it", {"position": "position", "velocity": "velocity"}, "")
+SMOOTHER = benchmark.Contender("a smoother", "it", {"position": "smoothed"}, "", "published", "about")
+LIFT = FILTER._replace(is_lift=True)
+
+
+def made(mode, position, signals=None):
+    """A result with a true position, what an estimator `it` gives, and a first cycle of 4 ms."""
+    rows = len(mode)
+    about = Run(
+        "", "made", None, "", 0.0, (rows - 1) * STEP, STEP, 1, {}, {"it": {"step": 1, "offset": 0}}, (), (), {}, {}
+    )
+    given = {f"it.{name}": np.asarray(values, float) for name, values in (signals or {}).items()}
+    true = {"actuator.mode": np.asarray(mode, float), "actuator.position": np.asarray(position, float)}
+    parameters = {
+        "actuator.stop.lower": LOW,
+        "actuator.stop.upper": HIGH,
+        "actuator.coil.resistance": 48.0,
+        "drive.profile.half_period": 2e-3,
+    }
+    timing = {"it": Timing(1e-3, 100)}
+    return Result(about, STEP * np.arange(rows), {**true, **given}, {}, parameters, timing, 1.0)
+
+
+#       0    1    2    3    4    5    6    7    8    9   10   11   12   13   14   15   16   17
+MODE = [3, 2, 1, 1, 2, 2, 3, 3, 3, 3, 2, 2, 1, 1, 1, 1, 2, 3]
+PLACE = [1.4, 1.0, 0.4, 0.4, 0.6, 1.0, 1.4, 1.4, 1.4, 1.4, 1.1, 0.7, 0.4, 0.4, 0.4, 0.4, 0.9, 1.4]
+POSITION = 1e-3 * np.array(PLACE)
+
+
+def test_landings_count_from_the_second_cycle_on_if_the_mover_leaves_again():
+    assert benchmark.rests(made(MODE, POSITION)) == [8, 14]
+
+
+@pytest.mark.parametrize(("shift", "lost"), [(0.0, 0), (0.09e-3, 0), (0.11e-3, 2), (-0.5e-3, 2), (np.nan, 2)])
+def test_a_landing_is_missed_a_tenth_of_the_stroke_away(shift, lost):
+    result = made(MODE, POSITION, {"position": POSITION + shift, "velocity": 0.0 * POSITION})
+    found = benchmark.numbers(result, FILTER)
+    assert (found["landings"], found["missed"]) == (2, lost)
+
+
+def test_only_the_middle_of_the_rest_decides():
+    late = np.where(np.arange(18) < 14, POSITION[9], POSITION)  # at the second stop only when half of the rest is over
+    assert benchmark.numbers(made(MODE, POSITION, {"position": late, "velocity": late}), FILTER)["missed"] == 0
+    late[14] = POSITION[9]
+    assert benchmark.numbers(made(MODE, POSITION, {"position": late, "velocity": late}), FILTER)["missed"] == 1
+
+
+def test_errors_are_those_in_motion_from_the_second_cycle_on():
+    off = np.zeros(18)
+    off[[1, 4]] = 1.0  # in motion, but in the first cycle
+    off[[7, 13]] = 1.0  # at rest
+    off[[5, 10]] = 3e-6, 4e-6
+    result = made(MODE, POSITION, {"position": POSITION + off, "velocity": np.diff(POSITION, prepend=0.0) / STEP})
+    found = benchmark.numbers(result, FILTER)
+    assert found["position"] == pytest.approx(np.sqrt((9e-12 + 16e-12) / 4))  # rows 5, 10, 11, 16
+    assert found["velocity"] == pytest.approx(0.0, abs=1e-15)
+    assert np.isnan(found["flux_linkage"]) and np.isnan(found["resistance"])
+    assert (found["latency"], found["after_landing"], found["cost"]) == (0.0, 0.0, pytest.approx(10.0))
+
+
+def test_a_lift_counts_from_the_upper_stop_down():
+    signals = {"position": HIGH - POSITION, "velocity": -np.diff(POSITION, prepend=0.0) / STEP}
+    found = benchmark.numbers(made(MODE, POSITION, signals), LIFT)
+    assert (found["position"], found["missed"]) == (pytest.approx(0.0, abs=1e-15), 0)
+    assert found["velocity"] == pytest.approx(0.0, abs=1e-12)
+
+
+def smoothed(pairs):
+    """Signals of a smoother that publishes at the first row of each pair what is about the second."""
+    published, about, values = np.zeros(18), STEP * np.arange(18), np.zeros(18)
+    for came, row in pairs:
+        published[came], about[came], values[came] = 1.0, STEP * row, POSITION[row]
+    return {"published": published, "about": about, "smoothed": values}
+
+
+def test_what_is_published_later_is_held_against_the_sample_that_it_is_about():
+    result = made(MODE, POSITION, smoothed([(7, 4), (8, 5), (14, 10), (15, 11)]))
+    samples = benchmark.lined_up(result, SMOOTHER)
+    assert samples.came.tolist() == [7, 8, 14, 15]
+    assert samples.about.tolist() == [4, 5, 10, 11]
+    found = benchmark.numbers(result, SMOOTHER)
+    assert found["position"] == pytest.approx(0.0, abs=1e-15)
+    assert found["latency"] == pytest.approx(3.5e-3)  # median of 3, 3, 4, 4 ms
+    assert found["after_landing"] == pytest.approx(2.5e-3)  # landed at rows 6 and 12, complete at 8 and 15
+
+
+def test_a_motion_that_is_not_published_completely_does_not_count_for_the_wait():
+    result = made(MODE, POSITION, smoothed([(7, 4), (14, 10), (15, 11)]))
+    assert benchmark.numbers(result, SMOOTHER)["after_landing"] == pytest.approx(3e-3)
+    nothing = benchmark.numbers(made(MODE, POSITION, smoothed([])), SMOOTHER)
+    assert np.isnan(nothing["latency"]) and np.isnan(nothing["after_landing"]) and np.isnan(nothing["position"])
+    assert nothing["missed"] == 2
+
+
+def test_a_smoother_has_landed_where_its_last_estimate_of_the_motion_is():
+    signals = smoothed([(7, 4), (8, 5), (14, 10), (15, 11)])
+    signals["smoothed"][[8, 15]] = HIGH, LOW
+    assert benchmark.numbers(made(MODE, POSITION, signals), SMOOTHER)["missed"] == 0
+    signals["smoothed"][15] = HIGH
+    assert benchmark.numbers(made(MODE, POSITION, signals), SMOOTHER)["missed"] == 1
+
+
+def test_files_of_the_scenario_are_what_the_functions_give(tmp_path):
+    known.write(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["gap_19.csv", "rows_10.csv", "rows_5.csv"]
+    for file in tmp_path.iterdir():
+        assert file.read_text() == (FOLDER / file.name).read_text()
+
+
+def test_estimators_of_the_plain_scenario_know_the_valve():
+    components = load(FOLDER).components
+    for name, value in known.beliefs(known.VALVE).items():
+        component, _, parameter = name.partition(".")
+        assert components[component].values[parameter] == pytest.approx(value, rel=1e-9), name
+    rows = load(FOLDER, "wrong_5").rows
+    assert {str(port) for port in rows[0]} == set(known.beliefs(known.VALVE))
+    assert len(rows) == known.DRAWS
+    for row in rows:
+        mass = {value for port, value in row.items() if port.variable == "mover.mass"}
+        assert len(mass) == 1 and mass.pop() == pytest.approx(RTS_VALVE.mover_mass, rel=0.05)
+
+
+def test_wrong_gap_is_the_same_for_a_formula_a_table_and_a_magnet():
+    valve = known.wrong([0, 0, 0, 0, 0.03, 0, 0.05, 0])
+    right, told = known.tabulated(known.VALVE), known.tabulated(valve)
+    assert told["coil.turns"] ** -2 / right["coil.turns"] ** -2 == pytest.approx(1.05)
+    of_core = told["core.reluctance"] / told["coil.turns"] ** 2, right["core.reluctance"] / right["coil.turns"] ** 2
+    assert of_core[0] / of_core[1] == pytest.approx(1.03)
+    assert known.reduced(valve)["gap.slope"] == pytest.approx(1.05 * RTS_VALVE.gap_slope)
+    assert known.magnet(valve)["pole.area"] == pytest.approx(known.magnet(known.VALVE)["pole.area"] / 1.05)
+
+
+def test_magnet_has_the_reluctance_and_the_force_of_the_valve():
+    par = kernel_parameters(ROOT / "fmus" / "hybrid_ekf", load(FOLDER).components["hybrid_ekf"].values)
+    m, v = hybrid_ekf.model(par), known.VALVE
+    core = v.core / (1.0 - known.CORE_SHARE)
+    for lift, gap in ((0.0, v.upper), (m.s_max, v.lower)):
+        reluctance = v.turns**2 * (m.path + m.slope * lift) / m.K5
+        assert reluctance == pytest.approx(known.gap_law(gap, v)[0] + core, rel=1e-6)
+    lam, stroke = 0.015, v.upper - v.lower
+    chord = (known.gap_law(v.upper, v)[0] - known.gap_law(v.lower, v)[0]) / stroke
+    force = m.lift * (lam / m.K5) ** 2 * v.mass
+    assert force == pytest.approx(0.5 * (lam / v.turns) ** 2 * chord, rel=1e-6)
+    assert m.g * v.mass == pytest.approx(v.stiffness * (v.rest - 0.5 * (v.lower + v.upper)), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def plain(fmus):
+    return run(FOLDER, None, fmus)
+
+
+def test_core_of_the_magnet_is_fitted_to_the_first_motions(plain):
+    rows = benchmark.is_moving(plain) & (plain.times < benchmark.learnt(plain))
+    share = known.core_share(*(plain[f"actuator.{s}"][rows] for s in ("position", "flux_linkage", "current")))
+    assert share == pytest.approx(known.CORE_SHARE, abs=1e-3)
+
+
+def test_plain_run(plain, tmp_path):
+    found = benchmark.measure(plain)
+    position = {c.component: found[f"{c.component}.position"] for c in benchmark.CONTENDERS if "position" in c.gives}
+    assert max(position["ertss"], position["no_current_error"]) < 8e-6 < 15e-6 < position["ekf"] < 40e-6
+    assert all(
+        60e-6 < position[name] < 110e-6 for name in ("open_loop", "bounded_ukf", "bounded_ukf_tuned", "hybrid_ekf")
+    )
+    for c in benchmark.CONTENDERS:
+        assert found[f"{c.component}.landings"] == 5
+        assert found[f"{c.component}.missed"] == 0 or "position" not in c.gives
+        assert found[f"{c.component}.cost"] > 0
+        is_late = c.component in ("ertss", "no_current_error", "integral_offline")
+        assert (found[f"{c.component}.latency"] > 0) == is_late
+    assert found["integral_offline.latency"] == pytest.approx(20e-3, rel=1e-9)
+    assert 4e-3 < found["ertss.latency"] < 7e-3 and 3.9e-3 < found["ertss.after_landing"] < 6e-3
+    assert imread(figures.save(figures.draw(plain, "estimators"), tmp_path / "run.png")).std() > 0.01
+
+
+def test_what_is_not_recorded_is_told(plain):
+    with pytest.raises(ValueError, match=r"`ekf\.velocity`, not recorded"):
+        benchmark.require([name for name in plain.signals if name != "ekf.velocity"], "made")
+
+
+def runs(**changes):
+    """Two runs in which every number is 1e-3, but for changes by `component__number`."""
+    both = {f"{c.component}.{n}": np.full(2, 1e-3) for c in benchmark.CONTENDERS for n in benchmark.NUMBERS}
+    return both | {name.replace("__", "."): np.array(values) for name, values in changes.items()}
+
+
+def test_tables_show_median_worst_and_misses():
+    none = [np.nan, np.nan]
+    plain = runs(ekf__position=[10e-6, 30e-6], ekf__missed=[0.0, 1.0], ekf__landings=[5.0, 5.0], semera__missed=none)
+    wrong = runs(ekf__position=[10e-6, 50e-6], ekf__missed=[2.0, 0.0], ekf__landings=[5.0, 5.0], ekf__resistance=none)
+    text = report.text({None: plain, "wrong_5": wrong})
+    lines = [line for line in text.splitlines() if line.startswith("  Ekf ")]
+    assert "20.0 (30.0)" in lines[0] and lines[0].endswith("1 of 10")
+    assert "30.0 (50.0)" in lines[1] and " - " in lines[1]
+    row = next(line for line in text.splitlines() if line.startswith("| Ekf "))
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[:3] == ["Ekf", "20.0", "30 (50)"] and "3 of 20" in cells
+    assert next(line for line in text.splitlines() if line.startswith("  Semera ")).endswith(" -")
+    head = next(line for line in text.splitlines() if line.startswith("|  |"))
+    assert all(line.count("|") == head.count("|") for line in text.splitlines() if line.startswith("| "))
+
+
+def test_figure_of_the_conditions(tmp_path):
+    found = {None: runs(), "warm": runs(ekf__position=[1e-6, 1e-4])}
+    assert imread(figures.save(drawn.conditions(found), tmp_path / "conditions.png")).std() > 0.01
+
+
+def test_table_of_the_readme_has_every_estimator():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = readme.partition("## Which estimator")[2].partition("\n## ")[0]
+    for contender in benchmark.CONTENDERS:
+        assert f"\n| {contender.label} | " in table, contender.label
+        assert contender.needs in table, contender.label
+
+
+@pytest.mark.slow
+def test_the_whole_family(fmus, tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
+    done = CliRunner().invoke(app, [str(a) for a in arguments])
+    assert done.exit_code == 0, done.output
+    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(report.CONDITIONS)
+    assert imread(tmp_path / "estimators.png").std() > 0.01
+    assert set(load(FOLDER).variants) == {c.variant for c in report.CONDITIONS if c.variant}
