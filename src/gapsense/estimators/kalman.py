@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gapsense.linalg import ROUNDING, identity, ldl, nonnegative, outer, pivot, solve, symmetric
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, square, where
+from gapsense.trace import clip, cond, square, where
 
 
 class Gaussian(NamedTuple):
@@ -56,10 +56,14 @@ def fix(prior: Gaussian, k: int, value: Scalar) -> Gaussian:
 def project(estimate: Gaussian, k: int, low: Scalar, high: Scalar) -> Gaussian:
     """Most likely estimate with low <= x_k <= high; the covariance is kept, which is cautious, [RTS] (39)-(42)."""
     x, P = estimate
-    bound = clip(x[k], low, high)
-    projected = x + P[:, k] / pivot(P[k, k]) * (bound - x[k])
-    projected[k] = bound
-    return Gaussian(projected, P)
+
+    def projected() -> Array:
+        bound = clip(x[k], low, high)
+        moved = x + P[:, k] / pivot(P[k, k]) * (bound - x[k])
+        moved[k] = bound
+        return moved
+
+    return Gaussian(cond((x[k] >= low) & (x[k] <= high), lambda: x, projected), P)
 
 
 def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: Gaussian) -> Gaussian:

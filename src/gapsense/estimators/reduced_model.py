@@ -120,8 +120,11 @@ def _fringing(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
 def core_law(lam: Scalar, m: Model) -> Scalar:
     """R_c*(lambda) of Froehlich and Kennelly (15), continued linearly above `SATURATED`."""
     x = fabs(lam) / m.lam_sat
-    y = where(x < SATURATED, x, SATURATED)
-    return m.R_c0 / (1.0 - y) + m.R_c0 / square(1.0 - SATURATED) * (x - y)
+
+    def beyond() -> Scalar:
+        return m.R_c0 / (1.0 - SATURATED) + m.R_c0 / square(1.0 - SATURATED) * (x - SATURATED)
+
+    return cond(x < SATURATED, lambda: m.R_c0 / (1.0 - x), beyond)
 
 
 def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model) -> Scalar:
@@ -176,7 +179,9 @@ def stay(x: Array, u: Held, m: Model) -> Array:
 def _next(x: Array, z_next: Scalar, R_g: Scalar, voltage: Scalar, m: Model) -> Array:
     z, _, lam, e_i, e_F = x
     lam_next = lam + m.T_s * (voltage - m.R * current(R_g, lam, e_i, m))
-    return vector([z_next, z, clip(lam_next, -FLUX_LIMIT * m.lam_sat, FLUX_LIMIT * m.lam_sat), e_i, e_F])
+    most = FLUX_LIMIT * m.lam_sat
+    lam_next = cond(fabs(lam_next) < most, lambda: lam_next, lambda: clip(lam_next, -most, most))
+    return vector([z_next, z, lam_next, e_i, e_F])
 
 
 def observation(x: Array, m: Model) -> Array:

@@ -160,7 +160,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             if self.phase != "running":
                 raise Refusal(f"a step in phase `{self.phase}`. Initialise the instance first, or reset it.")
             end = current_time + step_size
-            if not (step_size > 0.0 and -math.inf < end < math.inf):
+            if not step_size > 0.0 or end - end != 0.0:  # infinite or NaN
                 raise Refusal(f"the communication step is {step_size!r} s. Give a positive one, from a finite time on.")
             if not self.period:
                 self._advance(end, step_size)
