@@ -12,7 +12,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(gapsense, tmp_path):
     out = tmp_path / "new" / "out"
-    done = gapsense("study", "monte-carlo", "--runs", 6, "--widths", "1,10", "--out", out)
+    done = gapsense("study", "monte-carlo", "--runs", 6, "--widths", "1,10", "--workers", 1, "--out", out)
     assert done.exit_code == 0, done.output
     for title in ("NRMSE of the position in the making", "NRMSE of the velocity in the breaking", "Process noise (60)"):
         assert title in done.output
