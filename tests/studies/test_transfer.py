@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
 from gapsense.cosim import ScenarioError
+from gapsense.cosim.files import read_columns
 from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
 
 LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}
@@ -43,6 +46,31 @@ def test_fringing_law_is_the_same_in_other_symbols():
     law = reduced_gap({"gap.law": "fringing", "gap.area": GAP_AREA, "gap.window": GAP_WINDOW})
     expected = [fringing(h, 1 / (MU_0 * GAP_AREA), GAP_AREA**-0.5, 2 * GAP_WINDOW)[0] for h in GAPS]
     assert [reduced(law, h) for h in GAPS] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"gap.law": "linear", "gap.slope": 2.7e10},
+        {"gap.law": "fringing", "gap.area": GAP_AREA, "gap.window": GAP_WINDOW},
+        {
+            "gap.law": "fringing",
+            "gap.reluctance": 1e6,
+            "gap.slope": 4.7e10,
+            "gap.fringing": 300.0,
+            "gap.window": 9.73e-3,
+        },
+    ],
+    ids=["linear", "valve", "rts"],
+)
+def test_component_that_takes_a_table_only_gets_one(law):
+    values = values_for(("gap.file", "stop.upper"), {**law, "stop.upper": 0.9e-3})
+    columns = read_columns(Path(values["gap.file"]))
+    form = law if "gap.fringing" in law else reduced_gap(law)
+    assert columns["reluctance"] == pytest.approx([reduced(form, h) for h in columns["gap"]], rel=1e-12)
+    middle = np.diff(columns["reluctance"]) / np.diff(columns["gap"])
+    assert 0.5 * (columns["slope"][1:] + columns["slope"][:-1])[5:] == pytest.approx(middle[5:], rel=1e-3)
+    assert columns["gap"][-1] > values["stop.upper"] == 0.9e-3
 
 
 def test_table_serves_both(tmp_path):

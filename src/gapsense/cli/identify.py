@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -99,8 +99,8 @@ def estimate(
         root = checkout()
         inputs = estimators(root)
         (record,) = read([data], column, "trapezoid", None, "samples")
-        names = chosen(estimator, inputs, record)
         values = transfer.read_values(parameters or [])
+        names = chosen(estimator, inputs, record, {} if estimator else unfit(root, values))
         unknown_parameters(root, list(values))
         estimates = []
         with bar("estimating") as progress:
@@ -143,24 +143,32 @@ def read(files: list[Path], column: list[str] | None, voltage: str, period: floa
     return records
 
 
-def estimators(root: Path) -> dict[str, list[str]]:
-    """Inputs of every estimator in fmus/."""
+def estimators(root: Path, causality: str = "input") -> dict[str, list[str]]:
+    """Inputs, or other ports, of every estimator in fmus/."""
     from gapsense.fmi.package import find_components, load_component
 
     found = [load_component(folder) for folder in find_components(root / "fmus")]
     mine = [c for c in found if c.kernel.startswith("gapsense.estimators.")]
-    return {c.name: [port.name for port in c.of("input")] for c in mine}
+    return {c.name: [port.name for port in c.of(causality)] for c in mine}
 
 
-def chosen(wanted: str | None, inputs: dict[str, list[str]], record: Record) -> list[str]:
-    """Names of the estimators to run: those wanted, or all that can run; a ValueError says why one cannot."""
+def unfit(root: Path, values: dict[str, Any]) -> dict[str, str]:
+    """Why estimators do not fit the device that the parameters describe."""
+    from gapsense.studies.identification.estimation import foreign
+
+    found = {name: foreign(name, own, values) for name, own in estimators(root, "parameter").items()}
+    return {name: reason for name, reason in found.items() if reason}
+
+
+def chosen(wanted: str | None, inputs: dict[str, list[str]], record: Record, unfit: dict[str, str]) -> list[str]:
+    """Names of the estimators to run: those wanted, or all that can run and fit; a ValueError says why one cannot."""
     from gapsense.studies.identification.estimation import missing
 
     plain = {name.lower(): name for name in inputs}
     asked = [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else list(plain)
     if unknown := [word for word in asked if word not in plain]:
         raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(inputs)}.")
-    reasons = {plain[word]: missing(record, inputs, plain[word]) for word in asked}
+    reasons = {name: unfit.get(name) or missing(record, inputs, name) for name in (plain[word] for word in asked)}
     refused = [reason for reason in reasons.values() if reason]
     if refused and (wanted or len(refused) == len(reasons)):
         raise ValueError("\n".join(refused))

@@ -53,6 +53,13 @@ def missing(record: Record, inputs: Mapping[str, Sequence[str]], name: str) -> s
     return f"{name} needs {', '.join(f'`{i}`' for i in lacking)}, which {record.name} does not have. {remedy}{able}."
 
 
+def foreign(name: str, parameters: Sequence[str], values: Mapping[str, Value]) -> str | None:
+    """Why an estimator models another device than the one that `values` describe; None if it does not."""
+    if "gap.law" not in values or "core.permeability" not in parameters or "core.permeability" in values:
+        return None
+    return f"{name} models a pot magnet, not a valve with a gap law. Name it with `--estimator` to run it all the same."
+
+
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
     """One estimator over a record; its sample time is that of the record.
 

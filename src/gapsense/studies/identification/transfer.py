@@ -1,25 +1,29 @@
 """What a component takes of a parameter set that was made for the solenoid valve.
 
 Most names mean the same everywhere.  But the models of [RTS] have a gap law of their own, with the parameter
-`gap.fringing`, R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), and estimators of the resistance start from priors.
+`gap.fringing`, R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), that of [UKF] takes a table, and estimators of the
+resistance start from priors.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
+import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.cosim.files import read_columns
+from gapsense.cosim.files import read_columns, write_atomically, write_columns
 from gapsense.cosim.parameters import read_parameters
 from gapsense.cosim.problems import ScenarioError
 from gapsense.cosim.tables import Value
 
 # Parameters of each law of the valve.
 GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}
+ROWS, BEYOND = 61, 1.2  # of a table made from a law, and how far it goes, in upper stops
 AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
 
 
@@ -38,7 +42,27 @@ def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str,
     if "gap.law" in values and ("gap.fringing" in values) != ("gap.fringing" in names):
         others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
         known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
+    if "gap.law" in values and "gap.file" in names and "gap.law" not in names:
+        known["gap.file"] = str(table_of(values if "gap.fringing" in values else {**values, **reduced_gap(values)}))
     return {name: value for name, value in known.items() if name in names}
+
+
+def table_of(values: Mapping[str, Value]) -> Path:
+    """A gap law in the form of [RTS], as a file with gap, reluctance and slope from no gap to beyond the upper stop.
+
+    It lies in the folder for temporary files, under a name that its numbers give.
+    """
+    if values["gap.law"] == "table":
+        return Path(str(values["gap.file"]))
+    gaps = np.linspace(0.0, BEYOND * float(values["stop.upper"]), ROWS)
+    k, window = float(values["gap.fringing"]), float(values.get("gap.window", 1.0))
+    laws = [fringing(h, float(values["gap.slope"]), k, window)[:2] for h in gaps.tolist()]
+    R, slope = np.array(laws).T
+    columns = {"gap": gaps, "reluctance": R + float(values["gap.reluctance"]), "slope": slope}
+    digest = hashlib.sha256(repr([list(column) for column in columns.values()]).encode()).hexdigest()[:12]
+    file = Path(tempfile.gettempdir()) / f"gap_{digest}.csv"
+    write_atomically(file, lambda text: write_columns(text, columns))
+    return file
 
 
 def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:
