@@ -316,16 +316,16 @@ def doubled(state, outputs):
 '''
 FAULTS = """
 
-_sound, _faults = step, iter(["exception", "nothing", "nan", "infinite"])
+_sound, _faults = advance, iter(["exception", "nothing", "nan", "infinite"])
 
 
-def step(state, inputs, par):
+def advance(state, inputs, constants):
     fault = next(_faults, "none")
     if fault == "exception":
         raise ArithmeticError("kaputt: für 100 %s %d %n")
     if fault == "nothing":
         return None
-    state, outputs = _sound(state, inputs, par)
+    state, outputs = _sound(state, inputs, constants)
     wrong = {"nan": float("nan"), "infinite": float("inf")}
     return state, (outputs if fault == "none" else (wrong[fault],) * len(outputs))
 """
