@@ -91,13 +91,14 @@ def component(study: Study) -> tuple[float, Any]:
     given = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist()))
     scalar, (first, landed) = Kernel(ekf).scalar, motions(s.mode)[0]
     state, _ = scalar["initial"](given[0], par)
+    advance, constants = scalar["advance"], scalar["constants"](par)
     for inputs in given[1 : first + 1]:
-        state, _ = scalar["step"](state, inputs, par)
+        state, _ = advance(state, inputs, constants)
 
     def run() -> list[Any]:
         states = [state]
         for inputs in given[first + 1 : landed]:
-            states.append(scalar["step"](states[-1], inputs, par)[0])
+            states.append(advance(states[-1], inputs, constants)[0])
         return states
 
     return 1e9 * best(run, 3) / (landed - first - 1), np.array([row[:20] for row in run()])

@@ -71,7 +71,10 @@ def row(module: str) -> list[float]:
     par, inputs = parameters(module, rng), list(input_sequence(module, rng, STEPS + 1, degenerate=False))
     source = best(lambda: sequence(k.module.initial, k.module.step, inputs, par), STEPS)
     entries, values = tuple(flat(par)), [flat(given) for given in inputs]
-    python = best(lambda: sequence(k.scalar["initial"], k.scalar["step"], values, entries), STEPS)
+    constants, advance = k.scalar["constants"](entries), k.scalar["advance"]
+    python = best(
+        lambda: sequence(lambda given, _: k.scalar["initial"](given, entries), advance, values, constants), STEPS
+    )
     return [source, python, *(batch(module, runs) for runs in BATCHES), in_c(module, False), in_c(module, True)]
 
 

@@ -65,8 +65,9 @@ class Direct:
         self.component, self.folder = components[descriptions[name].name]
         self.kernel = Kernel(importlib.import_module(self.component.kernel))
         seed = {"seed": scenario.seeds[name]} if name in scenario.seeds else {}
-        self.step: Step = self.kernel.scalar["step"]
+        self.advance: Step = self.kernel.scalar["advance"]
         self.par = tuple(kernel_parameters(self.folder, {**scenario.components[name].values, **seed}))
+        self.constants = self.kernel.scalar["constants"](self.par)
         self.inputs = [Port(name, port.name) for port in self.component.of("input")]
         self.outputs = [Port(name, port.name) for port in self.component.of("output")]
         self.clock = sum(field in self.kernel.module.Inputs._fields for field in ("time", "dt"))
@@ -101,18 +102,18 @@ def kernels(fmus: Path) -> Outcome:
         place = slice(first, first + len(direct.outputs))
         given = direct.given([values[i] for i in inputs], 0.0, 0.0)
         state, values[place] = direct.kernel.scalar["initial"](given, direct.par)
-        plan.append([direct.step, state, inputs, direct.clock, direct.par, place])
+        plan.append([direct.advance, state, inputs, direct.clock, direct.constants, place])
     rows = []
     watched = [places.index[port] for port in WATCHED]
     begin = perf_counter()
     for k in range(1, COUNT + 1):
         for part in plan:
-            step, state, inputs, clock, par, place = part
+            advance, state, inputs, clock, constants, place = part
             given = [values[i] for i in inputs]
             if clock:
                 end = (k - 1) * STEP + STEP
                 given = [end, STEP, *given] if clock == 2 else [end, *given]
-            part[1], values[place] = step(state, given, par)
+            part[1], values[place] = advance(state, given, constants)
         rows.append([values[i] for i in watched])
     return perf_counter() - begin, component_steps(experiment), dict(zip(map(str, WATCHED), rows[-1]))
 
@@ -138,9 +139,9 @@ def alone(fmus: Path) -> dict[str, list[float]]:
 def kernel_time(direct: Direct, rows: list[list[float]]) -> float:
     """Microseconds per step on recorded inputs."""
     given = [direct.given(row, k * STEP + STEP, STEP) for k, row in enumerate(rows)]
-    step, par = direct.step, direct.par
-    state, _ = direct.kernel.scalar["initial"](direct.given(rows[0], 0.0, 0.0), par)
+    advance, constants = direct.advance, direct.constants
+    state, _ = direct.kernel.scalar["initial"](direct.given(rows[0], 0.0, 0.0), direct.par)
     begin = perf_counter()
     for inputs in given:
-        state, _ = step(state, inputs, par)
+        state, _ = advance(state, inputs, constants)
     return 1e6 * (perf_counter() - begin) / len(given)

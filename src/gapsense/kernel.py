@@ -16,9 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.emit import C, Graph, Numpy, Python
+from gapsense.emit import C, Graph, Numpy, Python, split
 from gapsense.records import fields, flat, names, record, zeros
 from gapsense.trace import Expr, Tape, TraceError
+
+STEP = """def step(state, inputs, par):
+    return advance(state, inputs, constants(par))
+"""
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, type]) -> Graph:
@@ -82,8 +86,13 @@ class Kernel:
         )
 
     def python(self) -> str:
-        """Source of a stdlib-only module with `initial(inputs, par)` and `step(state, inputs, par)` on flat tuples."""
-        return "\n\n".join([f"# {self._origin}\n{Python.head}", *(Python(g).source() for g in self.graphs)])
+        """Source of a stdlib-only module with `initial(inputs, par)` and `step(state, inputs, par)` on flat tuples.
+
+        `step` is `advance(state, inputs, constants(par))`: who steps often computes the constants once.
+        """
+        initial, step = self.graphs
+        functions = [Python(g).source() for g in (initial, *split(step, Python))]
+        return "\n\n".join([f"# {self._origin}\n{Python.head}", *functions, STEP])
 
     def numpy(self) -> str:
         """Source of a numpy module with the same functions over N runs; they take one more argument, `runs`."""

@@ -71,9 +71,9 @@ def life(fmu: str, part: Part) -> dict[str, Any]:
 
 
 @pytest.fixture
-def saved(fmu: str) -> dict[str, Any]:
+def saved(fmu: str, part: Part) -> dict[str, Any]:
     """Continuations from a saved state."""
-    return fresh("save", fmu)  # type: ignore[no-any-return]
+    return fresh("save", fmu, tuned(part.component))  # type: ignore[no-any-return]
 
 
 @pytest.fixture(scope="session")

@@ -187,8 +187,8 @@ def grids(path: str, cases: dict[str, tuple[dict[str, Any], int, list[tuple[floa
 # State ----------------------------------------------------------------------------------------------------------------
 
 
-def save(path: str) -> dict[str, Any]:
-    """Continue from a saved state in several ways; its bytes."""
+def save(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
+    """Continue from a saved state in several ways, also after parameters have been tuned; its bytes."""
     fmu = Fmu(path)
     half, rows = STEPS // 2, fmu.stimulus(STEPS)
     one, two = Instance(fmu), Instance(fmu, "two")
@@ -200,6 +200,7 @@ def save(path: str) -> dict[str, Any]:
     values = one.get(names)
     facts: dict[str, Any] = {"bytes": data.hex(), "straight": one.go_on(rows, half)}
     for name in ("once", "twice"):
+        one.set(tuned)
         one.slave.setFMUstate(state)
         facts[f"values_{name}"] = one.get(names) == values
         facts[name] = one.go_on(rows, half)
@@ -316,16 +317,16 @@ def doubled(state, outputs):
 '''
 FAULTS = """
 
-_sound, _faults = step, iter(["exception", "nothing", "nan", "infinite"])
+_sound, _faults = advance, iter(["exception", "nothing", "nan", "infinite"])
 
 
-def step(state, inputs, par):
+def advance(state, inputs, constants):
     fault = next(_faults, "none")
     if fault == "exception":
         raise ArithmeticError("kaputt: für 100 %s %d %n")
     if fault == "nothing":
         return None
-    state, outputs = _sound(state, inputs, par)
+    state, outputs = _sound(state, inputs, constants)
     wrong = {"nan": float("nan"), "infinite": float("inf")}
     return state, (outputs if fault == "none" else (wrong[fault],) * len(outputs))
 """

@@ -326,7 +326,7 @@ def foreign(fmus: Path, second: tuple[Path, dict[str, str]]) -> dict[str, str]:
     paths = {p.stem: p for p in sorted(fmus.glob("*.fmu"))[:2]} | {
         f"second {p.stem}": p for p in sorted(second[0].glob("*.fmu"))
     }
-    return {name: fresh("save", path)["bytes"] for name, path in paths.items()}
+    return {name: fresh("save", path, {})["bytes"] for name, path in paths.items()}
 
 
 def test_continues_from_bytes_in_another_process(saved: dict[str, Any], restored: dict[str, Any]) -> None:

@@ -3,5 +3,6 @@
 from gapsense.emit.c import C
 from gapsense.emit.printer import Graph
 from gapsense.emit.python import Numpy, Python
+from gapsense.emit.split import split
 
-__all__ = ["C", "Graph", "Numpy", "Python"]
+__all__ = ["C", "Graph", "Numpy", "Python", "split"]

@@ -32,7 +32,8 @@ def operands(node: Expr, region: Region) -> Iterator[tuple[Any, Region]]:
         yield from ((value, body) for value in (*new, stop))
 
 
-def _regions(node: Expr) -> tuple[Region, ...]:
+def regions(node: Expr) -> tuple[Region, ...]:
+    """The branches or the loop body that a node holds."""
     return node.extra[:2] if node.op == "if" else node.extra[:1] if node.op == "loop" else ()
 
 
@@ -64,7 +65,8 @@ class Printer(ABC):
         self.home: dict[int, Region] = {}
         self.far: set[int] = set()  # used in another region than their own: never inlined
         self.indices: set[int] = set()  # used as the index of an array
-        self.numbers: set[int] = set()  # used otherwise
+        self.given = {symbol.id for _, _, symbols in graph.arguments for symbol in symbols}
+        self.numbers = set(self.given)  # used otherwise, or made elsewhere
         self._place(graph.tape.root, ())
         for _, entries in graph.results:
             for entry in entries:
@@ -74,7 +76,7 @@ class Printer(ABC):
     def _place(self, region: Region, enclosing: tuple[Region, ...]) -> None:
         for node in region.nodes:
             self.home[node.id] = region
-            for inner in _regions(node):
+            for inner in regions(node):
                 self._place(inner, (*enclosing, region))
             for value, place in operands(node, region):
                 self._check_visible(value, {*enclosing, region, place})
@@ -99,7 +101,7 @@ class Printer(ABC):
             if isinstance(node, Expr):
                 is_first = node.id not in self.uses
                 self.uses[node.id] = self.uses.get(node.id, 0) + weight
-                if is_first:
+                if is_first and node.id not in self.given:
                     pending += self._needs(node)
 
     def _needs(self, node: Expr) -> list[tuple[Any, int]]:

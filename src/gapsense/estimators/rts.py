@@ -106,10 +106,11 @@ def motions(mode: ArrayLike) -> list[tuple[int, int]]:
 def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[tuple[float, ...]]:
     """Flat filtered estimates (x, upper triangle of P) of all samples."""
     scalar = _kernel().scalar
+    advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
     found = [state[:20]]
     for given in inputs[1:]:
-        state, _ = scalar["step"](state, given, tuple(par))
+        state, _ = advance(state, given, constants)
         found.append(state[:20])
     return found
 

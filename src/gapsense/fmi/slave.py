@@ -51,6 +51,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
         self.period = 0.0  # of the samples; 0 for a component that is not sampled
         self.par: tuple[Any, ...] = ()
+        self.constants: tuple[Any, ...] = ()  # what a step needs of the parameters
         self.state: tuple[Any, ...] = ()
         self.start_time = 0.0
         self.elapsed = 0.0  # since the last sample
@@ -133,7 +134,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             self._check_parameters()
             par = list(self.par)
             par[self.kernel.PARAMETERS.index(port.field)] = float(value)
-            self.par = tuple(par)
+            self._take(tuple(par))
 
     # --- life ---
 
@@ -175,10 +176,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def _initialize(self) -> None:
         self._check_parameters()
-        self.par = self._kernel_parameters()
+        self._take(self._kernel_parameters())
         self.period, self.elapsed = self._value("sample_time"), 0.0
         self.state, outputs = self.kernel.initial(self._inputs(self.start_time, 0.0), self.par)
         self._publish(outputs)
+
+    def _take(self, par: tuple[Any, ...]) -> None:
+        self.par, self.constants = par, self.kernel.constants(par)
 
     def _value(self, name: str) -> float:
         return next((float(v) for p, v in zip(self.component.of("parameter"), self.parameters) if p.name == name), 0.0)
@@ -204,7 +208,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         return count
 
     def _advance(self, time: float, dt: float) -> None:
-        self.state, outputs = self.kernel.step(self.state, self._inputs(time, dt), self.par)
+        self.state, outputs = self.kernel.advance(self.state, self._inputs(time, dt), self.constants)
         self._publish(outputs)
 
     def _inputs(self, time: float, dt: float) -> list[float]:
@@ -280,6 +284,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         for name, value in state.items():
             if name != "build":
                 setattr(self, name, _copy(value))
+        self.constants = self.kernel.constants(self.par) if self.par else ()
 
     @staticmethod
     def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:

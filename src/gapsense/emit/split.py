@@ -1,0 +1,42 @@
+"""Split a step in two: what depends on parameters only, for once, and the rest, for every step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from gapsense.emit.printer import Graph, Printer, regions
+from gapsense.records import names
+from gapsense.trace import BOOLEAN, Expr, Region, Tape
+
+STRUCTURE = ("in", "var", "if", "loop", "get", "store")
+HARMLESS = ("+", "-", "*", "neg", "fabs", "where", *BOOLEAN)  # no error, so they may be done for a branch not taken
+
+
+def split(step: Graph, printer: type[Printer]) -> tuple[Graph, Graph]:
+    """`constants(par)`, and `advance(state, inputs, constants)` that goes on from there to what `step` gives."""
+    *others, (par, cls, symbols) = step.arguments
+    once = Tape()
+    once.root.nodes = [*symbols, *_constant(step.tape.root, {s.id for s in symbols})]
+    titles = dict(zip((s.id for s in symbols), names(cls)))
+
+    def advance(constants: list[Expr]) -> Graph:
+        entries = [(titles.get(node.id, f"value_{k}"), float) for k, node in enumerate(constants)]
+        record = NamedTuple("Constants", entries)  # type: ignore[misc]  # its fields are what this is about
+        return Graph("advance", step.tape, [*others, ("constants", record, constants)], step.results)
+
+    uses = printer(advance(once.root.nodes)).uses
+    rest = advance([node for node in once.root.nodes if node.id in uses])
+    _, record, constants = rest.arguments[-1]
+    return Graph("constants", once, [(par, cls, symbols)], [(record, list(constants))]), rest
+
+
+def _constant(region: Region, known: set[int], is_root: bool = True) -> Iterator[Expr]:
+    """Nodes, those in branches included, that need no more than `known` ones; they become known."""
+    for node in region.nodes:
+        operands = [arg.id for arg in node.args if isinstance(arg, Expr)]
+        if node.op not in STRUCTURE and (is_root or node.op in HARMLESS) and known.issuperset(operands):
+            known.add(node.id)
+            yield node
+        for inner in regions(node):
+            yield from _constant(inner, known, is_root=False)
