@@ -42,6 +42,7 @@ def test_consistency_prints_its_numbers_beside_the_published(gapsense, tmp_path)
     [
         (("monte-carlo", "--widths", "1,ten"), "numbers separated by commas"),
         (("monte-carlo", "--widths", "-1", "--runs", "2"), "none negative"),
+        (("monte-carlo", "--widths", "200", "--runs", "2"), "all below 200 %"),
         (("monte-carlo", "--core", "guessed"), "`fitted` or `published` expected"),
         (("consistency", "--core", "guessed"), "`fitted` or `published` expected"),
     ],

@@ -99,9 +99,10 @@ def compare(
     -------
     Comparison
     """
-    if runs < 1 or not widths or min(widths) < 0.0:
+    if runs < 1 or not widths or min(widths) < 0.0 or max(widths) >= 2.0:
         raise ValueError(
-            f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative. Correct them."
+            f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative, all below 200 % (no"
+            " parameter changes its sign). Correct them."
         )
     parts = chunks(runs)
     tasks: list[Facts] = [{"width": width, "runs": runs} for width in widths]
