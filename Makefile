@@ -30,7 +30,7 @@ scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
 
 slow: fmus
-	$(BIN)/pytest -q -m slow
+	$(BIN)/pytest -q -n 2 -m slow
 
 bench: fmus
 	$(INSTALL) --editable '.[dev,peers]'
