@@ -7,9 +7,9 @@ does not.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
-from operator import and_
+from operator import add, and_
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,11 @@ def diagonal(items: Sequence[Any]) -> Any:
 def identity(n: int) -> Any:
     """Unit matrix (n, n)."""
     return diagonal([1.0] * n)
+
+
+def total(items: Iterable[Any]) -> Any:
+    """Sum in the order of the items; Python's own corrects its rounding since 3.12, which generated code does not."""
+    return reduce(add, items, 0.0)
 
 
 def symmetric(P: Any) -> Any:
@@ -77,7 +82,7 @@ def ldl(P: Any) -> tuple[Any, Any]:
     L, C, D = identity(n), identity(n), vector([0.0] * n)  # C = L D, also where a pivot is zero
     for j in range(n):
         for i in range(j, n):
-            C[i, j] = P[i, j] - sum(C[i, k] * L[j, k] for k in range(j))
+            C[i, j] = P[i, j] - total(C[i, k] * L[j, k] for k in range(j))
         D[j] = pivot(C[j, j], ROUNDING * P[j, j] if j else 0.0)
         L[j + 1 :, j] = C[j + 1 :, j] / D[j]
     return L, D

@@ -28,7 +28,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.linalg import deviation, diagonal, matrix, nonnegative, vector
+from gapsense.linalg import deviation, diagonal, matrix, nonnegative, total, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, square, where
 
@@ -278,12 +278,12 @@ def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tu
     """The estimate inside its bounds; where numbers or variances are lost, all is uncertain again."""
     x, P = estimate
     n = len(x)
-    is_sound = _is_finite(sum(P[i, j] for i in range(n) for j in range(i, n)) + sum(x))
+    is_sound = _is_finite(total(P[i, j] for i in range(n) for j in range(i, n)) + total(x))
     for k in range(n):
         is_sound = is_sound & (P[k, k] >= -ROUGH * joint.cov[k, k])
 
     def restarted() -> Gaussian:
-        is_finite = _is_finite(sum(x))
+        is_finite = _is_finite(total(x))
         start = [where(is_finite, a, b) for a, b in zip(x, _start(par))]
         stroke = par.stop_upper - par.stop_lower
         return Gaussian(vector(start), _at_rest(0.5 * stroke, 0.5 * par.core_saturation, par))

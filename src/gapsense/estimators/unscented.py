@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from gapsense.estimators.kalman import Gaussian
-from gapsense.linalg import ldl, matrix, pivot, vector
+from gapsense.linalg import ldl, matrix, pivot, total, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import sqrt, where
 
@@ -67,12 +67,12 @@ def moments(centre: Array, pairs: Sequence[Pair], spread: Scalar) -> Gaussian:
     With b the sum of weighted offsets: mean centre + b, covariance sum w (odd odd' + even even') - b b'.
     """
     weight = 1.0 / spread
-    b = weight * sum(even for _, even in pairs)
+    b = weight * total(even for _, even in pairs)
     n = len(centre)
     cov = matrix([[0.0] * n for _ in range(n)])
     for i in range(n):
         for j in range(i, n):
-            products = sum(odd[i] * odd[j] + even[i] * even[j] for odd, even in pairs)
+            products = total(odd[i] * odd[j] + even[i] * even[j] for odd, even in pairs)
             cov[i, j] = cov[j, i] = weight * products - b[i] * b[j]
     return Gaussian(centre + b, cov)
 
