@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,8 +14,7 @@ from gapsense.cli.common import app, checkout, out, reported, study
 from gapsense.cosim import ScenarioError
 from gapsense.cosim.parameters import read_parameters
 from gapsense.fmi.package import load_component
-from gapsense.fmi.ports import Port
-from gapsense.fmi.tables import column_name, read_table
+from gapsense.fmi.settings import fields_of, unknown
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
@@ -95,16 +92,20 @@ def observability_rts(
 
 def _actuator(path: Path) -> Parameters:
     """Parameters of the actuator from a parameter set; what is not in the file is that of [RTS] Table I."""
-    component = load_component(checkout() / "fmus" / "reluctance_actuator")
+    folder = checkout() / "fmus" / "reluctance_actuator"
+    component = load_component(folder)
     ports, problems = {p.name: p for p in component.of("parameter")}, list[str]()
     values = read_parameters(path, problems)
     fields: dict[str, Any] = {}
     for name, value in values.items():
         where = f"{path.name}, values.{name}: "
+        if name not in ports:
+            problems.append(where + unknown(name, component.name, ports))
+            continue
         try:
-            fields |= _fields(_known(name, ports), value)
+            fields |= fields_of(ports[name], value, folder)
         except ValueError as error:
-            problems.append(f"{where}{error}")
+            problems.append(f"{where}{value!r} found; {error}. Correct it.")
     given = {name: ports[name].start for name in ports} | values
     for limit in component.limits if not problems else ():
         if not math.prod(given[name] ** power for name, power in limit.powers) < limit.below:
@@ -112,29 +113,3 @@ def _actuator(path: Path) -> Parameters:
     if problems:
         raise ScenarioError(problems)
     return RTS_VALVE._replace(**fields)
-
-
-def _known(name: str, ports: Mapping[str, Port]) -> Port:
-    """The port called so, or an error that offers the nearest."""
-    if name not in ports:
-        near = get_close_matches(name, ports, n=1)
-        hint = f"Did you mean `{near[0]}`?" if near else f"It has {', '.join(ports)}."
-        raise ValueError(f"ReluctanceActuator has no such parameter. {hint}")
-    return ports[name]
-
-
-def _fields(port: Port, value: Any) -> dict[str, Any]:
-    """Fields of the record that a parameter sets."""
-    if port.columns:
-        return {
-            f"{port.field}_{column_name(c)}": t for c, t in zip(port.columns, read_table(Path(value), port.columns))
-        }
-    if port.choices:
-        if value not in port.choices:
-            raise ValueError(f"`{value}` found, one of {', '.join(port.choices)} expected. Correct it.")
-        return {port.field: float(port.choices.index(value))}
-    low = -math.inf if port.min is None else port.min
-    high = math.inf if port.max is None else port.max
-    if isinstance(value, str) or not low <= value <= high:
-        raise ValueError(f"{value!r} found, a number from {low:g} to {high:g} expected. Correct it.")
-    return {port.field: float(value)}
