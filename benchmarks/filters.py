@@ -28,8 +28,8 @@ from wrong_models import filter_parameters
 from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
 from gapsense.kernel import Kernel
+from gapsense.studies.monte_carlo.comparison import Study
 from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step
-from gapsense.studies.smoother.monte_carlo import Study
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.perturbation import CHUNK, errors, noise, perturbed
 from gapsense.studies.smoother.runs import Estimator, filtered

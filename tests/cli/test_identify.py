@@ -16,7 +16,7 @@ import pytest
 
 from gapsense.actuators.parameters import VALVE
 from gapsense.cosim import run
-from gapsense.cosim.files import read_columns
+from gapsense.files import read_columns
 from gapsense.studies.identification.model import simulate
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import ScenarioError, load
 from gapsense.cosim.load import grid
 from gapsense.cosim.scenario import Port, Tolerance
-from gapsense.cosim.tables import Table
+from gapsense.tables import Table
 
 
 def problems(path: Path, variant: str | None = None) -> list[str]:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import check, find_scenarios, read_result, run, test_scenarios, update_baseline, write_junit
-from gapsense.cosim.files import read_columns, write_atomically
 from gapsense.cosim.metrics import KINDS, Measured, measure
 from gapsense.cosim.scenario import Metric
+from gapsense.files import read_columns, write_atomically
 
 METRIC = '[metrics.{name}]\nkind = "{kind}"\nsignal = "{signal}"\n{more}\n'
 
@@ -168,7 +168,7 @@ def changed_baseline(path, fmus, name, rows, by):
     file = path.parent / "baseline.csv"
     columns = read_columns(file)
     columns[name][rows] += by
-    from gapsense.cosim.files import write_columns
+    from gapsense.files import write_columns
 
     write_atomically(file, lambda f: write_columns(f, columns))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import ScenarioError, load, read_result, run, sweep
-from gapsense.cosim.ledger import Ledger
+from gapsense.ledger import Ledger
 
 NOISE = """
 title = "Noise"

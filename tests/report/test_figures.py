@@ -9,13 +9,14 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from gapsense.report import figures
-from gapsense.report.semera import LABELS, snr
+from gapsense.report import plot as figures
+from gapsense.studies.figures import draw
+from gapsense.studies.semera.show import LABELS, snr
 
 
 @pytest.mark.parametrize("name", ["valve", "relay"])
 def test_figure_of_each_scenario_is_a_picture_of_sensible_size(request, name, tmp_path):
-    figure = figures.draw(request.getfixturevalue(name), "semera")
+    figure = draw(request.getfixturevalue(name), "semera")
     file = figures.save(figure, tmp_path / "new" / f"{name}.png")
     height, width = imread(file).shape[:2]
     assert 800 <= width <= 2000 and 800 <= height <= 2500
@@ -24,7 +25,7 @@ def test_figure_of_each_scenario_is_a_picture_of_sensible_size(request, name, tm
 
 
 def test_figure_3_of_semera_has_its_panels_and_curves(valve):
-    figure = figures.draw(valve, "semera")
+    figure = draw(valve, "semera")
     assert [axis.get_ylabel() for axis in figure.axes] == LABELS
     assert figure.get_suptitle() == valve.run.title
     assert [line.get_label() for line in figure.axes[3].lines] == ["offline integral", "integral", "SEMERA", "true"]
@@ -35,7 +36,7 @@ def test_figure_3_of_semera_has_its_panels_and_curves(valve):
 
 
 def test_overview_shows_every_signal_once_in_display_units(valve):
-    figure = figures.draw(valve, "overview")
+    figure = draw(valve, "overview")
     labels = [line.get_label() for axis in figure.axes for line in axis.lines]
     assert sorted(labels) == sorted(valve.signals)
     panel = next(axis for axis in figure.axes if axis.get_ylabel() == "mm")
@@ -71,14 +72,14 @@ def test_failed_drawing_keeps_the_old_file(tmp_path, monkeypatch):
 def test_other_endings_and_figures_are_refused_with_what_there_is(valve, tmp_path):
     with pytest.raises(ValueError, match=r"x\.bmp`: figures are written as \.png, \.pdf or \.svg"):
         figures.save(Figure(), tmp_path / "x.bmp")
-    with pytest.raises(ValueError, match="figure `pie`; there are overview, semera"):
-        figures.draw(valve, "pie")
+    with pytest.raises(ValueError, match=r"figure `pie`; there are overview, estimators, .*, semera, "):
+        draw(valve, "pie")
 
 
 def test_figure_names_the_signals_it_lacks(valve):
     signals = {n: v for n, v in valve.signals.items() if n not in ("offline.published", "valve.inductance")}
     with pytest.raises(ValueError, match=r"needs `valve\.inductance`, `offline\.published`, not recorded"):
-        figures.draw(replace(valve, signals=signals), "semera")
+        draw(replace(valve, signals=signals), "semera")
 
 
 def test_signal_to_noise_ratio_is_in_decibels_and_finite():

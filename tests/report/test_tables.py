@@ -13,8 +13,9 @@ from rich.console import Console
 from gapsense.cosim import Sweep, load
 from gapsense.cosim.regression import Check, Outcome
 from gapsense.fmi.ports import Component, input_
-from gapsense.report import tables
-from gapsense.studies import observability_report
+from gapsense.report import runs as tables
+from gapsense.report.table import quantity
+from gapsense.studies.semera import text as observability_report
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 
@@ -48,7 +49,7 @@ def shown(table) -> str:
     ],
 )
 def test_quantity_has_four_digits_and_a_prefix_where_one_is_possible(value, unit, text):
-    assert tables.quantity(value, unit) == text
+    assert quantity(value, unit) == text
 
 
 def test_metrics_are_grouped_by_the_titles_of_the_scenario(valve):

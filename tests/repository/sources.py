@@ -90,7 +90,9 @@ def arguments(function: Function) -> list[str]:
 
 
 def part_of(path: Path) -> str:
-    """The part of the package that a file belongs to: a folder, or a module at the top."""
+    """The part of the package that a file belongs to: a folder, a module at the top, or the commands of studies."""
+    if path.name == "command.py":
+        return "command"
     return path.relative_to(SRC).parts[0].removesuffix(".py")
 
 

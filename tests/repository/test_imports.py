@@ -11,24 +11,29 @@ FOUNDATIONS = {
     "trace", "derivative", "emit", "records", "kernel", "units", "linalg", "integrate", "interpolate",
     "native", "random",
 }  # fmt: skip
+GENERAL = {"files", "tables", "problems", "ledger"}
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | SIDE_BY_SIDE | {"cosim", "studies"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "fmi"}
 MAY_IMPORT = {
     **{part: FOUNDATIONS for part in FOUNDATIONS},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "fmi": FOUNDATIONS | {"fmi"},
-    "cosim": {"cosim", "native"},
-    "studies": NUMBERS,
-    "report": NUMBERS | {"fmi", "report"},
-    "cli": NUMBERS | {"fmi", "report", "cli"},
+    **{part: GENERAL for part in GENERAL},
+    "cosim": GENERAL | {"cosim", "native"},
+    "report": NUMBERS | {"report"},
+    "cli": NUMBERS | {"report", "studies", "cli"},
+    "studies": NUMBERS | {"report", "studies"},
+    "command": NUMBERS | {"report", "studies", "cli"},
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE},
     "fmi": {"pythonfmu", "markdown_it"},
-    "cosim": {"numpy", "scipy", "fmpy", "tomli"},
-    "studies": {"numpy", "scipy", "matplotlib", "fmpy"},
+    **{part: {"numpy", "tomli"} for part in GENERAL},
+    "cosim": {"numpy", "scipy", "fmpy"},
+    "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "cli": {"typer", "rich"},
+    "command": {"typer"},
 }
 TRAVELLERS = {"slave", "ports", "tables"}  # their copies are in every FMU
 

@@ -12,11 +12,11 @@ import pytest
 from gapsense import cosim
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.fmi.tables import read_table
-from gapsense.report import figures
-from gapsense.report.soft_landing import LABELS, smoothed
 from gapsense.studies import soft_landing
+from gapsense.studies.figures import draw
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.reference import process_noise
+from gapsense.studies.soft_landing.show import LABELS, smoothed
 from gapsense.studies.soft_landing.table import deviation, voltage_table, write
 
 if sys.version_info >= (3, 11):
@@ -143,7 +143,7 @@ def test_orderings_of_the_paper_come_out(result):
 
 
 def test_figure_shows_cycles_and_errors(result):
-    drawn = figures.draw(result, "soft_landing")
+    drawn = draw(result, "soft_landing")
     assert [axis.get_ylabel() for axis in drawn.axes] == LABELS
     _, labels = drawn.axes[3].get_legend_handles_labels()
     assert labels == ["EKF", "ERTSS", "without e_i", "without e_F"]
@@ -154,4 +154,4 @@ def test_figure_shows_cycles_and_errors(result):
 def test_figure_names_what_is_not_recorded(result):
     less = replace(result, signals={n: v for n, v in result.signals.items() if n != "ertss.smoothed_time"})
     with pytest.raises(ValueError, match=r"`ertss\.smoothed_time`"):
-        figures.draw(less, "soft_landing")
+        draw(less, "soft_landing")

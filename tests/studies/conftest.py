@@ -9,7 +9,7 @@ import pytest
 
 sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels", "oracles", "estimators", "studies"))
 
-from gapsense.studies.smoother.monte_carlo import Study
+from gapsense.studies.monte_carlo.comparison import Study
 from gapsense.studies.smoother.nominal import fitted, nominal
 from gapsense.studies.soft_landing import Samples, sampled, soft_landing
 

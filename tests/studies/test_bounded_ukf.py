@@ -12,8 +12,10 @@ from typer.testing import CliRunner
 from gapsense.cli import app
 from gapsense.estimators import ukf
 from gapsense.kernel import Kernel
-from gapsense.studies import bounded_ukf, bounded_ukf_report
-from gapsense.studies.bounded_ukf import HALF, REST, SAMPLES, VOLTAGES, WRONG, Errors
+from gapsense.report.table import text
+from gapsense.studies.bounded_ukf import errors as bounded_ukf
+from gapsense.studies.bounded_ukf import show
+from gapsense.studies.bounded_ukf.errors import HALF, REST, SAMPLES, VOLTAGES, WRONG, Errors
 
 ROBUST, PAPER, OPEN = "bounded UKF, robust", "bounded UKF, paper", "open loop"
 
@@ -92,12 +94,12 @@ def test_a_run_of_the_study_is_that_of_the_kernel(wrong: dict[str, Errors]) -> N
 
 def test_tables_name_every_filter(wrong: dict[str, Errors]) -> None:
     tables = (
-        bounded_ukf_report.parameter_text(wrong, (0.0, 0.05), 0.05),
-        bounded_ukf_report.resistance_text({0.05: wrong}, 0.05),
+        text(*show.parameter_tables(wrong, (0.0, 0.05), 0.05)),
+        text(show.resistance_table({0.05: wrong}, 0.05)),
     )
-    for text in tables:
-        assert all(name in text for name in bounded_ukf.FILTERS)
-        assert max(map(len, text.splitlines())) < 121
+    for shown in tables:
+        assert all(name in shown for name in bounded_ukf.FILTERS)
+        assert max(map(len, shown.splitlines())) < 121
     assert "resistance wrong by +5 %" in tables[0] and "0 of 384" in tables[1]
 
 

@@ -13,11 +13,12 @@ from gapsense.cosim import load, run
 from gapsense.cosim.record import Result, Run, Timing
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.settings import kernel_parameters
-from gapsense.report import estimators as drawn
-from gapsense.report import figures
+from gapsense.report import plot as figures
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
-from gapsense.studies.estimators import report
+from gapsense.studies.estimators import show as drawn
+from gapsense.studies.estimators import text as report
+from gapsense.studies.figures import draw
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"
@@ -194,7 +195,7 @@ def test_plain_run(plain, tmp_path):
         assert (found[f"{c.component}.latency"] > 0) == is_late
     assert found["integral_offline.latency"] == pytest.approx(20e-3, rel=1e-9)
     assert 4e-3 < found["ertss.latency"] < 7e-3 and 3.9e-3 < found["ertss.after_landing"] < 6e-3
-    assert imread(figures.save(figures.draw(plain, "estimators"), tmp_path / "run.png")).std() > 0.01
+    assert imread(figures.save(draw(plain, "estimators"), tmp_path / "run.png")).std() > 0.01
 
 
 def test_what_is_not_recorded_is_told(plain):

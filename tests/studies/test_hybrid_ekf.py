@@ -13,10 +13,10 @@ from gapsense.estimators import hybrid_ekf as kernel_module
 from gapsense.fmi.package import load_component
 from gapsense.kernel import Kernel
 from gapsense.records import flat
-from gapsense.report import figures
-from gapsense.report import hybrid_ekf as drawings
-from gapsense.studies import hybrid_ekf as study
-from gapsense.studies import hybrid_ekf_report
+from gapsense.report import plot as figures
+from gapsense.studies.hybrid_ekf import deviations as study
+from gapsense.studies.hybrid_ekf import show as drawings
+from gapsense.studies.hybrid_ekf import text as hybrid_ekf_report
 
 FMUS = Path(__file__).resolve().parents[2] / "fmus"
 

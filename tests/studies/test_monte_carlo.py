@@ -14,9 +14,7 @@ import pytest
 from wrong_models import filter_parameters
 
 from gapsense.estimators.rts import motions, smooth_record
-from gapsense.report.monte_carlo import orderings
-from gapsense.studies.smoother.batch import Variant
-from gapsense.studies.smoother.monte_carlo import (
+from gapsense.studies.monte_carlo.comparison import (
     ESTIMATORS,
     WIDTHS,
     compare,
@@ -26,6 +24,8 @@ from gapsense.studies.smoother.monte_carlo import (
     trajectories,
     tuning,
 )
+from gapsense.studies.monte_carlo.show import orderings
+from gapsense.studies.smoother.batch import Variant
 from gapsense.studies.smoother.perturbation import CHUNK, chunks, errors, noise, perturbed
 from gapsense.studies.tasks import compute, number
 
@@ -114,7 +114,7 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, sys
 from pathlib import Path
-from gapsense.studies.smoother.monte_carlo import compare, study_of
+from gapsense.studies.monte_carlo.comparison import compare, study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 compare(study, [0.01, 0.02, 0.03, 0.05], 3, 2, Path(sys.argv[2]))
 """

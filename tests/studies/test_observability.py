@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.studies.observability import (
+from gapsense.studies.semera.observability import (
     determinant,
     flux_state_matrix,
     observability_matrix,

@@ -7,9 +7,9 @@ import pytest
 import reduced_model_textbook as textbook
 from reduced_model_textbook import TABLE_I
 
+from gapsense.studies.observability_rts.samples import rank, samples_needed, scales, windows
+from gapsense.studies.observability_rts.text import along_reference_cycle, text
 from gapsense.studies.smoother.nominal import nominal, own
-from gapsense.studies.smoother.observability import rank, samples_needed, scales, windows
-from gapsense.studies.smoother.observability_report import along_reference_cycle, text
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing import sampled, soft_landing
 

@@ -7,10 +7,11 @@ import pytest
 from matplotlib.image import imread
 
 from gapsense.cosim import run, sweep
-from gapsense.report import figures
-from gapsense.report import profiles as drawn
-from gapsense.studies.smoother import profiles as experiment
-from gapsense.studies.smoother import profiles_report
+from gapsense.report import plot as figures
+from gapsense.studies.figures import draw
+from gapsense.studies.profiles import experiment
+from gapsense.studies.profiles import show as drawn
+from gapsense.studies.profiles import text as profiles_report
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 
@@ -80,14 +81,14 @@ def test_no_motion_is_no_crash(first):
 def test_figures_are_pictures(first, bouncing, tmp_path):
     profiles = [experiment.line_up(result) for result in (first, bouncing)]
     for name, figure in {
-        "cycle": figures.draw(first, "profiles"),
+        "cycle": draw(first, "profiles"),
         "trajectories": drawn.trajectories(profiles, "x"),
         "boxes": drawn.boxes(experiment.errors(profiles), "x"),
     }.items():
         height, width = imread(figures.save(figure, tmp_path / f"{name}.png")).shape[:2]
         assert 900 < width < 1400 and 500 < height < 1300
     with pytest.raises(ValueError, match=r"`ekf.position`"):
-        drawn.cycle(type(first)(**{**vars(first), "signals": {"actuator.position": first["actuator.position"]}}))
+        drawn.run_figure(type(first)(**{**vars(first), "signals": {"actuator.position": first["actuator.position"]}}))
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
 from gapsense.cosim import ScenarioError
-from gapsense.cosim.files import read_columns
+from gapsense.files import read_columns
 from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
 
 LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}

@@ -1,31 +1,14 @@
-"""The command line: one module per group of commands, each registered by its import."""
+"""The command line: one module per group of commands here and one in each study's folder, found by walking."""
 
-from gapsense.cli import (
-    bounded_ukf,
-    components,
-    estimators,
-    hybrid_ekf,
-    identify,
-    observability,
-    profiles,
-    reduced_fit,
-    scenarios,
-    smoother,
-    soft_landing,
-)
+from importlib import import_module
+from pathlib import Path
+
+from gapsense import studies
 from gapsense.cli.common import app
 
-__all__ = [
-    "app",
-    "bounded_ukf",
-    "components",
-    "estimators",
-    "hybrid_ekf",
-    "identify",
-    "observability",
-    "profiles",
-    "reduced_fit",
-    "scenarios",
-    "smoother",
-    "soft_landing",
-]
+__all__ = ["app"]
+
+for _file in sorted(Path(__file__).parent.glob("[!_]*.py")):
+    import_module(f"{__name__}.{_file.stem}")
+for _name in studies.modules("command"):
+    import_module(_name)

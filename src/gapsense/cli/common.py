@@ -10,11 +10,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from gapsense import cosim
 
@@ -31,15 +32,44 @@ Start with `gapsense build`, `gapsense list` and `gapsense run scenarios/semera_
 
 Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a component failed, 130 interrupted.""",
 )
-study = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
-app.add_typer(study, name="study")
-WIDTH = None if sys.stdout.isatty() else 110  # of tables in files and logs
+studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
+app.add_typer(studies, name="study")
+WIDTH = None if sys.stdout.isatty() else 160  # of tables in files and logs
 out = Console(highlight=False, soft_wrap=True, width=WIDTH)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Scenario = Annotated[Path, typer.Argument(help="Folder of a scenario, or its scenario.toml", show_default=False)]
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
 Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_default="build/fmus")]
+Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
+Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
+Function = TypeVar("Function", bound=Callable[..., None])
+
+
+def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
+    """Register a function as a command; errors that the user can mend end it with one sentence and an exit code."""
+    return lambda function: group.command(name)(reported()(function))
+
+
+def study(name: str) -> Callable[[Function], Function]:
+    """Register a function as a command `gapsense study NAME`."""
+    return command(name, studies)
+
+
+def show(*items: Table | str) -> None:
+    """Print tables and sentences; `[m]` in a sentence is a unit, no markup."""
+    for item in items:
+        out.print(item, markup=False)
+
+
+def problem(sentence: str, style: str = "red") -> None:
+    """Print a sentence on the error stream."""
+    err.print(sentence, style=style, markup=False)
+
+
+def written(*files: Path) -> None:
+    """Say which files were written."""
+    show(f"{', '.join(map(str, files))} written.")
 
 
 @contextmanager
@@ -48,23 +78,23 @@ def reported() -> Iterator[None]:
     try:
         yield
     except cosim.ScenarioError as error:
-        for problem in error.problems:
-            err.print(problem, style="red", markup=False)
+        for sentence in error.problems:
+            problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
     except typer.Exit:  # a RuntimeError too
         raise
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
-        err.print(str(error), style="red", markup=False)
+        problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
     except (OSError, ValueError) as error:
-        err.print(sentence(error), style="red", markup=False)
+        problem(told(error))
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
-        err.print("interrupted.", style="yellow")
+        problem("interrupted.", "yellow")
         raise typer.Exit(INTERRUPTED) from None
 
 
-def sentence(error: OSError | ValueError) -> str:
+def told(error: OSError | ValueError) -> str:
     """What went wrong; the operating system's errors with the path first."""
     if isinstance(error, OSError) and error.filename:
         return f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."
@@ -74,7 +104,7 @@ def sentence(error: OSError | ValueError) -> str:
 def stop_if_interrupted(result: cosim.Result) -> None:
     """Leave after a Ctrl-C, where half a run is of no use."""
     if result.interrupted:
-        err.print(f"interrupted at t = {result.times[-1]:.6g} s; nothing was written.", style="yellow")
+        problem(f"interrupted at t = {result.times[-1]:.6g} s; nothing was written.", "yellow")
         raise typer.Exit(INTERRUPTED)
 
 
@@ -102,7 +132,7 @@ def keep(error: cosim.FmuError, folder: Path) -> None:
     """Save what was recorded before a component failed, and say where."""
     if error.result is not None and error.result.times.size:
         file = error.result.save(folder / f"{stem(error.result)}.csv")
-        err.print(f"{file}: {error.result.times.size} rows from before the failure.", style="yellow", markup=False)
+        problem(f"{file}: {error.result.times.size} rows from before the failure.", "yellow")
 
 
 def stem(result: cosim.Result) -> str:

@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import app, checkout, out, reported
-from gapsense.report import tables
+from gapsense.cli.common import checkout, command, show
+from gapsense.report import runs
 
 
-@app.command()
+@command("build")
 def build(
     names: Annotated[
         list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
@@ -26,26 +26,23 @@ def build(
     ] = None,
 ) -> None:
     """Build and validate the FMUs of the components in fmus/, on request with other start values."""
-    with reported():
-        command = [
-            sys.executable,
-            str(checkout() / "build_fmus.py"),
-            *(names or []),
-            *(["--out", str(to)] if to else []),
-            *(word for file in parameters or [] for word in ("--parameters", str(file))),
-        ]
-        raise typer.Exit(subprocess.run(command).returncode)
+    command = [
+        sys.executable,
+        str(checkout() / "build_fmus.py"),
+        *(names or []),
+        *(["--out", str(to)] if to else []),
+        *(word for file in parameters or [] for word in ("--parameters", str(file))),
+    ]
+    raise typer.Exit(subprocess.run(command).returncode)
 
 
-@app.command("list")
+@command("list")
 def list_() -> None:
     """List components, whether they are built, and scenarios with their variants."""
     from gapsense.fmi.package import find_components, load_component
 
-    with reported():
-        root = checkout()
-        components = [load_component(p) for p in find_components(root / "fmus")]
-        built = {p.stem for p in (root / "build" / "fmus").glob("*.fmu")}
-        out.print(tables.components(components, built))
-        scenarios = [(p.parent, cosim.load(p)) for p in cosim.find_scenarios(root / "scenarios")]
-        out.print(tables.scenarios(root, scenarios))
+    root = checkout()
+    components = [load_component(p) for p in find_components(root / "fmus")]
+    built = {p.stem for p in (root / "build" / "fmus").glob("*.fmu")}
+    scenarios = [(p.parent, cosim.load(p)) for p in cosim.find_scenarios(root / "scenarios")]
+    show(runs.components(components, built), runs.scenarios(root, scenarios))

@@ -10,12 +10,12 @@ from gapsense.cosim.junit import write_junit
 from gapsense.cosim.load import load
 from gapsense.cosim.master import Master
 from gapsense.cosim.metrics import Measured
-from gapsense.cosim.problems import FmuError, ScenarioError
-from gapsense.cosim.record import Result, read_result
+from gapsense.cosim.record import FmuError, Result, read_result
 from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
 from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sweep import Sweep, sweep
+from gapsense.problems import ScenarioError
 
 __all__ = [
     "FmuError",

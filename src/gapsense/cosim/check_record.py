@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from gapsense.cosim.descriptions import Variable
 from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.problems import suggest
 from gapsense.cosim.scenario import Metric, Scenario
 from gapsense.cosim.signals import Descriptions, matching, recorded_signals, signals
+from gapsense.problems import suggest
 
 
 def check_record(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:

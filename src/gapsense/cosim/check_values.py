@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from gapsense.cosim.descriptions import NUMERIC, Description, Variable
-from gapsense.cosim.problems import suggest
 from gapsense.cosim.scenario import Component, Experiment
-from gapsense.cosim.tables import Value, found, is_integer, is_number
+from gapsense.problems import suggest
+from gapsense.tables import Value, found, is_integer, is_number
 
 LARGEST = 2**31 - 1  # of an fmi2Integer
 

@@ -9,11 +9,11 @@ from fnmatch import fnmatchcase
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.files import read_columns
-from gapsense.cosim.problems import listing
 from gapsense.cosim.record import Result
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.signals import matching
+from gapsense.files import read_columns
+from gapsense.problems import listing
 
 Vector = npt.NDArray[np.float64]
 

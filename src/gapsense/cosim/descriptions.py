@@ -12,7 +12,7 @@ from typing import Any
 
 import fmpy
 
-from gapsense.cosim.tables import Value
+from gapsense.tables import Value
 
 NUMERIC = ("Real", "Integer", "Enumeration")
 

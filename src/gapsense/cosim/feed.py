@@ -14,8 +14,8 @@ import numpy.typing as npt
 from gapsense.cosim.check_values import value_problem
 from gapsense.cosim.descriptions import describe
 from gapsense.cosim.instance import WARNING, Instance, temporary_folder
-from gapsense.cosim.problems import ScenarioError
-from gapsense.cosim.tables import Value
+from gapsense.problems import ScenarioError
+from gapsense.tables import Value
 
 Vector = npt.NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from fmpy.fmi2 import (
 )
 
 from gapsense.cosim.descriptions import Description, Variable
-from gapsense.cosim.problems import FmuError
-from gapsense.cosim.tables import Value
+from gapsense.cosim.record import FmuError
+from gapsense.tables import Value
 
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4

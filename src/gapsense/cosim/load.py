@@ -9,9 +9,9 @@ from typing import Any
 
 from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
 from gapsense.cosim.parameters import flat_lists, flat_values, is_file, read_parameters, read_rows
-from gapsense.cosim.problems import ScenarioError, suggest
 from gapsense.cosim.scenario import METHODS, Component, Connection, Experiment, Port, Scenario
-from gapsense.cosim.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
+from gapsense.problems import ScenarioError, suggest
+from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)

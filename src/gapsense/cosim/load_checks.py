@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Baseline, Metric, Record, Tolerance
-from gapsense.cosim.tables import BOUNDS, COUNT, NOT_NEGATIVE, NUMBER, NUMBER_OR_TEXT, TEXT, TEXTS, Table
+from gapsense.tables import BOUNDS, COUNT, NOT_NEGATIVE, NUMBER, NUMBER_OR_TEXT, TEXT, TEXTS, Table
 
 
 def read_record(table: Table) -> Record:

@@ -20,10 +20,10 @@ from gapsense.cosim.descriptions import Description
 from gapsense.cosim.instance import Instance, Message, temporary_folder
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.problems import FmuError
+from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
-from gapsense.cosim.tables import Value
+from gapsense.tables import Value
 
 Progress = Callable[[int, int], None]
 REPORTS = 200  # progress reports per run

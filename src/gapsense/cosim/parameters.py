@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.files import read_columns
-from gapsense.cosim.tables import LIST, SCALAR, TEXT, Table, Value, found, read_toml
+from gapsense.files import read_columns
+from gapsense.tables import LIST, SCALAR, TEXT, Table, Value, found, read_toml
 
 ROWS = "rows"  # of `[sweep]`: a file, no parameter
 

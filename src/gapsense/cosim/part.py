@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Variable
 from gapsense.cosim.instance import WARNING, Instance
-from gapsense.cosim.problems import FmuError
+from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.turn import Link, Turn, address, entry
 

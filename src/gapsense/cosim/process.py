@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.problems import ScenarioError
+from gapsense.problems import ScenarioError
 
 SRC = Path(__file__).resolve().parents[2]
 PATIENCE = 1.0  # seconds that a process may take to end by itself

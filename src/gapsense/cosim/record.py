@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.files import read_columns, read_json, write_atomically, write_columns, write_json
 from gapsense.cosim.metrics import Measured
-from gapsense.cosim.problems import suggest
-from gapsense.cosim.tables import Value
+from gapsense.files import read_columns, read_json, write_atomically, write_columns, write_json
+from gapsense.problems import suggest
+from gapsense.tables import Value
 
 FORMAT = "gapsense result 1"
 Vector = npt.NDArray[np.float64]
@@ -234,3 +234,31 @@ def read_measured(item: dict[str, Any]) -> Measured:
     bounds = item["bounds"]
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     return Measured(**{**item, "value": float(item["value"]), "bounds": span})
+
+
+class FmuError(RuntimeError):
+    """A component failed while it was loaded or run.
+
+    Attributes
+    ----------
+    instance : str
+        Name of the component in the scenario.
+    time : float or None
+        Simulated time at the start of the failed step [s]; None before the first step.
+    step : int or None
+        Base step at whose end the failed step would have ended.
+    cause : str
+        What failed, and what the component says about it, in one line.
+    log : str
+        Everything the component logged about the failure, tracebacks included.
+    result : Result or None
+        What was recorded before the failure.
+    """
+
+    def __init__(
+        self, instance: str, cause: str, *, time: float | None = None, step: int | None = None, log: str = ""
+    ) -> None:
+        self.instance, self.time, self.step, self.cause, self.log = instance, time, step, cause, log
+        self.result: Result | None = None
+        when = "" if time is None else f", t = {time:.9g} s (base step {step})"
+        super().__init__(f"{instance}{when}: {cause}")

@@ -8,12 +8,12 @@ from pathlib import Path
 from time import perf_counter
 
 from gapsense.cosim.compare import compare, selected, thinned
-from gapsense.cosim.files import write_atomically, write_columns
 from gapsense.cosim.load import load, read_draft, scenario_file
-from gapsense.cosim.problems import FmuError, ScenarioError
-from gapsense.cosim.record import Result
+from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario
+from gapsense.files import write_atomically, write_columns
+from gapsense.problems import ScenarioError
 
 Report = Callable[["Outcome"], None]
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.files import sha256
 from gapsense.cosim.load import read_draft, scenario_file
 from gapsense.cosim.master import Master, Progress, Recording
 from gapsense.cosim.metrics import evaluate
-from gapsense.cosim.problems import ScenarioError
 from gapsense.cosim.record import Result, Run, Signal, Timing
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
+from gapsense.files import sha256
+from gapsense.problems import ScenarioError
 
 FMU_FOLDER = Path("build", "fmus")
 

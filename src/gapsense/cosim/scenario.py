@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-from gapsense.cosim.tables import Value
+from gapsense.tables import Value
 
 METHODS = ("gauss-seidel", "jacobi")
 

@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.files import sha256, write_atomically, write_columns
-from gapsense.cosim.ledger import Entry, Ledger, kept
 from gapsense.cosim.metrics import unit_of
-from gapsense.cosim.problems import ScenarioError
 from gapsense.cosim.process import WorkerProcess
 from gapsense.cosim.record import Measure
 from gapsense.cosim.run import file_hashes, find_fmus, installed, prepare
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
-from gapsense.cosim.tables import Value
+from gapsense.files import sha256, write_atomically, write_columns
+from gapsense.ledger import Entry, Ledger, kept
+from gapsense.problems import ScenarioError
+from gapsense.tables import Value
 
 Progress = Callable[[int, int], None]
 

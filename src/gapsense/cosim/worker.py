@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from gapsense.cosim.ledger import kept
 from gapsense.cosim.master import Master
-from gapsense.cosim.problems import FmuError, ScenarioError
-from gapsense.cosim.record import Measure, Result
+from gapsense.cosim.record import FmuError, Measure, Result
 from gapsense.cosim.run import prepare, run_once
+from gapsense.ledger import kept
+from gapsense.problems import ScenarioError
 
 
 def main() -> None:

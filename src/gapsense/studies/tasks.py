@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.cosim.ledger import Entry, Ledger
 from gapsense.cosim.sweep import Job, Progress, importable_name
+from gapsense.ledger import Entry, Ledger
 
 Facts = Mapping[str, Any]  # of JSON
 SRC = Path(__file__).resolve().parents[1]

@@ -9,15 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.flux import edges, operations
-from gapsense.studies.identification.record import (
-    SHOWN,
-    Columns,
-    Record,
-    RecordError,
-    Vector,
-    read_columns,
-    to_record,
-)
+from gapsense.studies.identification.record import SHOWN, Columns, Record, RecordError, Vector, read_columns, to_record
 
 FEWEST_SAMPLES = 8
 FEWEST_PERIODS = 2  # one alone cannot tell whether the record is periodic

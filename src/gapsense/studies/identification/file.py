@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 from gapsense.actuators.parameters import VALVE
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.cosim.files import read_columns, write_atomically
 from gapsense.cosim.parameters import read_parameters
-from gapsense.cosim.problems import ScenarioError, suggest
-from gapsense.cosim.tables import Value, found, is_number
+from gapsense.files import read_columns, write_atomically
+from gapsense.problems import ScenarioError, suggest
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.transfer import GAPS
+from gapsense.tables import Value, found, is_number
 
 COLUMNS = ("gap", "reluctance", "slope")
 WRITTEN = (

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result, read_result
-from gapsense.cosim.problems import listing, suggest
+from gapsense.problems import listing, suggest
 from gapsense.units import factor
 
 Vector = npt.NDArray[np.float64]

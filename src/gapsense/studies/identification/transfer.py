@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.cosim.files import read_columns, write_atomically, write_columns
 from gapsense.cosim.parameters import read_parameters
-from gapsense.cosim.problems import ScenarioError
-from gapsense.cosim.tables import Value
+from gapsense.files import read_columns, write_atomically, write_columns
+from gapsense.problems import ScenarioError
+from gapsense.tables import Value
 
 # Parameters of each law of the valve.
 GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}

@@ -8,8 +8,8 @@ from typing import Any
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.estimators.reduced_model import Model, normalised
+from gapsense.studies.reduced_fit.fit import fit_core
 from gapsense.studies.smoother.batch import Varied
-from gapsense.studies.smoother.reduced_fit import fit_core
 
 
 def nominal(

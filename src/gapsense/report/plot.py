@@ -1,0 +1,126 @@
+"""The one plotting module: empty figures, lines, legends, and how a figure is saved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from gapsense.cosim import Result
+from gapsense.units import UNITS
+
+Vector = npt.NDArray[np.float64]
+ENDINGS = (".png", ".pdf", ".svg")
+GRID = "#d0d7de"
+TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
+
+
+def check_file(path: Path) -> None:
+    """Refuse a file that a figure cannot be written to, before a long run."""
+    if path.suffix not in ENDINGS:
+        raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure under a temporary name first; the ending of `path` says the format."""
+    check_file(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(f".part{path.suffix}")
+    try:
+        figure.savefig(temporary, dpi=120, metadata={"Software": None} if path.suffix == ".png" else None)
+        return temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def panels(
+    title: str, rows: int, columns: int = 1, size: tuple[float, float] | None = None, **more: Any
+) -> tuple[Figure, Any]:
+    """An empty figure and its axes (rows, columns), with a grid and without a box."""
+    figure = Figure(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **more)
+    for axis in axes.flat:
+        dress(axis)
+    figure.suptitle(title)
+    return figure, axes
+
+
+def dress(axis: Any) -> None:
+    """A light grid, no box."""
+    axis.grid(True, color=GRID, linewidth=0.5)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.margins(x=0.01)
+
+
+def stack(title: str, labels: list[str], heights: list[float] | None = None) -> tuple[Figure, list[Any]]:
+    """An empty figure with one panel per label, sharing the time axis."""
+    size = (9.0, 0.9 + 1.25 * len(labels))
+    figure, axes = panels(title, len(labels), size=size, sharex=True, height_ratios=heights)
+    for axis, label in zip(axes[:, 0], labels):
+        axis.set_ylabel(label)
+    axes[-1, 0].set_xlabel("time / ms")
+    figure.align_ylabels()
+    return figure, list(axes[:, 0])
+
+
+def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None = None, **style: Any) -> None:
+    """A held signal: a step at each communication point."""
+    axis.plot(
+        1e3 * times,
+        values,
+        color=color,
+        label=label,
+        linewidth=style.pop("linewidth", 1.0),
+        drawstyle="steps-post",
+        **style,
+    )
+
+
+def display(unit: str) -> tuple[str, float]:
+    """Unit for display and the factor to it."""
+    shown = UNITS[unit].display if unit in UNITS else None
+    return (shown.name, shown.factor) if shown else (unit, 1.0)
+
+
+def legend(axis: Any) -> None:
+    """A legend that stands beside the panel and hides nothing."""
+    axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize="small")
+
+
+def legend_below(figure: Figure) -> None:
+    """One legend for all panels, below them: that of the first one."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+
+
+def recorded(result: Result, names: Iterable[str]) -> None:
+    """Refuse to draw a run that does not record these signals; all that are missing are named."""
+    missing = [name for name in names if name not in result.signals]
+    if missing:
+        raise ValueError(
+            f"{result.run.scenario}: its figure needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
+            'Add them to `[record]`, or choose `figure = "overview"`.'
+        )
+
+
+def overview(result: Result) -> Figure:
+    """All recorded signals, one panel per unit."""
+    units = list(dict.fromkeys(result.units[name] for name in result.signals))
+    figure, axes = stack(result.run.title, [display(unit)[0] for unit in units])
+    for unit, axis in zip(units, axes):
+        for k, name in enumerate(n for n in result.signals if result.units[n] == unit):
+            line(axis, result.times, display(unit)[1] * result[name], f"C{k}", name)
+        legend(axis)
+    return figure
+
+
+def over(axis: Any, result: Result, x: tuple[str, float], y: tuple[str, float]) -> None:
+    """The second signal over the first, of each component that has both, times their factors."""
+    names = [name.partition(".")[0] for name in result.signals if name.endswith(f".{x[0]}")]
+    recorded(result, [f"{name}.{s}" for name in names or ["<actuator>"] for s in (x[0], y[0])])
+    for k, name in enumerate(names):
+        axis.plot(x[1] * result[f"{name}.{x[0]}"], y[1] * result[f"{name}.{y[0]}"], f"C{k}", label=name, linewidth=1.0)

@@ -1,0 +1,78 @@
+"""Tables of runs, sweeps and what there is to run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.table import Table
+
+from gapsense.cosim import Outcome, Result, Scenario, Sweep
+from gapsense.fmi.ports import Component
+from gapsense.report.table import add_row, quantity, table
+
+
+def metrics(result: Result) -> list[Table]:
+    """Metrics of a run, grouped as the scenario says, beside published values."""
+    made: dict[str, Table] = {}
+    for m in result.metrics.values():
+        shown = made.setdefault(m.table, table(m.table or "Metrics", ("metric", "published", "this run", "bounds")))
+        bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
+        cells = (m.label, published(m.published, m.unit), quantity(m.value, m.unit), bounds)
+        add_row(shown, *cells, style=None if m.passed else "red")
+    return list(made.values())
+
+
+def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
+    """Median and 5-95 % range of each metric beside the published value and the first run."""
+    if not swept.indices:
+        return []
+    quantiles = swept.quantiles()
+    runs, first_run = ("runs", "first run") if swept.grid else ("seeds", "first seed")
+    made: dict[str, Table] = {}
+    for metric in scenario.metrics:
+        title = f"{metric.table or 'Metrics'}, {len(swept.indices)} {runs}"
+        shown = made.setdefault(title, table(title, ("metric", "published", first_run, "median", "5 %", "95 %")))
+        unit = swept.units.get(metric.name, "")
+        low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
+        first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
+        add_row(shown, metric.label, published(metric.published, unit), first, median, low, high)
+    return list(made.values())
+
+
+def published(value: float | None, unit: str) -> str:
+    """A published value, or nothing."""
+    return "" if value is None else quantity(value, unit)
+
+
+def timing(result: Result) -> Table:
+    """Time of each component, and the whole run against real time."""
+    span = result.times[-1] - result.times[0]
+    title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
+    rows = (
+        (name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
+        for name, t in result.timing.items()
+    )
+    return table(title, ("component", "steps", "us per step", "share"), rows)
+
+
+def components(found: Sequence[Component], built: set[str]) -> Table:
+    """Components and what they do."""
+    rows = (
+        (c.name, "yes" if c.name in built else "no", f"{len(c.of('input'))}, {len(c.of('output'))}", c.description)
+        for c in found
+    )
+    return table("Components", ("name", "built", "inputs, outputs", "what it is"), rows, texts=4)
+
+
+def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
+    """Scenarios and their variants."""
+    rows = ((str(folder.relative_to(root)), ", ".join(s.variants) or "-", s.title) for folder, s in found)
+    return table("Scenarios", ("folder", "variants", "what it is"), rows, texts=3)
+
+
+def outcome(tested: Outcome) -> str:
+    """One line for a scenario that passed, one more for each failure."""
+    word = "passed" if tested.passed else "FAILED"
+    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
+    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])

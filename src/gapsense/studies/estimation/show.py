@@ -1,0 +1,89 @@
+"""Figure and table of estimators on a measured record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from gapsense.files import write_atomically, write_columns
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
+from gapsense.report.table import add_row, quantity
+from gapsense.report.table import table as new_table
+from gapsense.studies.estimation.run import Estimate
+from gapsense.studies.identification.record import Record
+
+QUANTITIES = {  # of estimators: label, factor for display, unit
+    "position": ("position\n/ mm", 1e3, "m"),
+    "flux_linkage": ("flux linkage\n/ mWb", 1e3, "Wb"),
+    "resistance": ("resistance\n/ Ohm", 1.0, "Ohm"),
+    "inductance": ("inductance\n/ mH", 1e3, "H"),
+}
+COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")
+THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide are all seen
+SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
+
+
+def figure(record: Record, estimates: Sequence[Estimate]) -> Figure:
+    """What was measured, then one panel per estimated quantity with all estimators."""
+    shown = [q for q in QUANTITIES if any(q in e.outputs for e in estimates)]
+    drawn, axes = stack(record.name, ["voltage / V", "current / mA", *(QUANTITIES[q][0] for q in shown)])
+    line(axes[0], record.times, record.voltage, TRUE)
+    line(axes[1], record.times, 1e3 * record.current, TRUE)
+    for axis, quantity_ in zip(axes[2:], shown):
+        _panel(axis, record, estimates, quantity_)
+    return drawn
+
+
+def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) -> None:
+    """One quantity; smoothed values at the times that they belong to."""
+    scale, drawn = QUANTITIES[name][1], []
+    for k, (estimate, color) in enumerate(zip(estimates, COLORS * len(estimates))):
+        if name in estimate.outputs:
+            drawn.append(scale * estimate.outputs[name])
+            line(axis, record.times, drawn[-1], color, estimate.name, linewidth=THICKEST * 0.8**k)
+        if f"smoothed_{name}" in estimate.outputs:
+            at, values = replayed(estimate.outputs, f"smoothed_{name}")
+            axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
+    if name == "position" and record.position is not None:
+        line(axis, record.times, scale * record.position, TRUE, "recorded", linestyle="--")
+    low, high = np.percentile(np.concatenate(drawn), SHOWN)
+    margin = 0.25 * (high - low) or abs(high) or 1.0
+    axis.set_ylim(low - margin, high + margin)  # a transient at the start must not hide the rest
+    legend(axis)
+
+
+def replayed(outputs: Mapping[str, Vector], name: str) -> tuple[Vector, Vector]:
+    """Smoothed values of the motions that have been published, and the times that they belong to."""
+    is_published = outputs["smoothed_published"] > 0.5
+    return outputs["smoothed_time"][is_published], outputs[name][is_published]
+
+
+def values(estimates: Sequence[Estimate]) -> Table:
+    """Last values of every estimator."""
+    shown = new_table(
+        "Estimates at the end of the record",
+        (
+            "estimator",
+            *QUANTITIES,
+        ),
+    )
+    for e in estimates:
+        cells = (
+            quantity(float(e.outputs[q][-1]), unit) if q in e.outputs else "" for q, (_, _, unit) in QUANTITIES.items()
+        )
+        add_row(shown, e.name, *cells)
+    return shown
+
+
+def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
+    """CSV file of all outputs."""
+    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
+    columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, lambda file: write_columns(file, columns))
+    return path

@@ -1,0 +1,44 @@
+"""Fit of the core of the reduced model of [RTS]."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense import cosim
+from gapsense.cli.common import checkout, out, reported, study
+from gapsense.cosim.parameters import read_parameters
+
+
+@study("reduced-fit")
+def reduced_fit(
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file with the columns time, voltage, current, position of a cycle that starts at rest and "
+            "without flux; without it, the reference cycle of the paper is simulated",
+            show_default=False,
+        ),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(help="Parameter set of Ekf: coil, stops and gap law of the device", show_default="[RTS] Table I"),
+    ] = None,
+    held: Annotated[
+        bool, typer.Option(help="The recorded voltage holds from sample to sample, instead of straight lines")
+    ] = False,
+) -> None:
+    """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
+    from gapsense.fmi.settings import kernel_parameters
+    from gapsense.studies.reduced_fit import show as report
+
+    with reported():
+        problems: list[str] = []
+        values = read_parameters(parameters, problems) if parameters else {}
+        if problems:
+            raise cosim.ScenarioError(problems)
+        par = kernel_parameters(checkout() / "fmus" / "ekf", values)
+        fits = report.of_record(record, par, held) if record else report.of_reference_cycle(par)
+        out.print(report.text(fits, is_reference=record is None), markup=False)

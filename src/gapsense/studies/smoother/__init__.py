@@ -1,1 +1,0 @@
-"""The studies of the smoother paper, [RTS] Section IV."""

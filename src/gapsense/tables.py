@@ -1,0 +1,156 @@
+"""Strict reading of TOML: every value is asked for by name and type, and every problem is kept, not raised."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gapsense.problems import suggest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Value = float | int | bool | str
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A type that a value may have: the test, and its name in messages."""
+
+    name: str
+    accepts: Callable[[Any], bool]
+
+
+def is_number(value: Any) -> bool:
+    """True for a finite integer or float; TOML's `inf` and `nan` are none, nor are truth values."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_integer(value: Any) -> bool:
+    """True for an integer that is no truth value."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+NUMBER = Kind("a finite number", is_number)
+POSITIVE = Kind("a positive number", lambda value: is_number(value) and value > 0)
+NOT_NEGATIVE = Kind("a number not below 0", lambda value: is_number(value) and value >= 0)
+COUNT = Kind("a whole number of at least 1", lambda value: is_integer(value) and value >= 1)
+INDEX = Kind("a whole number of at least 0", lambda value: is_integer(value) and value >= 0)
+TEXT = Kind("a text", lambda value: isinstance(value, str))
+TABLE = Kind("a table", lambda value: isinstance(value, dict))
+TABLES = Kind("an array of tables", lambda value: isinstance(value, list) and all(isinstance(v, dict) for v in value))
+TEXTS = Kind("a list of texts", lambda value: isinstance(value, list) and all(isinstance(v, str) for v in value))
+NUMBER_OR_TEXT = Kind("a name or a finite number", lambda value: isinstance(value, str) or is_number(value))
+SCALAR = Kind(
+    "a finite number, a truth value or a text", lambda value: isinstance(value, (bool, str)) or is_number(value)
+)
+LIST = Kind(
+    "a list of finite numbers, truth values or texts",
+    lambda value: isinstance(value, list) and bool(value) and all(map(SCALAR.accepts, value)),
+)
+BOUNDS = Kind(
+    "a pair [lowest, highest] in rising order (`-inf` and `inf` are allowed)",
+    lambda value: (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(is_number(v) or (isinstance(v, float) and math.isinf(v)) for v in value)
+        and value[0] <= value[1]
+    ),
+)
+
+
+def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
+    """Content of a TOML file, or None after noting why it cannot be read."""
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        problems.append(f"{path}: there is no such file. Correct the path.")
+    except UnicodeDecodeError as error:
+        problems.append(f"{path}: byte {error.start} is not UTF-8. Save the file as UTF-8.")
+    except OSError as error:
+        problems.append(f"{path}: cannot be read: {error.strerror}.")
+    except tomllib.TOMLDecodeError as error:
+        problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
+    return None
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `changes` laid over it: tables are merged key by key, everything else is replaced."""
+    out = dict(base)
+    for key, value in changes.items():
+        old = out.get(key)
+        out[key] = merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return out
+
+
+class Table:
+    """A TOML table that is read key by key; what is never asked for is an unknown key."""
+
+    def __init__(self, data: Mapping[str, Any], file: str, place: str, problems: list[str]) -> None:
+        self.data, self.file, self.place, self.problems = data, file, place, problems
+        self.asked: set[str] = set()
+
+    def where(self, key: str = "") -> str:
+        """File and place of a key, as messages name it."""
+        place = ".".join(part for part in (self.place, key) if part)
+        return f"{self.file}, {place}" if place else self.file
+
+    def note(self, key: str, sentence: str) -> None:
+        """Keep a problem with the value of `key`."""
+        self.problems.append(f"{self.where(key)}: {sentence}")
+
+    def take(self, key: str, kind: Kind, default: Any = None, *, required: bool = False) -> Any:
+        """Value of `key` if it is of that kind; otherwise the default, after noting what is wrong."""
+        self.asked.add(key)
+        if key not in self.data:
+            if required:
+                self.note(key, f"missing; {kind.name} is expected. Add it.")
+            return default
+        value = self.data[key]
+        if kind.accepts(value):
+            return value
+        self.note(key, f"{found(value)} found, {kind.name} expected. Correct the value.")
+        return default
+
+    def choice(self, key: str, choices: tuple[str, ...], default: str | None = None) -> str | None:
+        """Value of `key` out of some words; required when there is no default."""
+        value: str | None = self.take(key, TEXT, default, required=default is None)
+        if value is None or value in choices:
+            return value
+        self.note(key, f"`{value}` found. {suggest(value, choices)}")
+        return default
+
+    def table(self, key: str) -> Table:
+        """Table below `key`, empty where there is none; if it is no table, nothing more is said about its content."""
+        value = self.take(key, TABLE)
+        child = self.child(value or {}, key)
+        if value is None and key in self.data:
+            child.problems = []
+        return child
+
+    def child(self, data: Mapping[str, Any], key: str) -> Table:
+        """Reader for a table inside this one."""
+        return Table(data, self.file, ".".join(part for part in (self.place, key) if part), self.problems)
+
+    def finish(self) -> None:
+        """Note every key that nobody asked for."""
+        for key in self.data:
+            if key not in self.asked:
+                self.note(key, f"unknown key. {suggest(key, self.asked)} Correct or remove it.")
+
+
+def found(value: Any) -> str:
+    """How a message names a value that was not expected."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"
