@@ -32,10 +32,10 @@ PACKAGES = {  # beside the standard library
     "cosim": {"numpy", "scipy", "fmpy"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
-    "cli": {"typer", "rich"},
+    "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
 }
-TRAVELLERS = {"slave", "ports", "tables"}  # their copies are in every FMU
+TRAVELLERS = {"slave", "ports", "tables", "values"}  # their copies are in every FMU
 
 
 def test_every_part_of_the_package_has_its_place():

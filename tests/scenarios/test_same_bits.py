@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Master, prepare, run, run_once
-from gapsense.fmi.package import find_components, kernel_of, load_component
+from gapsense.fmi.components import find_components, kernel_of, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.records import fields

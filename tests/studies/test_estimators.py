@@ -12,7 +12,7 @@ from gapsense.cli import app
 from gapsense.cosim import load, run
 from gapsense.cosim.record import Result, Run, Timing
 from gapsense.estimators import hybrid_ekf
-from gapsense.fmi.settings import kernel_parameters
+from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
