@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from gapsense.actuators.parameters import VALVE
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.cosim.parameters import read_parameters
 from gapsense.files import read_columns, write_atomically
+from gapsense.parameters import read_parameters
 from gapsense.problems import ScenarioError, suggest
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.transfer import GAPS

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.cosim.parameters import read_parameters
 from gapsense.files import read_columns, write_atomically, write_columns
+from gapsense.parameters import read_parameters
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 

@@ -9,7 +9,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import checkout, out, reported, study
-from gapsense.cosim.parameters import read_parameters
+from gapsense.parameters import read_parameters
 
 
 @study("reduced-fit")

@@ -12,9 +12,9 @@ from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.cli.common import checkout, command, out, reported, study
 from gapsense.cosim import ScenarioError
-from gapsense.cosim.parameters import read_parameters
 from gapsense.fmi.package import load_component
 from gapsense.fmi.settings import fields_of, unknown
+from gapsense.parameters import read_parameters
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
