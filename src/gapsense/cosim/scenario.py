@@ -59,7 +59,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where the file says so."""
+    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written."""
 
     source: Port
     target: Port
