@@ -176,7 +176,7 @@ class Checker:
         for connection in self.scenario.connections:
             drivers.setdefault(connection.target, []).append(connection.place)
         for port in self.scenario.inputs:
-            drivers.setdefault(port, []).append("inputs")
+            drivers.setdefault(port, []).append(f"inputs.{port}")
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
