@@ -11,7 +11,7 @@ FOUNDATIONS = {
     "trace", "derivative", "emit", "records", "kernel", "units", "linalg", "integrate", "interpolate",
     "native", "random",
 }  # fmt: skip
-GENERAL = {"files", "tables", "problems", "ledger"}
+GENERAL = {"files", "tables", "problems", "ledger", "parameters"}
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "fmi"}
 MAY_IMPORT = {

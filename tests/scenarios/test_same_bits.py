@@ -114,7 +114,7 @@ def by_hand(folder: Path, variant: str | None) -> dict[str, np.ndarray]:
     start, base = experiment["start"], experiment["base_step"]
     count = round((experiment["stop"] - start) / base)
     parts = [Part(name, scenario, folder) for name in scenario["components"]]
-    sources = {c["to"]: c["from"] for c in scenario["connections"]}
+    sources = scenario["connect"]
     now: dict[str, float] = dict(scenario["inputs"])
 
     def taken(part: Part) -> list[float]:

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.cosim.parameters import read_parameters
 from gapsense.files import read_columns, write_atomically, write_columns
 from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.fmi.values import ValuesError, fields, unknown
+from gapsense.parameters import read_parameters
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
