@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapsense.cosim.sweep import Progress
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import motions
 from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
@@ -18,6 +17,7 @@ from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.studies.soft_landing import Samples
 from gapsense.studies.tasks import Facts, compute
+from gapsense.workers import Progress
 
 Floats = NDArray[np.float64]
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
