@@ -85,7 +85,7 @@ def studied(core: str, seed: int) -> Study:
     """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for."""
     from gapsense.studies.monte_carlo.comparison import Study
     from gapsense.studies.smoother.nominal import fitted, nominal
-    from gapsense.studies.soft_landing import sampled, soft_landing
+    from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
     if core not in ("fitted", "published"):
         raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")

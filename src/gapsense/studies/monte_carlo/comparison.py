@@ -16,7 +16,7 @@ from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
 from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
 from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
-from gapsense.studies.soft_landing import Samples
+from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.studies.tasks import Facts, compute
 
 Floats = NDArray[np.float64]

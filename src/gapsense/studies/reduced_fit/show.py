@@ -13,7 +13,7 @@ from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.estimators.reduced_model import normalised
 from gapsense.files import read_columns
 from gapsense.studies.reduced_fit.fit import CoreFit, current_rms, fit_core, integrated_flux
-from gapsense.studies.soft_landing import sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II
 COLUMNS = ("time", "voltage", "current", "position")
