@@ -42,6 +42,7 @@ Scenario = Annotated[Path, typer.Argument(help="Folder of a scenario, or its sce
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
 Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_default="build/fmus")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
+FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
 Function = TypeVar("Function", bound=Callable[..., None])
 

@@ -45,8 +45,7 @@ def field(name: str) -> str:
 
 def read_known(file: Path | None) -> Known:
     """Known parameters and first guesses from a parameter-set file; what it leaves out is as in [SEMERA] Table I."""
-    files = [file] if file else []
-    parameters, values = parameters_of("solenoid_valve", files), read_values(files)
+    parameters, values = parameters_of("solenoid_valve", file), read_values([file] if file else [])
     law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
     if law == "table" and table is None:
         raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")

@@ -61,12 +61,14 @@ def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] 
     return made
 
 
-def parameters_of(name: str, files: Sequence[Path]) -> Any:
-    """Parameters of the kernel of the component in folder `name`: its own, or those of parameter sets made for it."""
+def parameters_of(name: str, file: Path | None) -> Any:
+    """Parameters of the kernel of the component in folder `name`: its own, or those of a parameter set made for it."""
+    if file is None:
+        return kernel_parameters(own(name), {})
     try:
-        return kernel_parameters(own(name), read_values(files))
+        return kernel_parameters(own(name), read_values([file]))
     except ValuesError as error:
-        raise InputError([f"{', '.join(f.name for f in files)}: {problem}" for problem in error.problems]) from None
+        raise InputError([f"{file.name}: {problem}" for problem in error.problems]) from None
 
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import motions
 from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
+from gapsense.studies.smoother.nominal import fitted, nominal
 from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
 from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
-from gapsense.studies.soft_landing import Samples
+from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 from gapsense.studies.tasks import Facts, compute
 from gapsense.workers import Progress
 
@@ -41,6 +42,14 @@ class Study(NamedTuple):
         """The same for JSON."""
         samples = {name: values.tolist() for name, values in self.samples._asdict().items()}
         return {**self._asdict(), "samples": samples, "model": [*self.model]}
+
+
+def studied(core: str, seed: int) -> Study:
+    """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for: fitted, or published."""
+    if core not in ("fitted", "published"):
+        raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")
+    samples = sampled(soft_landing())
+    return Study(samples, fitted(samples, nominal()) if core == "fitted" else nominal(), seed)
 
 
 def study_of(facts: Facts) -> Study:
