@@ -30,6 +30,7 @@ TUNINGS = ("robust", "paper", "none")  # as the kernel numbers them
 STEPS = ("0 to 24 V", "24 to 0 V")
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
 WRONG = ("coil_resistance", "pole_area", "core_length", "mover_mass", "current_on", "current_off")
+SEEN = ("current_estimated", "position", "velocity", "mode", "health")  # of the outputs
 TUNING = {  # start values of the component
     "sub_steps": 2.0,
     "landing_band": 0.03,
@@ -152,16 +153,16 @@ def deviations(
     noise = np.array([np.random.default_rng([NOISE, seed]).standard_normal(SAMPLES) for seed in range(seeds)]).T
     levels, runs = np.repeat(LEVELS, seeds), len(LEVELS) * seeds
     par = believed(plant, np.tile(errors, (len(LEVELS), 1)), levels, tuning, **changes)
-    found = np.empty((SAMPLES, 5, runs))
+    found = np.empty((SAMPLES, len(SEEN), runs))
     kernel, state = Kernel(hybrid_ekf), None
     for k, u in enumerate(run.voltage):
         inputs = (u, run.states[k, 0] + np.tile(noise[k], len(LEVELS)) * levels)
         step = kernel.initial_batch(inputs, par, runs) if state is None else kernel.step_batch(state, inputs, par, runs)
-        state, outputs = step
-        for row, value in zip(found[k], (*outputs[:4], outputs[-1])):
-            row[:] = value
+        state, outputs = step[0], hybrid_ekf.Outputs(*step[1])
+        for row, name in zip(found[k], SEEN):
+            row[:] = getattr(outputs, name)
         progress(k + 1, SAMPLES)
-    return _deviations(found.reshape(SAMPLES, 5, len(LEVELS), seeds), run)
+    return _deviations(found.reshape(SAMPLES, len(SEEN), len(LEVELS), seeds), run)
 
 
 def _deviations(found: Array, run: Truth) -> Deviations:
