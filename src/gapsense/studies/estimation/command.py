@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Fmus, bar, checkout, command, problem, show, written
-from gapsense.studies.identification.command import Column
+from gapsense.cli.common import Column, Fmus, bar, checkout, command, problem, show, written
 
 
 @command("estimate")

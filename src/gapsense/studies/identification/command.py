@@ -7,15 +7,11 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import bar, command, show, written
+from gapsense.cli.common import Column, bar, command, show, written
 from gapsense.studies.identification.record import CONVENTIONS
 
 MODELS = ("solenoid_valve",)
 STARTS = 6
-Column = Annotated[
-    list[str] | None,
-    typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
-]
 
 
 @command("identify")
