@@ -302,7 +302,7 @@ def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
 def test_observability_prints_ranks_and_counts(gapsense, write, fmus):
     done = gapsense("study", "observability", write(), "--fmus", fmus)
     assert (done.exit_code, done.stderr) == (0, "")
-    assert re.search(r"^linear \(33\)-\(35\) +2 ", done.stdout, re.MULTILINE)
+    assert re.search(r"^ +linear \(33\)-\(35\) +2 ", done.stdout, re.MULTILINE)
     assert "longest: " in done.stdout
 
 

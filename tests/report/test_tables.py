@@ -14,8 +14,8 @@ from gapsense.cosim import Sweep, load
 from gapsense.cosim.regression import Check, Outcome
 from gapsense.fmi.ports import Component, input_
 from gapsense.report import runs as tables
-from gapsense.report.table import quantity
-from gapsense.studies.semera import text as observability_report
+from gapsense.report.table import quantity, text
+from gapsense.studies.semera.show import run_tables
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 
@@ -56,8 +56,8 @@ def test_metrics_are_grouped_by_the_titles_of_the_scenario(valve):
     third, fourth = map(shown, tables.metrics(valve))
     assert third.startswith("Table III of [SEMERA]") and fourth.startswith("Table IV of [SEMERA]")
     assert third.count("SEMERA ") == fourth.count("SEMERA ") == 3
-    for text in ("1.244 Ohm", "102.2 mH", "3.602 mWb"):
-        assert text in third and text not in fourth
+    for words in ("1.244 Ohm", "102.2 mH", "3.602 mWb"):
+        assert words in third and words not in fourth
 
 
 def test_metric_outside_its_bounds_is_red(valve):
@@ -111,8 +111,8 @@ def test_outcome_has_a_line_for_each_failure():
 
 
 def test_observability_report_has_the_ranks_of_the_paper_and_shares_of_all_samples(valve):
-    lines = observability_report.text(valve).splitlines()
-    ranks = {line[:20].strip(): line.split()[-3:] for line in lines[3:7]}
+    lines = text(*run_tables(valve)).splitlines()
+    ranks = {line[:20].strip(): line.split()[-3:] for line in lines[4:8]}
     assert ranks["linear (33)-(35)"] == ["2", "2", "2"]
     assert ranks["quadratic"] == ["3", "3", "2"]
     assert ranks["constant"][0] != "3" and ranks["exponential"][2] != "3"
@@ -122,5 +122,5 @@ def test_observability_report_has_the_ranks_of_the_paper_and_shares_of_all_sampl
 
 def test_observability_report_of_a_dead_coil_says_that_nothing_was_observable(valve):
     dead = {name: 0.0 * values[:200] for name, values in valve.signals.items()}
-    text = observability_report.text(replace(valve, times=valve.times[:200], signals=dead))
-    assert "100.0 %" in text and "longest" not in text
+    printed = text(*run_tables(replace(valve, times=valve.times[:200], signals=dead)))
+    assert "100.0 %" in printed and "longest" not in printed

@@ -14,9 +14,9 @@ from gapsense.fmi.components import load_component
 from gapsense.kernel import Kernel
 from gapsense.records import flat
 from gapsense.report import plot as figures
+from gapsense.report.table import text
 from gapsense.studies.hybrid_ekf import deviations as study
 from gapsense.studies.hybrid_ekf import show as drawings
-from gapsense.studies.hybrid_ekf import text as hybrid_ekf_report
 
 FMUS = Path(__file__).resolve().parents[2] / "fmus"
 
@@ -70,9 +70,9 @@ def test_what_must_come_out(found: Any) -> None:
 
 @pytest.mark.slow
 def test_numbers_and_figures_show_every_case(found: Any, tmp_path: Path) -> None:
-    text = hybrid_ekf_report.text(found, "consistent", 2)
-    assert text.count("wrong mode / %") == len(found) == 12
-    assert all(len(line) < 110 for line in text.splitlines())
+    printed = text(*drawings.tables(found, "consistent", 2))
+    assert printed.count("wrong mode / %") == len(found) == 12
+    assert all(len(line) < 110 for line in printed.splitlines())
     for name, figure in (("time", drawings.over_time(found)), ("noise", drawings.over_noise(found))):
         assert len(figure.axes) == 16 and all(len(axis.lines) == 3 for axis in figure.axes)
         assert figures.save(figure, tmp_path / f"{name}.png").stat().st_size > 30_000

@@ -44,6 +44,10 @@ Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_defau
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
+Column = Annotated[
+    list[str] | None,
+    typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
+]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 

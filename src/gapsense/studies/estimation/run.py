@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import describe
 from gapsense.cosim.feed import feed
+from gapsense.files import write_atomically, write_columns
+from gapsense.fmi.components import find_components, load_component
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.transfer import values_for
 from gapsense.tables import Value
@@ -60,6 +62,48 @@ def foreign(name: str, parameters: Sequence[str], values: Mapping[str, Value]) -
     return f"{name} models a pot magnet, not a valve with a gap law. Name it with `--estimator` to run it all the same."
 
 
+def estimators(root: Path, causality: str = "input") -> dict[str, list[str]]:
+    """Inputs, or other ports, of every estimator in fmus/."""
+    found = [load_component(folder) for folder in find_components(root / "fmus")]
+    mine = [c for c in found if c.kernel.startswith("gapsense.estimators.")]
+    return {c.name: [port.name for port in c.of(causality)] for c in mine}
+
+
+def unfit(root: Path, values: dict[str, Any]) -> dict[str, str]:
+    """Why estimators do not fit the device that the parameters describe."""
+    found = {name: foreign(name, own, values) for name, own in estimators(root, "parameter").items()}
+    return {name: reason for name, reason in found.items() if reason}
+
+
+def chosen(
+    wanted: str | None, inputs: Mapping[str, Sequence[str]], record: Record, unfit: Mapping[str, str]
+) -> tuple[list[str], list[str]]:
+    """Names of the estimators to run, and why others cannot.
+
+    Those wanted, or all that can run and fit; a ValueError says why one that is wanted cannot.
+    """
+    plain = {name.lower(): name for name in inputs}
+    asked = [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else list(plain)
+    if unknown := [word for word in asked if word not in plain]:
+        raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(inputs)}.")
+    reasons = {name: unfit.get(name) or missing(record, inputs, name) for name in (plain[word] for word in asked)}
+    refused = [reason for reason in reasons.values() if reason]
+    if refused and (wanted or len(refused) == len(reasons)):
+        raise ValueError("\n".join(refused))
+    return [name for name, reason in reasons.items() if not reason], refused
+
+
+def run_estimators(
+    fmus: Path, names: Sequence[str], record: Record, values: Mapping[str, Value], progress: Callable[[int, int], None]
+) -> list[Estimate]:
+    """Estimators, by name from a folder of FMUs, over a record."""
+    estimates = []
+    for k, name in enumerate(names):
+        progress(k, len(names))
+        estimates.append(run_estimator(fmus / f"{name}.fmu", record, values))
+    return estimates
+
+
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
     """One estimator over a record; its sample time is that of the record.
 
@@ -78,3 +122,12 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     signals = offered(record)
     inputs = {v.name: signals[v.name] for v in description.inputs}
     return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
+
+
+def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
+    """CSV file of all outputs."""
+    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
+    columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, lambda file: write_columns(file, columns))
+    return path

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.files import write_atomically, write_columns
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
-from gapsense.report.table import add_row, quantity
-from gapsense.report.table import table as new_table
+from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
 from gapsense.studies.identification.record import Record
 
@@ -28,15 +25,31 @@ THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide a
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
 
-def figure(record: Record, estimates: Sequence[Estimate]) -> Figure:
+def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
+    """Last values of every estimator, and the parameters that were set."""
+    rows = (
+        (
+            e.name,
+            *(quantity(float(e.outputs[q][-1]), u) if q in e.outputs else "" for q, (_, _, u) in QUANTITIES.items()),
+        )
+        for e in estimates
+    )
+    shown: list[Table | str] = [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows)]
+    for e in estimates:
+        given = ", ".join(f"{name} = {value:.6g}" for name, value in e.values.items() if not isinstance(value, str))
+        shown.append(f"{e.name}: {given}")
+    return shown
+
+
+def measured_and_estimated(record: Record, estimates: Sequence[Estimate]) -> Figure:
     """What was measured, then one panel per estimated quantity with all estimators."""
-    shown = [q for q in QUANTITIES if any(q in e.outputs for e in estimates)]
-    drawn, axes = stack(record.name, ["voltage / V", "current / mA", *(QUANTITIES[q][0] for q in shown)])
+    names = [q for q in QUANTITIES if any(q in e.outputs for e in estimates)]
+    figure, axes = stack(record.name, ["voltage / V", "current / mA", *(QUANTITIES[q][0] for q in names)])
     line(axes[0], record.times, record.voltage, TRUE)
     line(axes[1], record.times, 1e3 * record.current, TRUE)
-    for axis, quantity_ in zip(axes[2:], shown):
-        _panel(axis, record, estimates, quantity_)
-    return drawn
+    for axis, name in zip(axes[2:], names):
+        _panel(axis, record, estimates, name)
+    return figure
 
 
 def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) -> None:
@@ -61,29 +74,3 @@ def replayed(outputs: Mapping[str, Vector], name: str) -> tuple[Vector, Vector]:
     """Smoothed values of the motions that have been published, and the times that they belong to."""
     is_published = outputs["smoothed_published"] > 0.5
     return outputs["smoothed_time"][is_published], outputs[name][is_published]
-
-
-def values(estimates: Sequence[Estimate]) -> Table:
-    """Last values of every estimator."""
-    shown = new_table(
-        "Estimates at the end of the record",
-        (
-            "estimator",
-            *QUANTITIES,
-        ),
-    )
-    for e in estimates:
-        cells = (
-            quantity(float(e.outputs[q][-1]), unit) if q in e.outputs else "" for q, (_, _, unit) in QUANTITIES.items()
-        )
-        add_row(shown, e.name, *cells)
-    return shown
-
-
-def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
-    """CSV file of all outputs."""
-    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
-    columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda file: write_columns(file, columns))
-    return path

@@ -30,6 +30,7 @@ TUNINGS = ("robust", "paper", "none")  # as the kernel numbers them
 STEPS = ("0 to 24 V", "24 to 0 V")
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
 WRONG = ("coil_resistance", "pole_area", "core_length", "mover_mass", "current_on", "current_off")
+SEEN = ("current_estimated", "position", "velocity", "mode")  # of the outputs, as in the states of `Truth`
 TUNING = {  # start values of the component
     "sub_steps": 2.0,
     "landing_band": 0.03,
@@ -68,7 +69,6 @@ class Deviations(NamedTuple):
     rmsd: Array  # (levels, samples, 4): of i, s, v, q over the seeds
     total: Array  # (levels, 4): over the seeds and the samples from the edge on
     wrong: Array  # (levels, seeds): share of these samples with the wrong mode
-    unhealthy: Array  # (levels,): share of these samples with health 0
 
 
 def study(
@@ -110,14 +110,14 @@ def truth(plant: pot_magnet.Parameters, is_rising: bool) -> Truth:
     return Truth(voltage, np.array([[o.current, o.position, o.velocity, o.mode] for o in rows]))
 
 
-def believed(plant: pot_magnet.Parameters, errors: Array, noise: Array, tuning: str, **changes: float) -> list[Any]:
+def believed(plant: pot_magnet.Parameters, errors: Array, noise: Array, tuning: str) -> list[Any]:
     """Flat parameters of all runs: those of the plant, of which `WRONG` are multiplied by 1 + `errors` (runs, 6)."""
     known = {name: value for name, value in plant._asdict().items() if name in hybrid_ekf.Parameters._fields}
     for name, factor in zip(WRONG, 1.0 + errors.T):
         known[name] = known[name] * factor
     known["coil_resistance_upper"] = known["coil_resistance_upper"] * (1.0 + errors[:, 0])
     chosen = {"sample_time": T_S, "tuning": float(TUNINGS.index(tuning)), "noise_current": noise}
-    return flat(hybrid_ekf.Parameters(**{**known, **TUNING, **chosen, **changes}))
+    return flat(hybrid_ekf.Parameters(**{**known, **TUNING, **chosen}))
 
 
 def deviations(
@@ -128,7 +128,6 @@ def deviations(
     seeds: int = 100,
     mismatch: float = 0.0,
     progress: Callable[[int, int], None] = lambda done, total: None,
-    **changes: float,
 ) -> Deviations:
     """Deviations of the filter from the truth, for all `LEVELS` and seeds at once.
 
@@ -144,33 +143,22 @@ def deviations(
         Parameters of the filter are wrong by up to this part, each by itself, evenly distributed.
     progress : callable
         Gets the samples done and their total.
-    **changes
-        Other parameters of the filter.
     """
     rng = np.random.default_rng(ERRORS)
     errors = mismatch * rng.uniform(-1.0, 1.0, (seeds, len(WRONG)))
     noise = np.array([np.random.default_rng([NOISE, seed]).standard_normal(SAMPLES) for seed in range(seeds)]).T
     levels, runs = np.repeat(LEVELS, seeds), len(LEVELS) * seeds
-    par = believed(plant, np.tile(errors, (len(LEVELS), 1)), levels, tuning, **changes)
-    found = np.empty((SAMPLES, 5, runs))
+    par = believed(plant, np.tile(errors, (len(LEVELS), 1)), levels, tuning)
+    found = np.empty((SAMPLES, len(SEEN), runs))
     kernel, state = Kernel(hybrid_ekf), None
     for k, u in enumerate(run.voltage):
         inputs = (u, run.states[k, 0] + np.tile(noise[k], len(LEVELS)) * levels)
         step = kernel.initial_batch(inputs, par, runs) if state is None else kernel.step_batch(state, inputs, par, runs)
-        state, outputs = step
-        for row, value in zip(found[k], (*outputs[:4], outputs[-1])):
-            row[:] = value
+        state, outputs = step[0], hybrid_ekf.Outputs(*step[1])
+        for row, name in zip(found[k], SEEN):
+            row[:] = getattr(outputs, name)
         progress(k + 1, SAMPLES)
-    return _deviations(found.reshape(SAMPLES, 5, len(LEVELS), seeds), run)
-
-
-def _deviations(found: Array, run: Truth) -> Deviations:
-    error = found[:, :4] - run.states[:, :, None, None]
+    error = found.reshape(SAMPLES, len(SEEN), len(LEVELS), seeds) - run.states[:, :, None, None]
     rmsd = np.sqrt(np.mean(error**2, axis=3)).transpose(2, 0, 1)
-    after = slice(EDGE, None)
-    return Deviations(
-        rmsd,
-        np.sqrt(np.mean(rmsd[:, after] ** 2, axis=1)),
-        np.mean(error[after, 3] != 0.0, axis=0),
-        np.mean(found[after, 4] == 0.0, axis=(0, 2)),
-    )
+    total = np.sqrt(np.mean(rmsd[:, EDGE:] ** 2, axis=1))
+    return Deviations(rmsd, total, np.mean(error[EDGE:, 3] != 0.0, axis=0))

@@ -1,86 +1,89 @@
-"""Figures 8 to 11 of [HEKF]: RMS deviations over time, and over the noise."""
+"""Figures 8 to 11 of [HEKF], RMS deviations over time and over the noise, and the numbers behind them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.table import Table
 
-from gapsense.report.plot import FIRST, SECOND, THIRD, line
-from gapsense.studies.hybrid_ekf.deviations import EDGE, LEVELS, STEPS, T_S, Case, Deviations
-from gapsense.studies.hybrid_ekf.text import TITLES
+from gapsense.report import plot
+from gapsense.report.table import table
+from gapsense.studies.hybrid_ekf.deviations import EDGE, LEVELS, SAMPLES, T_S, Array, Case, Deviations
 
-COLORS = {"robust": FIRST, "paper": SECOND, "none": THIRD}
-LABELS = (("current / mA", 1e3), ("position / um", 1e6), ("velocity / (mm/s)", 1e3), ("mode", 1.0))
+Found = Mapping[Case, Deviations]
+STYLES: Mapping[str, Any] = {  # of the tunings
+    "robust": {"label": "robust", "color": plot.FIRST},
+    "paper": {"label": "paper", "color": plot.SECOND},
+    "none": {"label": "open loop", "color": plot.THIRD, "linestyle": "--"},
+}
+QUANTITIES = (("current / mA", 1e3), ("position / um", 1e6), ("velocity / (mm/s)", 1e3), ("mode", 1.0))
 DRAWN = slice(EDGE - 30, EDGE + 320)  # around the edge
-SMALLEST = 1e-3  # of the logarithmic axes, in the units above
+SMALLEST = 1e-3  # of the logarithmic axes, in these units: no gaps where a deviation is zero
 
 
-def over_time(found: Mapping[Case, Deviations], noise: float = 1e-2) -> Figure:
+def tables(found: Found, orientation: str, seeds: int) -> list[Table | str]:
+    """RMSD over the seeds and the time after the edge, and the share of samples with the wrong mode."""
+    shown: list[Table | str] = [
+        f"RMSD over {seeds} seeds and {1e3 * T_S * (SAMPLES - EDGE):g} ms after the edge, {orientation} orientation",
+        "[HEKF] shows Figs. 8-11 as curves and prints no numbers.",
+    ]
+    heads = ("noise of the current / mA", *(f"{1e3 * level:g}" for level in LEVELS))
+    for (step, errors), tunings in by_column(found).items():
+        rows = [
+            (f"{name}, {STYLES[tuning]['label']}", *(f"{factor * x:.3g}" for x in one.total[:, k]))
+            for k, (name, factor) in enumerate(QUANTITIES)
+            for tuning, one in tunings.items()
+        ]
+        for tuning, one in tunings.items():
+            shares = (f"{100 * x:.3g}" for x in one.wrong.mean(axis=1))
+            rows.append((f"wrong mode / %, {STYLES[tuning]['label']}", *shares))
+        shown.append(table(f"{step}, {errors}", heads, rows))
+    return shown
+
+
+def over_time(found: Found, noise: float = 1e-2) -> Figure:
     """RMSD of current, position, velocity and mode after the edge, at one level of noise."""
     level = int(np.argmin(np.abs(np.log(np.divide(LEVELS, noise)))))
-    drawn, axes = _panels(found, f"RMSD over the seeds, {1e3 * LEVELS[level]:g} mA of noise on the current")
-    for row, column, case, one in _curves(found):
-        times = T_S * (np.arange(one.rmsd.shape[1])[DRAWN] - EDGE)
-        line(axes[row][column], times, _visible(LABELS[row][1] * one.rmsd[level, DRAWN, row]), **_style(case))
-    _finish(drawn, axes, "time after the edge / ms")
-    return drawn
+    title = f"RMSD over the seeds, {1e3 * LEVELS[level]:g} mA of noise on the current"
+    times = 1e3 * T_S * (np.arange(SAMPLES, dtype=float)[DRAWN] - EDGE)
+    style = {"drawstyle": "steps-post"}
+    return _drawn(found, title, "time after the edge / ms", times, lambda one: one.rmsd[level, DRAWN], style)
 
 
-def over_noise(found: Mapping[Case, Deviations]) -> Figure:
+def over_noise(found: Found) -> Figure:
     """RMSD over seeds and time against the noise of the current."""
-    drawn, axes = _panels(found, "RMSD over the seeds and 100 ms")
-    for row, column, case, one in _curves(found):
-        values = _visible(LABELS[row][1] * one.total[:, row])
-        axes[row][column].plot(np.multiply(1e3, LEVELS), values, marker=".", linewidth=1.0, **_style(case))
-        axes[row][column].set_xscale("log")
-    _finish(drawn, axes, "noise of the current / mA")
-    return drawn
+    title = "RMSD over the seeds and 100 ms"
+    levels = np.multiply(1e3, LEVELS)
+    figure = _drawn(found, title, "noise of the current / mA", levels, lambda one: one.total, {"marker": "."})
+    figure.axes[0].set_xscale("log")  # and the others, which share it
+    return figure
 
 
-def _panels(found: Mapping[Case, Deviations], title: str) -> tuple[Figure, Any]:
-    drawn = Figure(figsize=(10.0, 9.0), layout="constrained")
-    drawn.suptitle(title)
-    columns = [(step, mismatch) for step in STEPS for mismatch in dict.fromkeys(case.mismatch for case in found)]
-    axes = drawn.subplots(len(LABELS), len(columns), sharex=True, sharey="row", squeeze=False)
-    for axis, (step, mismatch) in zip(axes[0], columns):
-        axis.set_title(
-            f"{step}\n" + (f"parameters +-{100 * mismatch:g} %" if mismatch else "right parameters"), fontsize=9
-        )
-    return drawn, axes
-
-
-def _curves(found: Mapping[Case, Deviations]) -> Any:
-    """Row, column, case and deviations of every curve."""
-    columns = list(dict.fromkeys(case[:2] for case in found))
+def by_column(found: Found) -> dict[tuple[str, str], dict[str, Deviations]]:
+    """Deviations of all tunings, by the step of the voltage and the errors of the parameters."""
+    columns: dict[tuple[str, str], dict[str, Deviations]] = {}
     for case, one in found.items():
-        for row in range(len(LABELS)):
-            yield row, columns.index(case[:2]), case, one
+        errors = f"parameters wrong by up to {100 * case.mismatch:g} %" if case.mismatch else "right parameters"
+        columns.setdefault((case.step, errors), {})[case.tuning] = one
+    return columns
 
 
-def _style(case: Case) -> dict[str, Any]:
-    return {
-        "color": COLORS[case.tuning],
-        "label": TITLES[case.tuning],
-        "linestyle": "--" if case.tuning == "none" else "-",
-    }
-
-
-def _visible(values: Any) -> Any:
-    """No gaps where a deviation is zero on a logarithmic axis."""
-    return np.maximum(values, SMALLEST)
-
-
-def _finish(drawn: Figure, axes: Any, label: str) -> None:
-    for row, (name, _) in zip(axes, LABELS):
-        row[0].set_ylabel(name)
-        row[0].set_yscale("log")
-        for axis in row:
-            axis.grid(True, color="#d0d7de", linewidth=0.5)
-            axis.spines[["top", "right"]].set_visible(False)
-    for axis in axes[-1]:
-        axis.set_xlabel(label)
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    drawn.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+def _drawn(
+    found: Found, title: str, xlabel: str, x: Array, values: Callable[[Deviations], Array], style: Mapping[str, Any]
+) -> Figure:
+    """A row of panels per quantity; `values` has the curves of all quantities in its columns."""
+    columns, size = by_column(found), (10.0, 9.0)
+    figure, axes = plot.panels(title, len(QUANTITIES), len(columns), size, sharex=True, sharey="row")
+    for axis, (label, _) in zip(axes[:, 0], QUANTITIES):
+        axis.set_ylabel(label)
+    for column, (case, tunings) in zip(axes.T, columns.items()):
+        column[0].set_title("\n".join(case), fontsize=9)
+        column[-1].set_xlabel(xlabel)
+        for tuning, one in tunings.items():
+            for axis, (_, factor), y in zip(column, QUANTITIES, values(one).T):
+                axis.semilogy(x, np.maximum(factor * y, SMALLEST), linewidth=1.0, **STYLES[tuning], **style)
+    plot.legend_below(figure)
+    return figure

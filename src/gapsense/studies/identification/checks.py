@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.flux import edges, operations
-from gapsense.studies.identification.record import SHOWN, Columns, Record, RecordError, Vector, read_columns, to_record
+from gapsense.studies.identification.record import (
+    CONVENTIONS,
+    SHOWN,
+    Columns,
+    Record,
+    RecordError,
+    Vector,
+    read_columns,
+    to_record,
+)
 
 FEWEST_SAMPLES = 8
 FEWEST_PERIODS = 2  # one alone cannot tell whether the record is periodic
@@ -18,6 +27,33 @@ REST = 0.01  # largest current at rest, and largest change over a period, relati
 SIGMAS = 4.0
 CLIPPED = 5  # equal samples at the end of the range
 STEEP = 1e-3  # change before a flat end of the range that no settling current has, relative to the range
+
+
+def read_records(
+    files: Sequence[Path],
+    column: Sequence[str] | None,
+    convention: str = CONVENTIONS[0],
+    period: float | None = None,
+    needs: str = "periods",
+) -> list[Record]:
+    """Records of files, as `read_record` has them; `column` has texts `QUANTITY=NAME`.
+
+    All problems of all files come at once.
+    """
+    if convention not in CONVENTIONS:
+        raise ValueError(f"--voltage: `{convention}` found, one of {', '.join(CONVENTIONS)} expected.")
+    if wrong := [pair for pair in column or [] if "=" not in pair]:
+        raise ValueError(f"--column: `{wrong[0]}` found, QUANTITY=NAME expected, for instance voltage=u1.")
+    names = dict(pair.split("=", 1) for pair in column or [])
+    records, problems = [], []
+    for file in files:
+        try:
+            records.append(read_record(file, names, convention, period, needs))
+        except RecordError as error:
+            problems += error.problems
+    if problems:
+        raise RecordError(problems)
+    return records
 
 
 def read_record(

@@ -33,7 +33,7 @@ from gapsense.studies.identification.model import (
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.search import search
 
-STARTS, SPREAD = 6, 1.5  # random starts lie within this factor of the first one
+SPREAD = 1.5  # random starts lie within this factor of the first one
 BOUND = 5.0  # and the result within this one
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 STEP = 1e-5
@@ -97,7 +97,7 @@ class Identified(NamedTuple):
 def identify(
     records: Sequence[Record],
     known: Parameters,
-    starts: int = STARTS,
+    starts: int,
     seed: int = 1,
     period: float | None = None,
     progress: Progress = lambda done, total: None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,9 @@ class Trajectory(NamedTuple):
     current: Vector  # i* [A]
     flux_linkage: Vector  # lambda* [Wb]
     position: Vector  # [m]
+
+
+SEEN = itemgetter(*map(solenoid_valve.Outputs._fields.index, Trajectory._fields))  # of the kernel's outputs
 
 
 class Experiment(NamedTuple):
@@ -110,7 +114,7 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
     jumps = np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = _code()["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
-    rows = [(outputs[0], outputs[3], outputs[1])]
+    rows = [SEEN(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
         if jumps[k]:
@@ -118,7 +122,7 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
                 state, outputs = step(state, (k * dt, 0.5 * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
-        rows.append((outputs[0], outputs[3], outputs[1]))
+        rows.append(SEEN(outputs))
     return Trajectory(*np.array(rows).T)
 
 

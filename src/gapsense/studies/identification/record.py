@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim import Result, read_result
+from gapsense.cosim.record import Result, read_result
 from gapsense.problems import InputError, listing, suggest
 from gapsense.units import factor
 
@@ -39,7 +39,7 @@ CONVENTIONS = ("trapezoid", "end", "start")
 
 
 class RecordError(InputError):
-    """A record cannot be used."""
+    """A record cannot be used; `problems` lists everything found, one sentence each."""
 
 
 class Columns(NamedTuple):

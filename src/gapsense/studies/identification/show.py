@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack
-from gapsense.report.table import add_row, quantity
-from gapsense.report.table import table as new_table
+from gapsense.report.table import quantity, table
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record
@@ -30,58 +29,50 @@ TWO_SIDED = 1.96  # standard errors of a 95 % interval
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
+def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
+    """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
+    shown = [resistances(result, records), parameters(result), correlations(result)]
+    return [*shown, *([validation(checks)] if checks else []), *remarks(result)]
+
+
 def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
-    shown = new_table(
-        "Parameters",
-        (
-            "parameter",
-            "value",
-            "standard error",
-            "95 % interval",
-            "",
-        ),
-    )
+    rows = []
     for name, error in zip(result.names, result.uncertainty.relative.tolist()):
         label, unit = NAMES[name]
         value = float(getattr(result.parameters, name))
         interval = (quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
         note = "" if error < POOR else "not identified"
-        add_row(shown, label, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note)
-    return shown
+        rows.append((label, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
+    return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
 
 
 def correlations(result: Identified) -> Table:
     """Correlations of the errors."""
     names = [NAMES[n][0] for n in result.names]
-    shown = new_table(
-        "Correlations",
-        (
-            "",
-            *(name.rpartition(".")[2] for name in names[:-1]),
-        ),
-    )
-    for k, (name, row) in enumerate(zip(names[1:], result.uncertainty.correlation[1:].tolist()), 1):
-        add_row(shown, name, *(f"{c:.2f}" if j < k else "" for j, c in enumerate(row[:-1])))
-    return shown
+    lower = (row[:k] for k, row in enumerate(result.uncertainty.correlation.tolist()))
+    rows = [(name, *(f"{c:.2f}" for c in row)) for name, row in zip(names, lower)]
+    return table("Correlations", ("", *(name.rpartition(".")[2] for name in names[:-1])), rows[1:])
 
 
 def resistances(result: Identified, records: Sequence[Record]) -> Table:
     """Resistance of every period, (23)."""
-    shown = new_table(
-        "Resistance per period, (23)",
-        (
-            "record",
-            "from",
-            "to",
-            "resistance",
-        ),
+    rows = (
+        (record.name, *(f"{1e3 * record.times[k]:.6g} ms" for k in operation), quantity(float(R), "Ohm"))
+        for record, flux in zip(records, result.fluxes)
+        for operation, R in zip(flux.operations, flux.resistances)
     )
-    for record, flux in zip(records, result.fluxes):
-        for operation, R in zip(flux.operations, flux.resistances):
-            begin, end = (f"{1e3 * record.times[k]:.6g} ms" for k in operation)
-            add_row(shown, record.name, begin, end, quantity(float(R), "Ohm"))
-    return shown
+    return table("Resistance per period, (23)", ("record", "from", "to", "resistance"), rows)
+
+
+def validation(checks: Sequence[Validation]) -> Table:
+    """How well the model predicts records that were not used for the fit."""
+    rows = (
+        (c.record.name, quantity(c.rms, "A"), quantity(c.largest, "A"), f"{100.0 * c.rms / c.largest_current:.2g} %")
+        for c in checks
+    )
+    heads = ("record", "RMS error", "largest", "of the largest current")
+    return table("Validation, not used for the fit", heads, rows)
 
 
 def remarks(result: Identified) -> list[str]:
@@ -94,52 +85,25 @@ def remarks(result: Identified) -> list[str]:
     else:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     for name in result.poor:
-        k = result.names.index(name)
-        error = 100.0 * float(result.uncertainty.relative[k])
+        error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
         said.append(f"`{NAMES[name][0]}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
-    for k, j in zip(*np.nonzero(np.tril(np.abs(result.uncertainty.correlation), -1) > STRONG)):
+    rho = result.uncertainty.correlation
+    for k, j in zip(*np.nonzero(np.tril(np.abs(rho), -1) > STRONG)):
         a, b = NAMES[result.names[j]][0], NAMES[result.names[k]][0]
-        said.append(f"`{a}` and `{b}` can hardly be told apart: their correlation is {_rho(result, k, j):.2f}.")
+        said.append(f"`{a}` and `{b}` can hardly be told apart: their correlation is {float(rho[k, j]):.2f}.")
     return said
 
 
-def _rho(result: Identified, k: int, j: int) -> float:
-    return float(result.uncertainty.correlation[k, j])
-
-
-def validation(checks: Sequence[Validation]) -> Table:
-    """How well the model predicts records that were not used for the fit."""
-    shown = new_table(
-        "Validation, not used for the fit",
-        (
-            "record",
-            "RMS error",
-            "largest",
-            "of the largest current",
-        ),
-    )
-    for check in checks:
-        share = f"{100.0 * check.rms / check.largest_current:.2g} %"
-        add_row(shown, check.record.name, quantity(check.rms, "A"), quantity(check.largest, "A"), share)
-    return shown
-
-
-def figure(fitted: Sequence[tuple[Record, Trajectory, int]], checks: Sequence[Validation]) -> Figure:
-    """Measured and simulated current of the records used, then of those kept for the validation.
-
-    Parameters
-    ----------
-    fitted : sequence
-        Record, what the model does, and the sample at which it begins.
-    checks : sequence of Validation
-        Validations, may be empty.
-    """
-    runs = [(r, m, k, "fit") for r, m, k in fitted] + [(c.record, c.model, c.first, "validation") for c in checks]
-    labels = [label for _ in runs for label in ("voltage / V", "current / mA", "error / mA", "position\n/ mm")]
-    drawn, axes = stack("Measured and identified", labels, [1.0, 2.0, 1.0, 1.0] * len(runs))
-    for k, (record, model, first, kind) in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], record, model, first, kind)
-    return drawn
+def measured_and_identified(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
+    """Measured and simulated current of the records used, then of those kept for the validation."""
+    firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
+    runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
+    runs += [(c.record, c.model, c.first, "validation") for c in checks]
+    labels = ["voltage / V", "current / mA", "error / mA", "position\n/ mm"]
+    figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
+    for k, run in enumerate(runs):
+        _panels(axes[4 * k : 4 * k + 4], *run)
+    return figure
 
 
 def _panels(axes: Sequence[Any], record: Record, model: Trajectory, first: int, kind: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gapsense import cosim
-from gapsense.cli.common import Fmus, Scenario, Variant, out, reported, stop_if_interrupted, study
+from gapsense.cli.common import Fmus, Scenario, Variant, show, stop_if_interrupted, study
 
 
 @study("observability")
@@ -13,9 +13,8 @@ def observability(
     scenario: Scenario = Path("scenarios/semera_valve"), variant: Variant = None, fmus: Fmus = None
 ) -> None:
     """Observability of the SEMERA filter along a scenario: ranks (31)-(35), (39) and the count per sample."""
-    from gapsense.studies.semera import text as observability_report
+    from gapsense.studies.semera.show import run_tables
 
-    with reported():
-        result = cosim.run(scenario, variant, fmus)
-        stop_if_interrupted(result)
-        out.print(observability_report.text(result), markup=False)
+    result = cosim.run(scenario, variant, fmus)
+    stop_if_interrupted(result)
+    show(*run_tables(result))

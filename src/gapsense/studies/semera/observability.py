@@ -35,8 +35,7 @@ def observability_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any
         Entry [w] belongs to the window that starts at k = w + 1, because (28) needs the current of k - 1.
     """
     i, before, j = _windows(current, n)
-    rows = (i, ((j + 1) * i - j * before) / dt, ((j - 1) * before - j * i) / dt)
-    return np.stack(rows, axis=-1)
+    return _rows(i, before, j, dt)
 
 
 def flux_state_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any]:
@@ -80,8 +79,9 @@ def rank(matrices: ArrayLike, dt: float, tolerance: float = TOLERANCE) -> NDArra
     steady.  The default of 1e-9 lies between these; a coarser one tells less of the rise observable.  It is a bound for
     exact currents, as in [SEMERA]: against measurement noise, far more information is needed than for rank 3.
     """
-    scaled = _scaled(matrices, dt)
-    values = np.linalg.svd(scaled, compute_uv=False)
+    scaled = np.asarray(matrices, dtype=float) * np.array([1.0, dt, dt])
+    size = np.abs(scaled).max(axis=(-2, -1), keepdims=True)
+    values = np.linalg.svd(scaled / np.where(size > 0.0, size, 1.0), compute_uv=False)
     largest = values.max(axis=-1, keepdims=True)
     return np.asarray(np.sum(values > tolerance * largest, axis=-1))
 
@@ -114,7 +114,7 @@ def steps_since_observable(current: ArrayLike, dt: float, tolerance: float = TOL
         factor, pending = factor[pending + n < i.size], pending[pending + n < i.size]
         if pending.size == 0:
             break
-        factor = np.concatenate((factor, _row(i, pending, n)[:, None, :]), axis=1)
+        factor = np.concatenate((factor, _rows(i[pending + n], i[pending + n - 1], n, 1.0)[:, None, :]), axis=1)
         if n < 2:
             continue
         is_observable = rank(factor, 1.0, tolerance) == 3
@@ -132,13 +132,6 @@ def _windows(current: ArrayLike, n: int) -> tuple[NDArray[Any], NDArray[Any], ND
     return i[k + j], i[k + j - 1], j
 
 
-def _row(i: NDArray[np.float64], k: NDArray[np.int_], j: int) -> NDArray[np.float64]:
-    """Row j of the scaled matrices of the windows that start at `k`."""
-    now, before = i[k + j], i[k + j - 1]
-    return np.stack((now, (j + 1) * now - j * before, (j - 1) * before - j * now), axis=-1)
-
-
-def _scaled(matrices: ArrayLike, dt: float) -> NDArray[np.float64]:
-    scaled = np.asarray(matrices, dtype=float) * np.array([1.0, dt, dt])
-    largest = np.abs(scaled).max(axis=(-2, -1), keepdims=True)
-    return np.asarray(scaled / np.where(largest > 0.0, largest, 1.0))
+def _rows(i: NDArray[Any], before: NDArray[Any], j: Any, dt: Any) -> NDArray[Any]:
+    """Rows j of the matrices, of the currents i_(k+j) and i_(k+j-1)."""
+    return np.stack((i, ((j + 1) * i - j * before) / dt, ((j - 1) * before - j * i) / dt), axis=-1)

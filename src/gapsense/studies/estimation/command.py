@@ -1,0 +1,53 @@
+"""The command that runs estimators on a measured record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense.cli.common import Column, Fmus, bar, command, problem, show, written
+
+
+@command("estimate")
+def estimate(
+    data: Annotated[Path, typer.Argument(help="CSV file: time [s], voltage [V], current [A]", show_default=False)],
+    estimator: Annotated[
+        str | None, typer.Option(help="Names, with commas", show_default="all that the record has the inputs of")
+    ] = None,
+    parameters: Annotated[
+        list[Path] | None,
+        typer.Option(help="Parameter-set file; each estimator takes what it has", show_default=False),
+    ] = None,
+    column: Column = None,
+    fmus: Fmus = None,
+    to: Annotated[Path | None, typer.Option("--out", help="CSV file of the estimates", show_default=False)] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
+    ] = None,
+) -> None:
+    """Run estimators, through their FMUs, on a measured record, and draw what they say."""
+    from gapsense.fmi.components import find_checkout, find_components
+    from gapsense.report import plot
+    from gapsense.studies.estimation import run
+    from gapsense.studies.estimation.show import measured_and_estimated, tables
+    from gapsense.studies.identification.checks import read_records
+    from gapsense.studies.identification.transfer import read_values, taken
+
+    picture = figure or Path("results") / f"{data.stem}_estimates.png"
+    plot.check_file(picture)
+    root = find_checkout()
+    inputs = run.estimators(root)
+    (record,) = read_records([data], column, needs="samples")
+    values = read_values(parameters or [])
+    names, left_out = run.chosen(estimator, inputs, record, {} if estimator else run.unfit(root, values))
+    for reason in left_out:
+        problem(f"left out: {reason}", "yellow")
+    taken(find_components(root / "fmus", names), parameters or [], find_components(root / "fmus"))  # before any run
+    with bar("estimating") as progress:
+        estimates = run.run_estimators(fmus or root / "build" / "fmus", names, record, values, progress)
+    show(*tables(estimates))
+    if to is not None:
+        written(run.save(to, record, estimates))
+    written(plot.save(measured_and_estimated(record, estimates), picture))
