@@ -28,11 +28,11 @@ from wrong_models import filter_parameters
 from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
 from gapsense.kernel import Kernel
-from gapsense.studies.monte_carlo.comparison import Study
 from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.perturbation import CHUNK, errors, noise, perturbed
 from gapsense.studies.smoother.runs import Estimator, filtered
+from gapsense.studies.smoother.study import Study
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)

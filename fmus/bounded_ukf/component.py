@@ -1,9 +1,12 @@
 """Port table of the bounded unscented Kalman filter."""
 
+from pathlib import Path
+
+from gapsense.fmi.components import load_component
 from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
-from gapsense.fmi.shared_ports import estimates
 
 BOTH = ("voltage", "current")  # the voltage too, with the option to use the sample at the end of an interval
+EKF = load_component(Path(__file__).parents[1] / "ekf")
 
 OWN = {
     "current_error": output(
@@ -30,7 +33,7 @@ COMPONENT = Component(
     ports=(
         input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
         input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
-        *(OWN.get(port.name, port) for port in estimates(BOTH) if not port.name.startswith("force_error")),
+        *(OWN.get(port.name, port._replace(feedthrough=BOTH)) for port in EKF.of("output") if "force" not in port.name),
         sample_time(20e-6),
         parameter("coil.resistance", "Ohm", "Resistance R", 77.5, min=1e-9),
         fixed("coil.turns", "1", "Number of turns N", 1200.0, min=1e-9),

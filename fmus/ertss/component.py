@@ -1,20 +1,20 @@
-"""Port table of the extended Rauch-Tung-Striebel smoother."""
+"""Port table of the extended Rauch-Tung-Striebel smoother: that of the filter, and what it says later."""
 
-from gapsense.fmi.ports import Component, output
-from gapsense.fmi.shared_ports import GAP_TABLE, estimates, measurements, reduced_model
+from pathlib import Path
+
+from gapsense.fmi.components import load_component
+from gapsense.fmi.ports import output
 
 BOTH = ("current", "mode")
+EKF = load_component(Path(__file__).parents[1] / "ekf")
 
-COMPONENT = Component(
+COMPONENT = EKF._replace(
     name="Ertss",
     description="Extended RTS smoother: each motion again after its landing, with landing time and impact speed",
     kernel="gapsense.estimators.ertss",
-    step_size=20e-6,
-    resources=(GAP_TABLE,),
-    rising=(("stop.lower", "stop.upper"),),
     ports=(
-        *measurements(),
-        *estimates(BOTH),
+        *EKF.of("input"),
+        *EKF.of("output"),
         output(
             "smoothed_published",
             "1",
@@ -48,6 +48,6 @@ COMPONENT = Component(
         ),
         output("landing_time", "s", "Landing of the last motion", nominal=0.01, feedthrough=BOTH),
         output("impact_speed", "m/s", "Speed before that landing", min=0.0, feedthrough=BOTH),
-        *reduced_model(),
+        *EKF.of("parameter"),
     ),
 )

@@ -1,7 +1,6 @@
 """Port table of the reluctance actuator."""
 
-from gapsense.fmi.ports import Component, Limit, choice, fixed, input_, option, output, parameter
-from gapsense.fmi.shared_ports import GAP_TABLE, smooth_gap_table
+from gapsense.fmi.ports import Component, Limit, choice, fixed, input_, option, output, parameter, table
 
 UNSTABLE = (
     "at 3 the anhysteretic curve of the core is vertical (alpha M_sat / (3 a) = 1), beyond it the model is unstable"
@@ -12,7 +11,7 @@ COMPONENT = Component(
     description="Reluctance actuator with eddy currents, hysteresis, saturation, fringing, spring, damping, stops",
     kernel="gapsense.actuators.reluctance_actuator",
     step_size=20e-6,
-    resources=(GAP_TABLE,),
+    resources=("fringing_29.csv",),
     rising=(("stop.lower", "stop.upper"),),
     limits=(Limit((("core.coupling", 1), ("core.magnetization", 1), ("core.shape", -1)), 3.0, UNSTABLE),),
     ports=(
@@ -52,7 +51,12 @@ COMPONENT = Component(
         fixed("gap.slope", "1/(H.m)", "Fringing law: reluctance per gap without fringing, R_gp", 4.7e10, min=0.0),
         fixed("gap.fringing", "1/m", "Fringing law: strength k_f", 300.0, min=0.0),
         fixed("gap.window", "m", "Fringing law: reach c_f; no fringing in larger gaps", 9.73e-3, min=1e-9),
-        smooth_gap_table(),
+        table(
+            "gap.file",
+            "Table: CSV file with the columns gap [m], reluctance [1/H], both rising; interpolated by a cubic spline",
+            ("rising:gap", "rising:reluctance", "spline:reluctance"),
+            "fringing_29.csv",
+        ),
         fixed("mover.mass", "kg", "Mass of the mover m", 1.6e-3, min=1e-9),
         parameter("spring.stiffness", "N/m", "Stiffness k_sp", 61.8, min=0.0),
         parameter("spring.rest", "m", "Gap without spring force, z_sp", 0.0192),

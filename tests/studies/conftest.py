@@ -9,8 +9,8 @@ import pytest
 
 sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels", "oracles", "estimators", "studies"))
 
-from gapsense.studies.monte_carlo.comparison import Study
 from gapsense.studies.smoother.nominal import fitted, nominal
+from gapsense.studies.smoother.study import Study
 from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
 

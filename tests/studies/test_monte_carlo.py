@@ -20,14 +20,12 @@ from gapsense.studies.monte_carlo.comparison import (
     WIDTHS,
     compare,
     errors_of_chunk,
-    noise_of_width,
-    study_of,
     trajectories,
-    tuning,
 )
 from gapsense.studies.monte_carlo.show import orderings
 from gapsense.studies.smoother.batch import Variant
 from gapsense.studies.smoother.perturbation import CHUNK, chunks, errors, noise, perturbed
+from gapsense.studies.smoother.study import noise_of_width, study_of, tuning
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
@@ -115,7 +113,8 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, sys
 from pathlib import Path
-from gapsense.studies.monte_carlo.comparison import compare, study_of
+from gapsense.studies.monte_carlo.comparison import compare
+from gapsense.studies.smoother.study import study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 compare(study, [0.01, 0.02, 0.03, 0.05], 3, 2, Path(sys.argv[2]))
 """

@@ -23,7 +23,7 @@ def consistency(
     from gapsense.report import plot
     from gapsense.studies.consistency import errors
     from gapsense.studies.consistency.show import single, squared, summary
-    from gapsense.studies.monte_carlo.comparison import studied
+    from gapsense.studies.smoother.study import studied
 
     reference = studied(core, seed)
     with bar("running") as progress:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from gapsense.studies.monte_carlo.comparison import Study, noise_of_width, operation_of, tuning
 from gapsense.studies.smoother.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
-from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
+from gapsense.studies.smoother.perturbation import chunks
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
+from gapsense.studies.smoother.study import Study, drawn, moving, noise_of_width, operation_of, tuning
+from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.workers import Progress
 
 Floats = NDArray[np.float64]
@@ -85,7 +86,7 @@ def consistency(study: Study, width: float = 0.01, runs: int = 10_000, progress:
     full_rank = np.concatenate([values[0][1:] for values in whole])
     nee = np.concatenate([values[1:] for values in whole], axis=1)
     return Consistency(
-        operations=[_summary(study, k, values) for k, values in enumerate(whole)],
+        operations=[_summary(study.samples, k, values) for k, values in enumerate(whole)],
         inside=_inside(nees),
         mean=float(np.mean(nees)),
         inside_full_rank=_inside(full_rank),
@@ -114,8 +115,7 @@ def normalised_errors(row: Row, true: Row, variant: Variant) -> tuple[Any, list[
 def _normalised(study: Study, width: float, tuned: Tuning, chunk: int, runs: int) -> Iterator[tuple[int, Floats]]:
     """Operation and its (6, samples, runs) of NEES and NEE, for a chunk of runs."""
     samples = study.samples
-    varied = perturbed(study.model, width * errors(study.seed, chunk, runs))
-    measured = noise(study.seed, chunk, runs, samples.time.size, study.noise_current) + samples.current[:, None]
+    varied, measured = drawn(study, width, chunk, runs)
     estimator = Estimator(Variant(), tuned, study.model)
     truth = reference_states(samples, varied, study.model)
     for motion in filtered(samples, measured, varied, estimator):
@@ -131,10 +131,8 @@ def _normalised(study: Study, width: float, tuned: Tuning, chunk: int, runs: int
         yield operation_of(samples, motion.first), values
 
 
-def _summary(study: Study, operation: int, values: Floats) -> Operation:
-    samples = study.samples
-    moving = [k for k in np.flatnonzero(samples.mode == MOVING) if operation_of(samples, int(k)) == operation]
+def _summary(samples: Samples, operation: int, values: Floats) -> Operation:
     tail = 0.5 - CONFIDENCE / 2
     low, high = np.quantile(values, [tail, 1.0 - tail], axis=2)
     bands = [Band(*rows) for rows in zip(values.mean(axis=2), low, high)]
-    return Operation(samples.time[moving[:-LEFT_OUT]], bands[0], bands[1:])
+    return Operation(samples.time[moving(samples, operation)[:-LEFT_OUT]], bands[0], bands[1:])

@@ -12,7 +12,7 @@ from gapsense.report import plot
 from gapsense.report.plot import FIRST, SECOND, Vector
 from gapsense.report.table import table
 from gapsense.studies.consistency.errors import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
-from gapsense.studies.monte_carlo.comparison import OPERATIONS
+from gapsense.studies.smoother.study import OPERATIONS
 
 
 def squared(found: Consistency) -> Figure:

@@ -33,8 +33,9 @@ def monte_carlo(
     """
     from gapsense.files import write_atomically, write_columns
     from gapsense.report import plot
-    from gapsense.studies.monte_carlo.comparison import WIDTHS, compare, studied
+    from gapsense.studies.monte_carlo.comparison import WIDTHS, compare
     from gapsense.studies.monte_carlo.show import columns, errors, noises, orderings, tables, worst_case
+    from gapsense.studies.smoother.study import studied
 
     chosen, reference = numbers(widths) or WIDTHS, studied(core, seed)
     with bar("comparing") as progress:

@@ -12,51 +12,19 @@ from numpy.typing import NDArray
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import motions
 from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
-from gapsense.studies.smoother.nominal import fitted, nominal
-from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
-from gapsense.studies.smoother.reference import process_noise
+from gapsense.studies.smoother.perturbation import chunks
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
-from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
+from gapsense.studies.smoother.study import OPERATIONS, Study, drawn, noise_of_width, operation_of, study_of, tuning
+from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.studies.tasks import Facts, compute
 from gapsense.workers import Progress
 
 Floats = NDArray[np.float64]
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
-NOISE = 2e-3  # sigma_i (58) [A]
 VARIANTS = {"ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0), "ERTSS without e_F": Variant(1.0, 0.0)}
 ESTIMATORS = ("EKF", *VARIANTS, "open loop")
 WORST = "ERTSS"  # estimator whose worst run is looked for
-OPERATIONS = ("making", "breaking")
 QUANTITIES = ("position", "velocity")
-
-
-class Study(NamedTuple):
-    """What all runs share: the reference, the nominal model, and the randomness."""
-
-    samples: Samples
-    model: Model
-    seed: int = 1
-    noise_current: float = NOISE
-
-    def facts(self) -> dict[str, Any]:
-        """The same for JSON."""
-        samples = {name: values.tolist() for name, values in self.samples._asdict().items()}
-        return {**self._asdict(), "samples": samples, "model": [*self.model]}
-
-
-def studied(core: str, seed: int) -> Study:
-    """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for: fitted, or published."""
-    if core not in ("fitted", "published"):
-        raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")
-    samples = sampled(soft_landing())
-    return Study(samples, fitted(samples, nominal()) if core == "fitted" else nominal(), seed)
-
-
-def study_of(facts: Facts) -> Study:
-    """The study of `Study.facts`."""
-    samples = Samples(**{name: np.array(values) for name, values in facts["samples"].items()})
-    model = Model(*(tuple(value) if isinstance(value, list) else value for value in facts["model"]))
-    return Study(samples, model, facts["seed"], facts["noise_current"])
 
 
 class Worst(NamedTuple):
@@ -131,26 +99,10 @@ def compare(
     return Comparison((*widths,), runs, tunings, nrmse, worst, noises.computed + found.computed)
 
 
-def tuning(variances: Sequence[float], study: Study) -> Tuning:
-    """Standard deviations of the filter from the diagonal of Q."""
-    _, _, flux_linkage, current_error, force_error = np.sqrt(variances).tolist()
-    return Tuning(flux_linkage, current_error, force_error / study.model.l_z, study.noise_current)
-
-
-def noise_of_width(facts: Facts, task: Facts) -> list[float]:
-    """Task: the diagonal of Q (60) for one width."""
-    study = study_of(facts)
-    relative = [errors(study.seed, chunk, size) for chunk, size in chunks(task["runs"])]
-    varied = perturbed(study.model, task["width"] * np.concatenate(relative, axis=1))
-    return process_noise(study.samples, varied, study.model).tolist()  # type: ignore[no-any-return]
-
-
 def errors_of_chunk(facts: Facts, task: Facts) -> dict[str, Any]:
     """Task: squared errors, summed over the runs of a chunk, (estimators, operations, quantities); the worst run."""
-    study, runs = study_of(facts), task["runs"]
-    varied = perturbed(study.model, task["width"] * errors(study.seed, task["chunk"], runs))
-    measured = noise(study.seed, task["chunk"], runs, study.samples.time.size, study.noise_current)
-    measured += study.samples.current[:, None]
+    study = study_of(facts)
+    varied, measured = drawn(study, task["width"], task["chunk"], task["runs"])
     squares = squared_errors(study, varied, measured, Tuning(*task["tuning"]))
     positions = squares[ESTIMATORS.index(WORST), :, 0] / reference_squares(study.samples, study.model)[:, :1]
     operation, run = map(int, np.unravel_index(np.argmax(positions), positions.shape))
@@ -184,12 +136,9 @@ def estimates(study: Study, varied: Varied, measured: Floats, tuned: Tuning) -> 
 
 def trajectories(study: Study, width: float, tuned: Tuning, worst: Worst) -> dict[str, Floats]:
     """Normalised positions of all estimators in one run, NaN at rest: (N,) by estimator."""
-    runs = worst.run + 1
-    relative = errors(study.seed, worst.chunk, runs)[:, -1:]
-    measured = noise(study.seed, worst.chunk, runs, study.samples.time.size, study.noise_current)[:, -1:]
     found = {name: np.full(study.samples.time.size, np.nan) for name in ESTIMATORS}
-    varied = perturbed(study.model, width * relative)
-    for name, k, row in estimates(study, varied, measured + study.samples.current[:, None], tuned):
+    varied, measured = drawn(study, width, worst.chunk, worst.run + 1, slice(-1, None))
+    for name, k, row in estimates(study, varied, measured, tuned):
         found[name][k] = np.squeeze(row[0])
     return found
 
@@ -208,12 +157,6 @@ def reference_squares(samples: Samples, m: Model) -> Floats:
 def positions(samples: Samples, m: Model) -> Floats:
     """Normalised position of the reference (47a)."""
     return np.asarray((samples.position - m.z_min) / m.l_z)
-
-
-def operation_of(samples: Samples, k: int) -> int:
-    """0 for a making, 1 for a breaking: by the stop on which the motion of sample `k` lands."""
-    landed = next(after for first, after in motions(samples.mode) if first <= k < after)
-    return 0 if samples.mode[landed] == 1.0 else 1
 
 
 def _shifted(progress: Progress | None, done: int, total: int) -> Progress | None:

@@ -14,15 +14,12 @@ from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE
 from gapsense.report.table import table
 from gapsense.studies.monte_carlo.comparison import (
     ESTIMATORS,
-    OPERATIONS,
     QUANTITIES,
     Comparison,
-    Study,
-    operation_of,
     positions,
     trajectories,
 )
-from gapsense.studies.smoother.batch import MOVING
+from gapsense.studies.smoother.study import OPERATIONS, Study, moving
 
 STYLES = dict(zip(ESTIMATORS, ((SECOND, "s"), (FIRST, "o"), (THIRD, "^"), ("#8250df", "v"), (FAINT, "x"))))
 CASES = [(q, o) for q in range(len(QUANTITIES)) for o in range(len(OPERATIONS))]
@@ -45,22 +42,22 @@ def errors(found: Comparison) -> Figure:
     return figure
 
 
-def worst_case(study: Study, found: Comparison, k: int) -> Figure:
-    """Fig. 10: positions in the worst run of the ERTSS at width `k`, in both operations."""
-    worst = found.worst[k]
+def worst_case(study: Study, found: Comparison, at: int) -> Figure:
+    """Fig. 10: positions in the worst run of the ERTSS at width `at`, in both operations."""
+    worst = found.worst[at]
     title = (
-        f"Worst of {found.runs} runs at {100 * found.widths[k]:g} %: NRMSE of the ERTSS "
+        f"Worst of {found.runs} runs at {100 * found.widths[at]:g} %: NRMSE of the ERTSS "
         f"{worst.nrmse:.3f} in the {OPERATIONS[worst.operation]}"
     )
-    runs = trajectories(study, found.widths[k], found.tunings[k], worst)
+    runs = trajectories(study, found.widths[at], found.tunings[at], worst)
     z, t = positions(study.samples, study.model), 1e3 * study.samples.time
     figure, axes = plot.panels(title, 1, len(OPERATIONS), size=(9.0, 3.8), sharey=True)
     for o, axis in enumerate(axes[0]):
-        moving = np.array([k for k in _moving(study) if operation_of(study.samples, k) == o])
-        shown = slice(max(0, moving[0] - 8), moving[-1] + 9)
+        k = moving(study.samples, o)
+        shown = slice(max(0, k[0] - 8), k[-1] + 9)
         axis.plot(t[shown], z[shown], color=TRUE, linewidth=2.2, label="reference")
         for name, values in runs.items():
-            axis.plot(t[moving], values[moving], color=STYLES[name][0], linewidth=1.1, label=name)
+            axis.plot(t[k], values[k], color=STYLES[name][0], linewidth=1.1, label=name)
         axis.set(title=OPERATIONS[o], xlabel="time / ms")
     axes[0, 0].set_ylabel("normalised position")
     plot.legend_below(figure)
@@ -113,10 +110,6 @@ def columns(found: Comparison) -> Columns:
     names = [(e, o, q) for e in range(len(ESTIMATORS)) for o in range(len(OPERATIONS)) for q in range(len(QUANTITIES))]
     errors = {f"{ESTIMATORS[e]}, {OPERATIONS[o]}, {QUANTITIES[q]}": found.nrmse[:, e, o, q] for e, o, q in names}
     return {"width": np.array(found.widths), **errors}
-
-
-def _moving(study: Study) -> list[int]:
-    return np.flatnonzero(study.samples.mode == MOVING).tolist()
 
 
 def _count(cases: Any) -> str:

@@ -77,7 +77,7 @@ def percentiles(errors: Errors) -> Iterator[Table]:
                 values = of_quantity[estimator, operation]
                 numbers = np.percentile(values, LEVELS) if values.size else np.full(len(LEVELS), np.nan)
                 rows.append([operation, estimator, *(f"{number:.4g}" for number in numbers)])
-        yield table(_label(f"absolute error of the {quantity}", quantity), heads, rows, texts=2)
+        yield table(_label(f"Absolute error of the {quantity}", quantity), heads, rows, texts=2)
 
 
 def published(errors: Errors) -> Iterator[str]:
