@@ -81,5 +81,5 @@ class MetricCheck:
         component, _, parameter = name.partition(".")
         description = self.descriptions.get(component)
         variable = description.variables.get(parameter) if description else None
-        is_number = variable is not None and variable.causality == "parameter" and variable.type in ("Real", "Integer")
+        is_number = variable is not None and variable.is_parameter and variable.type in ("Real", "Integer")
         return variable if is_number else None

@@ -161,10 +161,11 @@ class Reader:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
         values: dict[str, Value] = {}
         origin: dict[str, str] = {}
-        for file in table.take("parameters", TEXTS, []):
-            path = self.path.parent / file
+        files = [self.path.parent / file for file in table.take("parameters", TEXTS, [])]
+        sets = {path: read_parameters(path, table.problems) for path in files}
+        for path in files:
             self.files.append(path)
-            self.add(values, origin, read_parameters(path, table.problems), path.name)
+            self.add(values, origin, sets[path], path.name)
         inline = table.table("set")
         self.add(values, origin, located_values(inline, self.path.parent), inline.where())
         component = Component(
@@ -174,6 +175,7 @@ class Reader:
             offset=table.take("offset", INDEX, 0),
             values=values,
             origin=origin,
+            sets=sets,
         )
         table.finish()
         return component
