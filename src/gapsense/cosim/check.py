@@ -8,12 +8,10 @@ from pathlib import Path
 from gapsense.cosim.check_record import check_record
 from gapsense.cosim.check_sets import check_sets
 from gapsense.cosim.check_values import check_grid, check_grid_values, check_seeds, check_values, limits, within
-from gapsense.cosim.descriptions import Description, Variable, describe, find_fmu
+from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario import Connection, Port, Scenario
 from gapsense.problems import suggest
-
-Descriptions = Mapping[str, Description]
 
 
 def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> dict[str, Description]:

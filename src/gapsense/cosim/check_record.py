@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from gapsense.cosim.descriptions import Variable
+from gapsense.cosim.descriptions import Descriptions, Variable
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Metric, Scenario
-from gapsense.cosim.signals import Descriptions, matching, recorded_signals, signals
+from gapsense.cosim.signals import matching, recorded_signals, signals
 from gapsense.problems import suggest
 
 

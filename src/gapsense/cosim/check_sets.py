@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from gapsense.cosim.check_values import name_problem
-from gapsense.cosim.descriptions import Description
+from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Component, Scenario
 from gapsense.problems import listing
 
 
-def taken(scenario: Scenario, descriptions: Mapping[str, Description]) -> Scenario:
+def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
     """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is."""
 
     def own(component: Component) -> Component:
@@ -23,7 +23,7 @@ def taken(scenario: Scenario, descriptions: Mapping[str, Description]) -> Scenar
     return replace(scenario, components={n: own(c) if n in descriptions else c for n, c in scenario.components.items()})
 
 
-def check_sets(components: Mapping[str, Component], descriptions: Mapping[str, Description]) -> Iterator[str]:
+def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
     """Names in a parameter set that none of the components given it has as a parameter, if all of these are known."""
     for file in dict.fromkeys(file for component in components.values() for file in component.sets):
         users = [name for name, component in components.items() if file in component.sets]

@@ -79,6 +79,9 @@ class Description:
         return frozenset().union(*self.feedthrough.values())
 
 
+Descriptions = Mapping[str, Description]  # by component
+
+
 def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
     """Where the FMU called `name` should be: a path relative to the scenario, or a file in the FMU folder."""
     return scenario.parent / name if name.endswith(".fmu") else fmus / f"{name}.fmu"
