@@ -1,6 +1,6 @@
 """Port table of the extended Kalman filter; `Ertss` and `BoundedUkf` take what they have in common from here."""
 
-from gapsense.fmi.ports import Component, choice, fixed, input_, option, parameter, sample_time, table
+from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
 
 BOTH = ("current", "mode")
 

@@ -175,3 +175,72 @@ def test_second_instance_of_a_single_fmu_is_refused(write, chain, fmus):
     assert check_scenario(scenario, single) == [
         "scenario.toml, components.gain.fmu: `lag` uses it too, and a process can hold only one. Remove one."
     ]
+
+
+def shared(chain: str, set_: str = "", source: str = '["one.toml"]') -> str:
+    text = chain.replace('fmu = "Source"\nset = { slope = 2.0 }', f'fmu = "Source"\nparameters = {source}')
+    return text.replace('fmu = "Lag"', f'fmu = "Lag"\nparameters = ["one.toml"]\nset = {{ {set_} }}')
+
+
+DEVICE = '[values]\nslope = 4.0\n"time.constant" = 0.5\n'
+
+
+def test_each_component_takes_of_a_parameter_set_what_it_has(write, chain, fmus):
+    path = write(shared(chain), one=DEVICE)
+    assert check(path, fmus=fmus) == []
+    components = prepare(path, None, fmus)[0].components
+    assert components["source"].values == {"slope": 4.0}
+    assert components["lag"].values == {"time.constant": 0.5}
+    assert {n: v for n, v in run(path, fmus=fmus).parameters.items() if n in ("source.slope", "lag.time.constant")} == {
+        "source.slope": 4.0,
+        "lag.time.constant": 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("source", "inline", "one", "two", "expected"),
+    [
+        ("[]", "", DEVICE, "", "one.toml (given to `lag`): unknown parameter `slope`. Known: "),
+        ('["two.toml"]', "", DEVICE, DEVICE, "one.toml (given to `lag`): unknown parameter `slope`. "),
+        (
+            '["one.toml"]',
+            "",
+            f"{DEVICE}slop = 1.0\n",
+            "",
+            "one.toml (given to `source`, `lag`): unknown parameter `slop`. ",
+        ),
+        (
+            '["one.toml"]',
+            "",
+            f"{DEVICE}u = 1.0\n",
+            "",
+            "`u` is not a parameter but of causality `input`. Give its value in",
+        ),
+        (
+            '["one.toml"]',
+            "",
+            DEVICE.replace("0.5", "0.0"),
+            "",
+            "components.lag (from one.toml): `time.constant` is 0.0",
+        ),
+        (
+            '["one.toml"]',
+            "slope = 1.0",
+            DEVICE,
+            "",
+            "(from scenario.toml, components.lag.set): unknown parameter `slope`",
+        ),
+    ],
+)
+def test_name_that_nobody_given_a_parameter_set_has_is_refused(write, chain, fmus, source, inline, one, two, expected):
+    found = check(write(shared(chain, inline, source), one=one, two=two or "[values]\n"), fmus=fmus)
+    wanted = [problem for problem in found if problem.startswith("scenario.toml, ") and expected in problem]
+    assert len(wanted) == 1
+    assert len(found) == (2 if two else 1)  # `two.toml` is given to `source` only, which has no `time.constant`
+    assert "slop`. Did" not in wanted[0] or "Did you mean `slope`?" in wanted[0]
+
+
+def test_names_are_not_judged_before_every_component_given_them_is_known(write, chain, fmus):
+    found = check(write(shared(chain).replace('"Source"', '"Sorce"'), one=DEVICE), fmus=fmus)
+    assert len(found) == 1
+    assert "there is no FMU" in found[0]

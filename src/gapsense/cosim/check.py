@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from gapsense.cosim.check_record import check_record
+from gapsense.cosim.check_sets import check_sets
 from gapsense.cosim.check_values import check_grid, check_grid_values, check_seeds, check_values, limits, within
-from gapsense.cosim.descriptions import Description, Variable, describe, find_fmu
+from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario import Connection, Port, Scenario
 from gapsense.problems import suggest
-
-Descriptions = Mapping[str, Description]
 
 
 def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> dict[str, Description]:
@@ -75,7 +74,7 @@ class Checker:
 
     def problems(self) -> Iterator[str]:
         """All problems, in the order of the file."""
-        sections = (self.singles, self.values, self.connections, self.inputs, self.driven, self.loops)
+        sections = (self.singles, self.sets, self.values, self.connections, self.inputs, self.driven, self.loops)
         for section in (*sections, self.seeds, self.grid):
             for problem in section():
                 yield f"{self.scenario.path.name}, {problem}"
@@ -87,6 +86,10 @@ class Checker:
             other = first.setdefault(description.path, name)
             if description.is_single and other != name:
                 yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. Remove one."
+
+    def sets(self) -> Iterator[str]:
+        """Parameter sets: what they have for none of the components that are given them."""
+        yield from check_sets(self.scenario.components, self.descriptions)
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from gapsense.cosim.descriptions import Variable
+from gapsense.cosim.descriptions import Descriptions, Variable
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Metric, Scenario
-from gapsense.cosim.signals import Descriptions, matching, recorded_signals, signals
+from gapsense.cosim.signals import matching, recorded_signals, signals
 from gapsense.problems import suggest
 
 
@@ -81,5 +81,5 @@ class MetricCheck:
         component, _, parameter = name.partition(".")
         description = self.descriptions.get(component)
         variable = description.variables.get(parameter) if description else None
-        is_number = variable is not None and variable.causality == "parameter" and variable.type in ("Real", "Integer")
+        is_number = variable is not None and variable.is_parameter and variable.type in ("Real", "Integer")
         return variable if is_number else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gapsense.cosim.descriptions import NUMERIC, Description, Variable
@@ -23,15 +23,24 @@ def check_values(component: Component, description: Description) -> Iterator[str
 
 def value_problem(name: str, value: Value, description: Description) -> str | None:
     """What is wrong with setting a variable to a value, or None."""
-    variable = description.variables.get(name)
-    if variable is None:
-        return f"unknown parameter `{name}`. {suggest(name, [v.name for v in description.parameters])}"
-    if variable.causality != "parameter":
-        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy(variable)}"
+    problem = name_problem(name, description.variables)
+    if problem:
+        return problem
+    variable = description.variables[name]
     if not has_type(value, variable.type):
         return f"`{name}` is {found(value)}, a value of type {variable.type} is expected. Correct the value."
     if variable.type in NUMERIC and not within(float(value), variable):
         return f"`{name}` is {value}, {limits(variable)} expected. Correct the value."
+    return None
+
+
+def name_problem(name: str, variables: Mapping[str, Variable]) -> str | None:
+    """Why a name is that of no parameter among some variables, or None."""
+    variable = variables.get(name)
+    if variable is None:
+        return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
+    if not variable.is_parameter:
+        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy(variable)}"
     return None
 
 
@@ -53,7 +62,7 @@ def check_seeds(component: Component, description: Description, seed: int) -> It
     """Problems with the seed of a component."""
     place = f"seeds.{component.name}"
     variable = description.variables.get("seed")
-    if variable is None or variable.type != "Integer" or variable.causality != "parameter":
+    if variable is None or variable.type != "Integer" or not variable.is_parameter:
         yield f"{place}: the FMU `{description.name}` has no Integer parameter `seed`. Remove the entry."
     elif "seed" in component.values:
         yield f"{place}: `seed` is also given in {component.origin['seed']}. Keep one."

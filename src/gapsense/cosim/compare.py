@@ -85,8 +85,9 @@ def compare(result: Result, baseline: Baseline) -> list[str]:
     if problem:
         return [problem]
     names = selected(result, baseline)
-    problems = other_signals(names, columns)
-    return problems + [str(d) for d in differences(result, baseline, columns, [n for n in names if n in columns])]
+    both = [name for name in names if name in columns]
+    found = (difference(result, name, columns[name], tolerance_of(name, baseline)) for name in both)
+    return [*other_signals(names, columns), *(str(item) for item in found if item is not None)]
 
 
 def other_times(result: Result, times: Vector) -> str:
@@ -106,14 +107,6 @@ def other_signals(names: list[str], columns: Mapping[str, Vector]) -> list[str]:
     gone = [name for name in columns if name not in names]
     problems = [f"not in the baseline: {listing(new)}. Update the baseline."] if new else []
     return problems + ([f"only in the baseline: {listing(gone)}. Record them or update the baseline."] if gone else [])
-
-
-def differences(
-    result: Result, baseline: Baseline, columns: Mapping[str, Vector], names: list[str]
-) -> list[Difference]:
-    """Signals outside their tolerance."""
-    found = (difference(result, name, columns[name], tolerance_of(name, baseline)) for name in names)
-    return [item for item in found if item is not None]
 
 
 def tolerance_of(name: str, baseline: Baseline) -> Tolerance:

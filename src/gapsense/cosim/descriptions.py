@@ -30,6 +30,11 @@ class Variable:
     nominal: float
     start: Value | None
 
+    @property
+    def is_parameter(self) -> bool:
+        """True if a scenario may set it."""
+        return self.causality == "parameter"
+
 
 @dataclass(frozen=True)
 class Description:
@@ -66,12 +71,15 @@ class Description:
     @cached_property
     def parameters(self) -> list[Variable]:
         """Parameters that a scenario may set."""
-        return [v for v in self.variables.values() if v.causality == "parameter"]
+        return [v for v in self.variables.values() if v.is_parameter]
 
     @cached_property
     def direct_inputs(self) -> frozenset[str]:
         """Inputs that some output depends on directly."""
         return frozenset().union(*self.feedthrough.values())
+
+
+Descriptions = Mapping[str, Description]  # by component
 
 
 def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
 from gapsense.cosim.load_wiring import read_connections, read_inputs, read_sweep
 from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, Value, merged, read_toml
+from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, merged, read_toml
 
+T = TypeVar("T")
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
@@ -97,7 +99,7 @@ class Reader:
         table = self.table
         experiment = self.section("experiment", self.experiment)
         components = self.section("components", self.components)
-        grid, rows = self.section("sweep", lambda: read_sweep(table, self.path.parent, self.files))
+        grid, rows = self.section("sweep", lambda table: read_sweep(table, self.path.parent, self.files))
         scenario = Scenario(
             path=self.path,
             title=table.take("title", TEXT, "", required=True),
@@ -106,14 +108,14 @@ class Reader:
             variant=self.variant,
             experiment=experiment,
             components=components,
-            connections=self.section("connections", lambda: read_connections(table)),
-            inputs=self.section("inputs", lambda: read_inputs(table)),
+            connections=self.section("connections", read_connections),
+            inputs=self.section("inputs", read_inputs),
             seeds=self.section("seeds", self.seeds),
             grid=grid,
             rows=rows,
-            record=self.section("record", lambda: read_record(table)),
-            metrics=self.section("metrics", lambda: read_metrics(table)),
-            baseline=self.section("baseline", lambda: read_baseline(table, self.path, self.variant)),
+            record=self.section("record", read_record),
+            metrics=self.section("metrics", read_metrics),
+            baseline=self.section("baseline", lambda table: read_baseline(table, self.path, self.variant)),
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
@@ -121,17 +123,17 @@ class Reader:
         table.finish()
         return scenario
 
-    def section(self, name: str, read: Any) -> Any:
+    def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""
         before = len(self.table.problems)
-        value = read()
+        value = read(self.table)
         if len(self.table.problems) > before:
             self.broken.add(name)
         return value
 
-    def experiment(self) -> Experiment:
+    def experiment(self, table: Table) -> Experiment:
         """Time grid; a whole number of base steps must fit between start and stop."""
-        table = self.table.table("experiment")
+        table = table.table("experiment")
         start = table.take("start", NUMBER, 0.0)
         stop = table.take("stop", NUMBER, required=True)
         base = table.take("base_step", POSITIVE, required=True)
@@ -142,9 +144,9 @@ class Reader:
             return NO_EXPERIMENT
         return grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
 
-    def components(self) -> dict[str, Component]:
+    def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
-        table = self.table.table("components")
+        table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
         names = [name for name in table.data if self.is_name(table, name)]
@@ -159,39 +161,33 @@ class Reader:
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
-        values: dict[str, Value] = {}
-        origin: dict[str, str] = {}
-        for file in table.take("parameters", TEXTS, []):
-            path = self.path.parent / file
-            self.files.append(path)
-            self.add(values, origin, read_parameters(path, table.problems), path.name)
+        files = [self.path.parent / file for file in table.take("parameters", TEXTS, [])]
+        sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
-        self.add(values, origin, located_values(inline, self.path.parent), inline.where())
+        layers = [(path.name, sets[path]) for path in files]
+        layers.append((inline.where(), located_values(inline, self.path.parent)))
+        given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
+        self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         component = Component(
             name=name,
             fmu=table.take("fmu", TEXT, "", required=True),
             step=table.take("step", COUNT, 1),
             offset=table.take("offset", INDEX, 0),
-            values=values,
-            origin=origin,
+            values={name: value for _, name, value in given},
+            origin={name: place for place, name, _ in given},
+            sets=sets,
         )
         table.finish()
         return component
 
-    def add(self, values: dict[str, Value], origin: dict[str, str], new: dict[str, Value], place: str) -> None:
-        """Lay new values over the old, keeping where each came from and which files they name."""
-        values.update(new)
-        origin.update(dict.fromkeys(new, place))
-        self.files.extend(Path(str(value)) for name, value in new.items() if is_file(name, value))
-
-    def seeds(self) -> dict[str, int]:
+    def seeds(self, table: Table) -> dict[str, int]:
         """Seed of each random component."""
-        table = self.table.table("seeds")
+        table = table.table("seeds")
         return {name: table.take(name, INDEX, 0) for name in table.data}
 
-    def variants(self) -> dict[str, str]:
+    def variants(self, table: Table) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""
-        table = self.table.table("variants")
+        table = table.table("variants")
         out: dict[str, str] = {}
         for name in table.data:
             item = table.table(name)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.clockwork import Clockwork, Pacer
-from gapsense.cosim.descriptions import Description
+from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.instance import Instance, Message, temporary_folder
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
@@ -54,7 +54,7 @@ class Master:
     Use it in a `with` statement: at its end all instances are freed and the extracted files removed.
     """
 
-    def __init__(self, scenario: Scenario, descriptions: Mapping[str, Description]) -> None:
+    def __init__(self, scenario: Scenario, descriptions: Descriptions) -> None:
         self.scenario, self.descriptions = scenario, descriptions
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
         self.places = Layout(ports(descriptions))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from gapsense.cosim.descriptions import Description
+from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Connection
 
 
@@ -28,9 +28,7 @@ class FeedthroughCycleError(ValueError):
         )
 
 
-def execution_order(
-    names: Sequence[str], connections: Sequence[Connection], descriptions: Mapping[str, Description]
-) -> Order:
+def execution_order(names: Sequence[str], connections: Sequence[Connection], descriptions: Descriptions) -> Order:
     """Order in which every component follows those that drive it, as far as there are no loops.
 
     In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these

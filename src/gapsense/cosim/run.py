@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.check import check_scenario, read_descriptions
+from gapsense.cosim.check_sets import taken
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.load import read_draft, scenario_file
 from gapsense.cosim.master import Master, Progress, Recording
@@ -116,8 +117,9 @@ def inspect(
     problems = list(draft.problems)
     folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(scenario))
     descriptions = read_descriptions(draft.scenario, folder, problems)
-    problems += check_scenario(draft.scenario, descriptions, draft.broken)
-    return problems, draft.scenario, descriptions
+    read = taken(draft.scenario, descriptions)
+    problems += check_scenario(read, descriptions, draft.broken)
+    return problems, read, descriptions
 
 
 def find_fmus(scenario: Path) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -47,7 +47,17 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU instance: `step` and `offset` count base steps, `values` are its parameters with their `origin`."""
+    """One FMU instance.
+
+    Attributes
+    ----------
+    step, offset : int
+        In base steps.
+    values, origin : mapping
+        Parameters, and the file or table that gives each.
+    sets : mapping
+        Names in each of its parameter sets; those that it does not have are for other components, see `check_sets.py`.
+    """
 
     name: str
     fmu: str
@@ -55,6 +65,7 @@ class Component:
     offset: int = 0
     values: Mapping[str, Value] = field(default_factory=dict)
     origin: Mapping[str, str] = field(default_factory=dict)
+    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
-from gapsense.cosim.descriptions import Description, Variable
+from gapsense.cosim.descriptions import Descriptions, Variable
 from gapsense.cosim.scenario import Port, Scenario
-
-Descriptions = Mapping[str, Description]
 
 
 def ports(descriptions: Descriptions) -> dict[Port, Variable]:
