@@ -24,15 +24,15 @@ def main(arguments: list[str] | None = None) -> int:
 
     from gapsense.fmi.package import build, find_components
 
+    failures = 0
     try:
         folders = find_components(ROOT / "fmus", options.names)
         values = start_values(options.parameters, folders)
-    except (FileNotFoundError, ValueError) as error:
+        built = {folder: build(folder, options.out, values[folder]) for folder in folders}
+    except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
-    failures = 0
-    for folder in folders:
-        path = build(folder, options.out, values[folder])
+    for folder, path in built.items():
         problems = validate_fmu(str(path))
         given = f", {len(values[folder])} start values given" if options.parameters else ""
         print(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {'valid' if not problems else 'INVALID'}{given}")

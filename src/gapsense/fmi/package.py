@@ -23,9 +23,11 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.start_values import with_start_values
 from gapsense.fmi.tables import column_name
 from gapsense.kernel import Kernel
+from gapsense.problems import code
 from gapsense.records import fields
 
 HERE = Path(__file__).parent
+HOLDS = "A component's folder holds component.py, page.md and reference.csv."
 SHELL = ("ports.py", "slave.py", "tables.py")  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
@@ -68,12 +70,11 @@ def load_component(folder: Path) -> Component:
     """The `COMPONENT` of `folder/component.py`."""
     spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
     if spec is None or spec.loader is None or not (folder / "component.py").is_file():
-        raise FileNotFoundError(
-            f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv."
-        )
+        raise FileNotFoundError(f"{folder}: no component.py. {HOLDS}")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    component: Component = module.COMPONENT
+    with code(folder / "component.py"):
+        spec.loader.exec_module(module)
+        component: Component = module.COMPONENT
     return component
 
 
@@ -97,9 +98,13 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         Start values of parameters, in place of those of the port table.
     """
     component, given = with_start_values(load_component(folder), values or {})
-    kernel = kernel_of(component)
-    check_records(component, kernel)
-    files = _sources(component, kernel)
+    if not (folder / "page.md").is_file():
+        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
+    with code(folder / "component.py"):
+        kernel = kernel_of(component)
+    with code(str(kernel.module.__file__)):
+        check_records(component, kernel)
+        files = _sources(component, kernel)
     resources = [given.get(name, folder / name) for name in component.resources]
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
