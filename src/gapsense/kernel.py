@@ -25,12 +25,13 @@ STEP = """def step(state, inputs, par):
 """
 
 
-def trace(function: Callable[..., Any], arguments: Mapping[str, type]) -> Graph:
+def trace(function: Callable[..., Any], arguments: Mapping[str, type], returns: Sequence[type] = ()) -> Graph:
     """Graph of `function`, called with one symbolic record per argument; it returns a record or a tuple of records."""
     tape = Tape()
     symbols = {name: _symbols(tape, cls) for name, cls in arguments.items()}
     result = function(**{name: record(cls, symbols[name]) for name, cls in arguments.items()})
-    results = [result] if hasattr(result, "_fields") else list(result)
+    results = result if type(result) is tuple else (result,)
+    _check_classes(function, [*map(type, results)], [*returns])
     for item in results:
         _check_memory(function.__name__, item)
     return Graph(
@@ -44,6 +45,14 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, type]) -> Graph:
 def _symbols(tape: Tape, cls: type) -> list[Expr]:
     kinds = {name: field.kind for name, field in fields(cls).items()}
     return [tape.node("in", (), kinds.get(entry, "scalar")) for entry in names(cls)]
+
+
+def _check_classes(function: Callable[..., Any], found: list[type], expected: list[type]) -> None:
+    """What a function returns are records, those expected if any are."""
+    if (found != expected) if expected else not all(hasattr(cls, "_fields") for cls in found):
+        line = f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}, in {function.__name__}"
+        have, want = (", ".join(cls.__name__ for cls in classes) for classes in (found, expected))
+        raise TraceError(f"{line}: it returns {have}; expected {want or 'records'}. Correct what it returns.")
 
 
 def _check_memory(name: str, result: Any) -> None:
@@ -81,8 +90,8 @@ class Kernel:
         """Traced `initial` and `step`."""
         m = self.module
         return (
-            trace(m.initial, {"inputs": m.Inputs, "par": m.Parameters}),
-            trace(m.step, {"state": m.State, "inputs": m.Inputs, "par": m.Parameters}),
+            trace(m.initial, {"inputs": m.Inputs, "par": m.Parameters}, (m.State, m.Outputs)),
+            trace(m.step, {"state": m.State, "inputs": m.Inputs, "par": m.Parameters}, (m.State, m.Outputs)),
         )
 
     def python(self) -> str:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
+from sysconfig import get_path
+from traceback import extract_tb
 
+PACKAGE = Path(__file__).parent
+FOUNDATIONS = (PACKAGE, PACKAGE / "emit", PACKAGE / "fmi")
+LIBRARIES = tuple(map(get_path, ("stdlib", "purelib", "platlib")))
 SHOWN = 12  # names listed in a message before it says how many more there are
 
 
@@ -18,6 +25,36 @@ class InputError(ValueError):
 
 class ScenarioError(InputError):
     """A scenario, or something it names, is wrong."""
+
+
+class CodeError(ValueError):
+    """The code of a component cannot be used; the message is one sentence with file and line."""
+
+
+@contextmanager
+def code(file: str | Path) -> Iterator[None]:
+    """Errors of what a component's author wrote in `file`, or in what it imports, become a CodeError."""
+    try:
+        yield
+    except Exception as error:
+        place, text = place_of(error) or str(file), " ".join(str(error).split())
+        if isinstance(error, SyntaxError):
+            text = error.msg
+        if not isinstance(error, (TypeError, ValueError)) or not text.endswith("."):  # others than those of ours
+            text = f"{type(error).__name__}: {text.rstrip('?.')}. Correct it."
+        raise CodeError(text if text.startswith(place.partition(":")[0]) else f"{place}: {text}") from error
+
+
+def place_of(error: Exception) -> str:
+    """File and line that an error points at: the last that belong neither to our foundations nor to a library."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno}"
+    for frame in reversed(extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        is_others = not file.is_relative_to(PACKAGE) and frame.filename.startswith(("<", *LIBRARIES))
+        if file.parent not in FOUNDATIONS and not is_others:
+            return f"{file}:{frame.lineno}"
+    return ""
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

@@ -11,12 +11,13 @@ import os
 import subprocess
 import sys
 import tempfile
+import traceback
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if __name__ == "__main__" or TYPE_CHECKING:
-    from fmu_host import Fmu, Instance, attempt
+    from fmu_host import LOG, FMICallException, Fmu, Instance, attempt
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 300
@@ -377,4 +378,9 @@ def break_kernel(fmu: Path, out: Path) -> Path:
 
 
 if __name__ == "__main__":
-    print(json.dumps(globals()[sys.argv[1]](*json.load(sys.stdin))))
+    try:
+        print(json.dumps(globals()[sys.argv[1]](*json.load(sys.stdin))))
+    except FMICallException as error:  # last of all, the first line of what the FMU said
+        traceback.print_exc()
+        said = [text.splitlines()[0] for _, _, category, text in LOG if category == "logStatusError"]
+        sys.exit(said[-1] if said else str(error))

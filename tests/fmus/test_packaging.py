@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from xml.etree import ElementTree
@@ -13,7 +16,7 @@ import pytest
 from drivers import ROOT, call, fresh
 
 from gapsense.fmi.components import find_components, load_component
-from gapsense.fmi.package import check_records
+from gapsense.fmi.package import build, check_records
 from gapsense.fmi.page import html
 from gapsense.fmi.ports import Component
 from gapsense.kernel import Kernel
@@ -264,3 +267,159 @@ def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
     assert "<code>voltage</code>" in page and "<h2>Outputs</h2>" in page
     for port in component.ports:
         assert f"<code>{port.name}</code>" in page
+
+
+# What an author may get wrong: one sentence with file and line, no traceback ------------------------------------------
+
+KERNEL_FILE, PORTS = "amplifier_kernel.py", "amplifier/component.py"
+GAIN = "par.gain * inputs.voltage + 0.0"
+MISTAKES = {
+    "if on data": (KERNEL_FILE, GAIN, "(1.0 if inputs.voltage > 0.0 else 2.0) + 0.0", ["kernel.py:32", "Use where()"]),
+    "function of math": (KERNEL_FILE, GAIN, "__import__('math').sqrt(par.gain)", ["kernel.py:32", "operations of"]),
+    "misspelt name": (KERNEL_FILE, GAIN, "gain * inputs.voltage", ["kernel.py:32", "NameError", "'gain'"]),
+    "misspelt field": (KERNEL_FILE, GAIN, "par.gian", ["kernel.py:32", "AttributeError", "'gian'"]),
+    "wrong syntax": (KERNEL_FILE, GAIN, "par.gain *", ["kernel.py:32", "SyntaxError"]),
+    "bad import": (
+        KERNEL_FILE,
+        "from typing",
+        "import nonsens\nfrom typing",
+        ["kernel.py:2", "No module named 'nonsens'"],
+    ),
+    "derivative by a constant": (
+        KERNEL_FILE,
+        GAIN,
+        "__import__('gapsense.derivative').derivative.derivative(par.gain, 1.0)",
+        ["kernel.py:32", "a derivative by the constant 1.0"],
+    ),
+    "wrong arguments": (
+        KERNEL_FILE,
+        "def step(state, inputs, par)",
+        "def step(state, inputs)",
+        ["kernel.py", "step()"],
+    ),
+    "state forgotten": (
+        KERNEL_FILE,
+        "State(inputs.voltage), ",
+        "",
+        ["kernel.py:27, in initial: it returns Outputs;"],
+    ),
+    "nothing returned": (
+        KERNEL_FILE,
+        "return State(inputs",
+        "State(inputs",
+        ["kernel.py:27, in initial: it returns NoneType; expected State"],
+    ),
+    "no record": (KERNEL_FILE, "class Outputs", "class Output", ["kernel.py", "'Outputs'"]),
+    "no kernel": (
+        PORTS,
+        '"amplifier_kernel"',
+        '"amplifier_kernl"',
+        ["component.py", "No module named 'amplifier_kernl'"],
+    ),
+    "wrong syntax of ports": (PORTS, 'name="Amplifier",', 'name="Amplifier"', ["component.py:", "SyntaxError"]),
+    "unknown maker": (
+        PORTS,
+        '        input_("volt',
+        '        inptu("volt',
+        ["component.py:10", "NameError", "'inptu'"],
+    ),
+    "no description": (PORTS, ', "What goes in"', "", ["component.py:10", "missing", "'description'"]),
+    "no component": (PORTS, "COMPONENT = ", "PORTS = ", ["component.py", "'COMPONENT'"]),
+    "follows nothing": (PORTS, '("voltage",)', '("voltag",)', ["`amplified`", "`voltag`", "Did you mean `voltage`?"]),
+    "unknown unit": (PORTS, '"V", "What goes', '"volt", "What goes', ["Amplifier", "unit volt", "gapsense/units.py"]),
+    "other port": (PORTS, '"gain"', '"gian"', ["Amplifier", "['gain', 'gian']"]),
+}
+
+
+@pytest.fixture
+def author(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Folder of the component; its kernel can be imported, and is forgotten afterwards."""
+    monkeypatch.syspath_prepend(folder.parent)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    yield folder
+    sys.modules.pop("amplifier_kernel", None)
+
+
+def told(folder: Path) -> str:
+    """The sentence with which a build is refused."""
+    with pytest.raises((ValueError, OSError)) as caught:
+        build(folder, folder.parent / "out")
+    text = str(caught.value)
+    assert text.endswith((".", "?")) and "\n" not in text and "Traceback" not in text
+    assert not list((folder.parent / "out").glob("*"))
+    return text
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistake_of_an_author_is_told_in_one_sentence(author: Path, mistake: str) -> None:
+    name, old, new, words = MISTAKES[mistake]
+    changed(author.parent / name, old, new)
+    text = told(author)
+    assert [word for word in words if word not in text] == [], text
+
+
+def test_missing_page_is_told(author: Path) -> None:
+    (author / "page.md").unlink()
+    assert "amplifier: no page.md. A component's folder holds" in told(author)
+
+
+@pytest.mark.parametrize("mistake", ["if on data", "wrong syntax of ports", "unknown unit"])
+def test_command_line_tells_mistakes_without_a_traceback(author: Path, mistake: str) -> None:
+    name, old, new, words = MISTAKES[mistake]
+    changed(author.parent / name, old, new)
+    root = author.parent
+    (root / "fmus").mkdir()
+    author.rename(root / "fmus" / "amplifier")
+    shutil.copy(ROOT / "build_fmus.py", root)
+    command = [sys.executable, "-m", "gapsense.cli", "build", "Amplifier"]
+    path = os.pathsep.join(map(str, (ROOT / "src", root)))
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert [word for word in words if word not in done.stderr] == [], done.stderr
+
+
+MAKE = """
+import sys
+from pathlib import Path
+import make_references
+make_references.ROOT = Path(sys.argv[1])
+sys.exit(make_references.main(["amplifier"]))
+"""
+
+
+def referenced(author: Path) -> subprocess.CompletedProcess[str]:
+    """`make_references.py` for the component, which has a reference already."""
+    root = author.parent
+    (root / "fmus").mkdir()
+    author.rename(root / "fmus" / "amplifier")
+    (root / "fmus" / "amplifier" / "reference.csv").write_text("old\n")
+    path = os.pathsep.join(map(str, (Path(__file__).parent, ROOT / "src", root)))
+    command = [sys.executable, "-c", MAKE, str(root)]
+    return subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+
+
+def test_reference_is_written(author: Path) -> None:
+    done = referenced(author)
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = (author.parent / "fmus" / "amplifier" / "reference.csv").read_text().splitlines()
+    assert rows[0] == "time,voltage,amplified" and len(rows) == 42
+
+
+@pytest.mark.parametrize(
+    ("name", "new", "words"),
+    [
+        (KERNEL_FILE, "1.0 / par.law", ["(Amplifier)", "ZeroDivisionError"]),
+        (KERNEL_FILE, "par.gain / 1e-300 / 1e-300 + 0.0", ["(Amplifier)", "output `amplified` is not finite. Check"]),
+        (KERNEL_FILE, "gian", ["kernel.py:32", "'gian'"]),
+    ],
+)
+def test_refused_reference_is_told_in_one_sentence_and_the_old_one_stays(
+    author: Path, name: str, new: str, words: list[str]
+) -> None:
+    changed(author.parent / name, GAIN, new)
+    done = referenced(author)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert [word for word in words if word not in done.stderr] == [], done.stderr
+    assert (author.parent / "fmus" / "amplifier" / "reference.csv").read_text() == "old\n"

@@ -109,6 +109,15 @@ def imports(path: Path) -> Iterator[tuple[str, int]]:
             yield from ((f"{module}.{alias.name}", node.lineno) for alias in node.names)
 
 
+def lists(path: Path) -> Iterator[tuple[int, set[str]]]:
+    """Texts of every list, tuple, set and dict (its keys) in a file, and the parts of the names that it imports."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, (ast.List, ast.Tuple, ast.Set, ast.Dict)):
+            entries = node.keys if isinstance(node, ast.Dict) else node.elts
+            yield node.lineno, {str(e.value) for e in entries if isinstance(e, ast.Constant)}
+    yield 1, {part for name, _ in imports(path) for part in name.split(".")}
+
+
 def ours(path: Path) -> Iterator[tuple[str, int]]:
     """Parts of the package that a file imports; the package itself, for its version, is free to all."""
     for name, line in imports(path):

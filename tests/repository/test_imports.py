@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
-from sources import MODULES, SRC, imports, name_of, others, ours, part_of, tree
+import typer
+from sources import MODULES, ROOT, SRC, imports, lists, name_of, others, ours, part_of, tree
+
+from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
     "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
@@ -36,6 +43,8 @@ PACKAGES = {  # beside the standard library
     "command": {"typer"},
     "build_fmus": set(),
 }
+HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy"}
+LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 TRAVELLERS = {"slave", "ports", "tables", "values"}  # their copies are in every FMU
 
 
@@ -83,3 +92,43 @@ def test_components_import_the_makers_of_port_tables_only():
     for path in sorted(folder.glob("*/component.py")):
         modules = {n.module for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom)}
         assert modules <= {"gapsense.fmi.ports", "gapsense.fmi.components", "pathlib"}, name_of(path)
+
+
+@pytest.mark.parametrize(
+    "start", ["import gapsense.cli", "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"]
+)
+def test_command_line_starts_without_heavy_packages(start):
+    environment = {**os.environ, "PYTHONPATH": str(SRC.parent)}
+    done = subprocess.run([sys.executable, "-c", start + LOADED], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "gapsense" in loaded
+    assert sorted(loaded & HEAVY) == []
+
+
+def folders(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.is_dir() and not path.name.startswith(("_", "."))}
+
+
+COMMANDS = typer.main.get_command(app).commands
+FOUND_BY_WALKING = {
+    "studies": folders(SRC / "studies"),
+    "commands": set(COMMANDS),
+    "commands of studies": set(COMMANDS["study"].commands),
+    "components": folders(ROOT / "fmus"),
+    "estimators": {path.stem for path in (SRC / "estimators").glob("[!_]*.py")},
+    "scenarios": folders(ROOT / "scenarios"),
+}
+
+
+@pytest.mark.parametrize("kind", FOUND_BY_WALKING)
+def test_no_list_kept_by_hand_names_most_of_what_is_found_by_walking(kind):
+    names = FOUND_BY_WALKING[kind]
+    assert len(names) > 5
+    wrong = [
+        f"{name_of(path)}:{line} lists {', '.join(sorted(words & names))}"
+        for path in MODULES
+        for line, words in lists(path)
+        if 2 * len(words & names) > len(names)
+    ]
+    assert not wrong

@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from gapsense import cosim
+from gapsense.trace import TraceError
 
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
@@ -87,7 +88,7 @@ def reported() -> Iterator[None]:
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
         problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TraceError) as error:
         for sentence in told(error):
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
@@ -96,7 +97,7 @@ def reported() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def told(error: OSError | ValueError) -> list[str]:
+def told(error: OSError | ValueError | TraceError) -> list[str]:
     """What went wrong, all of it; the operating system's errors with the path first."""
     if isinstance(error, OSError) and error.filename:
         return [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]

@@ -12,6 +12,9 @@ import gapsense
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernel import Kernel
+from gapsense.problems import code
+
+HOLDS = "A component's folder holds component.py, page.md and reference.csv."
 
 
 def find_checkout() -> Path:
@@ -46,12 +49,11 @@ def load_component(folder: Path) -> Component:
     """The `COMPONENT` of `folder/component.py`."""
     spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
     if spec is None or spec.loader is None or not (folder / "component.py").is_file():
-        raise FileNotFoundError(
-            f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv."
-        )
+        raise FileNotFoundError(f"{folder}: no component.py. {HOLDS}")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    component: Component = module.COMPONENT
+    with code(folder / "component.py"):
+        spec.loader.exec_module(module)
+        component: Component = module.COMPONENT
     return component
 
 

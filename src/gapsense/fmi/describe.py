@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense.fmi.ports import Component, Port
+from gapsense.problems import suggest
 from gapsense.units import UNITS, base_exponents
 
 IDENTITY = {
@@ -74,6 +75,10 @@ def _set_structure(root: Element, component: Component) -> None:
     """Outputs with their feedthrough; at the start they depend on the parameters too."""
     index = {port.name: str(k) for k, port in enumerate(component.ports, 1)}
     parameters = [port.name for port in component.of("parameter")]
+    inputs = [port.name for port in component.of("input")]
+    for port in component.of("output"):
+        for name in {*port.feedthrough} - {*inputs}:
+            raise ValueError(f"{component.name}: `{port.name}` follows `{name}`, no input. {suggest(name, inputs)}")
     structure = _find(root, "ModelStructure")
     structure.clear()
     for tag, more in (("Outputs", []), ("InitialUnknowns", parameters)):

@@ -17,11 +17,12 @@ from pythonfmu import FmuBuilder
 
 import gapsense
 from gapsense.fmi import describe, page, shim
-from gapsense.fmi.components import kernel_of, load_component
+from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
+from gapsense.problems import code
 from gapsense.records import fields
 
 HERE = Path(__file__).parent
@@ -70,10 +71,14 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     """
     component, given = load_component(folder), values or {}
     checked(component, given, folder)
-    kernel = kernel_of(component)
-    check_records(component, kernel)
-    component, tables = started(component, given)
-    files = _sources(component, kernel)
+    if not (folder / "page.md").is_file():
+        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
+    with code(folder / "component.py"):
+        kernel = kernel_of(component)
+    with code(str(kernel.module.__file__)):
+        check_records(component, kernel)
+        component, tables = started(component, given)
+        files = _sources(component, kernel)
     resources = [tables.get(name, folder / name) for name in component.resources]
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
