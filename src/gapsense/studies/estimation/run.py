@@ -76,17 +76,18 @@ def unfit(root: Path, values: dict[str, Any]) -> dict[str, str]:
 
 
 def chosen(
-    wanted: str | None, inputs: Mapping[str, Sequence[str]], record: Record, unfit: Mapping[str, str]
+    wanted: str | None, inputs: Mapping[str, Sequence[str]], record: Record, excluded: Mapping[str, str]
 ) -> tuple[list[str], list[str]]:
     """Names of the estimators to run, and why others cannot.
 
-    Those wanted, or all that can run and fit; a ValueError says why one that is wanted cannot.
+    Those wanted, or all that can run and are not `excluded` for a reason; a ValueError says why one that is wanted
+    cannot.
     """
     plain = {name.lower(): name for name in inputs}
     asked = [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else list(plain)
     if unknown := [word for word in asked if word not in plain]:
         raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(inputs)}.")
-    reasons = {name: unfit.get(name) or missing(record, inputs, name) for name in (plain[word] for word in asked)}
+    reasons = {name: excluded.get(name) or missing(record, inputs, name) for name in (plain[word] for word in asked)}
     refused = [reason for reason in reasons.values() if reason]
     if refused and (wanted or len(refused) == len(reasons)):
         raise ValueError("\n".join(refused))

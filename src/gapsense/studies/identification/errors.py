@@ -23,7 +23,7 @@ from gapsense.studies.identification.model import (
     charge,
     residuals,
     scaled,
-    simulate,
+    simulated,
     with_resistance,
 )
 from gapsense.studies.identification.record import Vector
@@ -59,7 +59,7 @@ def uncertainty(known: Parameters, ratios: Vector, experiments: Sequence[Experim
     for experiment in experiments:
         size = 2 * experiment.current.size
         W = _weights(known, ratios, experiment, A[:, begin : begin + size], total)
-        model = simulate(scaled(known, ratios), experiment.halves, experiment.dt, experiment.resistance)
+        model = simulated(scaled(known, ratios), experiment)
         cov += long_run(W, experiment.current - model.current)
         begin += size
     std: Vector = np.sqrt(np.diag(cov))
@@ -96,12 +96,11 @@ def _weights(known: Parameters, ratios: Vector, experiment: Experiment, A: Matri
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
     pooled = np.zeros(n)
     for operation in experiment.operations:
-        inside = slice(operation.start + 1, operation.stop + 1)
         share = np.zeros(n)
         share[operation.start + 1 : operation.stop] = 1.0
         share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(known, ratios, experiment, inside)
-        W += np.outer(A @ slope, share / trapezoid(experiment.current)[inside].sum())
+        slope = _by_resistance(known, ratios, experiment, operation.inside)
+        W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
         pooled -= share / total
     return np.vstack([W, pooled])
 

@@ -28,7 +28,7 @@ from gapsense.studies.identification.model import (
     residuals,
     scaled,
     shortened,
-    simulate,
+    simulated,
 )
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.search import search
@@ -138,7 +138,7 @@ def identify(
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
-        models=[simulate(par, e.halves, e.dt, e.resistance) for e in experiments],
+        models=[simulated(par, e) for e in experiments],
     )
 
 

@@ -26,6 +26,11 @@ class Operation(NamedTuple):
     start: int
     stop: int
 
+    @property
+    def inside(self) -> slice:
+        """The samples whose intervals, those before them, belong to the period."""
+        return slice(self.start + 1, self.stop + 1)
+
 
 class Flux(NamedTuple):
     """Resistance and flux linkage of a record, from the start of its first operation on.
@@ -63,17 +68,15 @@ def edges(voltage: Vector) -> npt.NDArray[np.int_]:
 
 def operations(record: Record, period: float | None = None) -> list[Operation]:
     """Complete operations: from each rising edge to the next, or every `period` [s] from the first edge on."""
-    starts, last = edges(record.voltage), record.times.size - 1
-    if starts.size == 0:
+    starts, last = edges(record.voltage).tolist(), record.times.size - 1
+    if not starts:
         return []
     if period is not None:
-        bounds = starts[0] + np.arange(int((last - starts[0]) * record.dt / period + 1e-6) + 1) * (period / record.dt)
-        starts = np.round(bounds).astype(int)
-        return [Operation(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:])]
-    found = [Operation(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:])]
-    if found and starts[-1] + (longest := found[-1].stop - found[-1].start) <= last:
-        found.append(Operation(int(starts[-1]), int(starts[-1] + longest)))
-    return found
+        count = int((last - starts[0]) * record.dt / period + 1e-6)
+        starts = np.round(starts[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist()
+    elif len(starts) > 1 and (end := 2 * starts[-1] - starts[-2]) <= last:
+        starts.append(end)  # the last one may end the record
+    return [Operation(a, b) for a, b in zip(starts[:-1], starts[1:])]
 
 
 def trapezoid(current: Vector) -> Vector:
@@ -83,19 +86,18 @@ def trapezoid(current: Vector) -> Vector:
 
 def resistance(record: Record, operation: Operation) -> float:
     """Resistance that lets the flux linkage of an operation end where it began [Ohm], (23)."""
-    inside = slice(operation.start + 1, operation.stop + 1)
-    return float(record.applied[inside].sum() / trapezoid(record.current)[inside].sum())
+    return float(record.applied[operation.inside].sum() / trapezoid(record.current)[operation.inside].sum())
 
 
 def estimate(record: Record, found: list[Operation]) -> Flux:
     """Flux linkage by (21), with the resistance of every operation by (23)."""
     resistances = np.array([resistance(record, operation) for operation in found])
     means = trapezoid(record.current)
-    within = slice(found[0].start + 1, found[-1].stop + 1)
+    within = Operation(found[0].start, found[-1].stop).inside
     per_sample = np.full(record.times.size, resistances[-1])
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
-        per_sample[operation.start + 1 : operation.stop + 1] = R
+        per_sample[operation.inside] = R
     rates = record.applied - per_sample * means
     rates[: found[0].start + 1] = 0.0
     together = float(record.applied[within].sum() / means[within].sum())

@@ -88,13 +88,13 @@ def shortened(experiment: Experiment, count: int) -> Experiment:
 def charge(experiment: Experiment) -> float:
     """Sum of the current over all complete operations, the divisor of (23) [A]."""
     means = trapezoid(experiment.current)
-    return float(sum(means[a + 1 : b + 1].sum() for a, b in experiment.operations))
+    return float(sum(means[operation.inside].sum() for operation in experiment.operations))
 
 
 def mean_resistance(experiment: Experiment) -> float:
     """Resistance of all complete operations together, weighted by their charge as in (23) [Ohm]."""
-    means, inside = trapezoid(experiment.current), [slice(a + 1, b + 1) for a, b in experiment.operations]
-    total = sum((experiment.resistance * means)[part].sum() for part in inside)
+    voltages = experiment.resistance * trapezoid(experiment.current)
+    total = sum(voltages[operation.inside].sum() for operation in experiment.operations)
     return float(total / charge(experiment))
 
 
@@ -126,6 +126,11 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
     return Trajectory(*np.array(rows).T)
 
 
+def simulated(par: Parameters, experiment: Experiment) -> Trajectory:
+    """The model from the first operation of a record on."""
+    return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
+
+
 def scaled(known: Parameters, ratios: Vector) -> Parameters:
     """The six fitted parameters multiplied by e^ratio, so that they stay positive; the others as they are known."""
     factors = np.exp(ratios).tolist()
@@ -136,7 +141,7 @@ def residuals(known: Parameters, ratios: Vector, experiments: Sequence[Experimen
     """Weighted residuals, current and flux linkage of each experiment; their squares add up to the cost J."""
     par, parts = scaled(known, ratios), []
     for experiment in experiments:
-        model = simulate(par, experiment.halves, experiment.dt, experiment.resistance)
+        model = simulated(par, experiment)
         c_i, c_lam = experiment.weights()
         flux_linkage = integrated(experiment, model.current)  # as the measured one, or the sampling would bias the fit
         parts += [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
@@ -149,11 +154,11 @@ def balanced(known: Parameters, ratios: Vector, experiment: Experiment) -> Exper
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    model = simulate(scaled(known, ratios), experiment.halves, experiment.dt, experiment.resistance)
+    model = simulated(scaled(known, ratios), experiment)
     R = experiment.resistance.copy()
     for operation in experiment.operations:
-        inside = slice(operation.start + 1, operation.stop + 1)
-        R[inside] *= trapezoid(model.current)[inside].sum() / trapezoid(experiment.current)[inside].sum()
+        charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]
+        R[operation.inside] *= charges[0] / charges[1]
     R[:1] = R[1]
     R[experiment.operations[-1].stop :] = R[experiment.operations[-1].stop]
     return with_resistance(experiment, R)

@@ -115,29 +115,25 @@ def read_columns(path: Path, names: Mapping[str, str], problems: list[str]) -> C
 
 
 def _of_lines(file: str, lines: list[tuple[int, list[str]]], names: Mapping[str, str], problems: list[str]) -> Columns:
-    header = [HEADER.fullmatch(cell) for cell in lines[0][1]] if lines else []
-    places = {match[1].lower(): k for k, match in reversed(list(enumerate(header))) if match}
-    rows = np.array([number for number, _ in lines[1:]], dtype=int)
+    header = lines[0][1] if lines else []
+    matches = reversed([*enumerate(map(HEADER.fullmatch, header))])  # of two with one name, the first is taken
+    columns = {match[1].lower(): (k, match[2]) for k, match in matches if match}
     values: dict[str, Vector] = {}
     for name, unit in UNITS.items():
         column = names.get(name, name).lower()
-        if column not in places:
-            if name in NEEDED or name in names:
-                problems.append(_missing(file, name, column, list(places)))
-            continue
-        match = header[places[column]]
-        written = match[2] if match else None
-        scale = factor("" if written is None else written, unit)
-        if scale is None:
-            problems.append(_wrong_unit(file, places[column], column, written, unit))
-        cells = [(n, row[places[column]].strip() if places[column] < len(row) else "") for n, row in lines[1:]]
-        values[name] = _numbers(file, column, cells, problems) * (1.0 if scale is None else scale)
+        if column in columns:
+            place, written = columns[column]
+            cells = [(n, row[place].strip() if place < len(row) else "") for n, row in lines[1:]]
+            scale = _scale(file, place, column, written, unit, problems)
+            values[name] = _numbers(file, column, cells, problems) * scale
+        elif name in NEEDED or name in names:
+            problems.append(_missing(file, name, column, list(columns)))
     problems += [
         f"{file}, row {n}: {len(row)} cells found, {len(header)} expected. Write numbers with a point, not a comma."
         for n, row in lines[1:]
         if len(row) > len(header)
     ][:SHOWN]
-    return Columns(file, rows, values)
+    return Columns(file, np.array([number for number, _ in lines[1:]], dtype=int), values)
 
 
 def _missing(file: str, name: str, column: str, found: list[str]) -> str:
@@ -148,12 +144,16 @@ def _missing(file: str, name: str, column: str, found: list[str]) -> str:
     return f"{said}." if name == "time" else f"{said}, or name the column that holds it with `--column {name}=NAME`."
 
 
-def _wrong_unit(file: str, place: int, column: str, written: str | None, unit: str) -> str:
-    found = "no unit" if written is None else f"unit `{written}`"
-    return (
-        f"{file}, row 1, column {place + 1}: `{column}` has {found}; `{unit}` is expected, also with a prefix "
-        f"(`m{unit}`). Write `{column} [{unit}]`."
-    )
+def _scale(file: str, place: int, column: str, written: str | None, unit: str, problems: list[str]) -> float:
+    """Factor from the unit written in the header to the SI unit; 1 after noting a wrong one."""
+    scale = factor(written or "", unit)
+    if scale is None:
+        found = "no unit" if written is None else f"unit `{written}`"
+        problems.append(
+            f"{file}, row 1, column {place + 1}: `{column}` has {found}; `{unit}` is expected, also with a prefix "
+            f"(`m{unit}`). Write `{column} [{unit}]`."
+        )
+    return 1.0 if scale is None else scale
 
 
 def _numbers(file: str, column: str, cells: list[tuple[int, str]], problems: list[str]) -> Vector:
