@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"
 STEP, LOW, HIGH = 1e-3, 0.4e-3, 1.4e-3
 FILTER = Contender("a filter", "it", {"position": "position", "velocity": "velocity"}, "")
-SMOOTHER = Contender("a smoother", "it", {"position": "smoothed"}, "", "published", "about")
+SMOOTHER = Contender("a smoother", "it", {"position": "smoothed"}, "", published="published", time="about")
 LIFT = FILTER._replace(is_lift=True)
 
 

@@ -31,68 +31,41 @@ class Contender(NamedTuple):
     component: str  # its name in the scenario
     gives: Mapping[str, str]  # signal by quantity
     needs: str  # beside voltage and current
-    published: str = ""  # signal that is 1 in samples that are about `time`
-    time: str = ""
-    is_lift: bool = False  # the position counts from the upper stop down
     fmu: str = ""
     file: str = ""  # its parameter set, in the scenario's folder `parameters`
     told: Callable[[Valve], Mapping[str, float]] = lambda valve: {}  # parameters by what is believed of the valve
     noises: tuple[str, ...] = NOISES  # parameters that follow the noise of the sensor
     wires: Mapping[str, str] = MEASURED  # signal by input, of the sensor or of another contender
     options: Mapping[str, Value] = {}  # parameters beside those of its set
+    published: str = ""  # signal that is 1 in samples that are about `time`
+    time: str = ""
+    is_lift: bool = False  # the position counts from the upper stop down
 
     def signals(self) -> list[str]:
         """What it gives, and what says which sample that is about."""
         return [signal for signal in (*self.gives.values(), self.published, self.time) if signal]
 
 
-BOUNDED_UKF = Contender(
-    "BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, fmu="BoundedUkf", file="bounded_ukf", told=tabulated
-)
-EKF = Contender(
-    "Ekf", "ekf", REAL_TIME, CONTACT, fmu="Ekf", file="reduced", told=reduced, noises=CURRENT, wires=WITH_CONTACT
-)
+BOUNDED_UKF = Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, "BoundedUkf", "bounded_ukf", tabulated)
+EKF = Contender("Ekf", "ekf", REAL_TIME, CONTACT, "Ekf", "reduced", reduced, CURRENT, WITH_CONTACT)
 ERTSS = EKF._replace(
-    label="Ertss", component="ertss", gives=SMOOTHED, published="smoothed_published", time="smoothed_time", fmu="Ertss"
+    label="Ertss", component="ertss", fmu="Ertss", gives=SMOOTHED, published="smoothed_published", time="smoothed_time"
 )
 INTEGRAL = Contender(
-    "Integral",
-    "integral",
-    ELECTRIC,
-    "R, periodic drive",
-    fmu="IntegralEstimator",
-    file="integral",
-    told=coil,
-    noises=CURRENT,
+    "Integral", "integral", ELECTRIC, "R, periodic drive", "IntegralEstimator", "integral", coil, CURRENT
 )
+OFFLINE = INTEGRAL._replace(options={"offline": True}, published="published", time="published_time")
 CONTENDERS = (
     BOUNDED_UKF._replace(
         label="open loop", component="open_loop", needs=f"{MODEL}; no current", options={"option.filter": "open_loop"}
     ),
     BOUNDED_UKF,
     BOUNDED_UKF._replace(label="BoundedUkf, tuned", component="bounded_ukf_tuned", options=TUNED),
-    Contender(
-        "HybridEkf",
-        "hybrid_ekf",
-        MOTION,
-        MODEL,
-        is_lift=True,
-        fmu="HybridEkf",
-        file="hybrid_ekf",
-        told=magnet,
-        noises=(),
-    ),
+    Contender("HybridEkf", "hybrid_ekf", MOTION, MODEL, "HybridEkf", "hybrid_ekf", magnet, (), is_lift=True),
     EKF,
     ERTSS,
     ERTSS._replace(label="Ertss without e_i", component="no_current_error", options={"option.current_error": False}),
-    Contender("Semera", "semera", ELECTRIC, "R, rest inductance", fmu="Semera", file="semera", told=coil),
+    Contender("Semera", "semera", ELECTRIC, "R, rest inductance", "Semera", "semera", coil),
     INTEGRAL,
-    INTEGRAL._replace(
-        label="Integral offline",
-        component="integral_offline",
-        needs="periodic drive",
-        published="published",
-        time="published_time",
-        options={"offline": True},
-    ),
+    OFFLINE._replace(label="Integral offline", component="integral_offline", needs="periodic drive"),
 )

@@ -29,8 +29,9 @@ PART = re.compile(r"^( *# >>> (\w+).*?\n).*?^( *# <<<\n)", re.DOTALL | re.MULTIL
 
 def write(folder: Path) -> None:
     """Write the marked parts of the scenario in a folder, its gap table and its rows of wrong beliefs."""
-    file = folder / "scenario.toml"
-    file.write_text(filled(file.read_text(encoding="utf-8")), encoding="utf-8")
+    file, made = folder / "scenario.toml", parts()
+    filled = PART.sub(lambda part: part[1] + made[part[2]] + part[3], file.read_text(encoding="utf-8"))
+    file.write_text(filled, encoding="utf-8")
     save(folder / "gap_19.csv", "gap,reluctance,slope", np.transpose(gap_table()), "%.10g")
     for name, width in WIDTHS.items():
         table = rows(width)
@@ -53,12 +54,6 @@ def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
     The same draws for every width, as there.
     """
     return [beliefs(wrong(e)) for e in width * errors(SEED, 0, draws).T]
-
-
-def filled(text: str) -> str:
-    """A scenario with its marked parts written anew."""
-    made = parts()
-    return PART.sub(lambda part: part[1] + made[part[2]] + part[3], text)
 
 
 def parts() -> dict[str, str]:
