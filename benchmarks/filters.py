@@ -33,7 +33,7 @@ from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, bac
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.perturbation import CHUNK, errors, noise, perturbed
 from gapsense.studies.smoother.runs import Estimator, filtered
-from gapsense.studies.soft_landing import sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
 PASSES = 5

@@ -14,8 +14,8 @@ from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component
 from gapsense.cosim.master import Master
 from gapsense.cosim.run import run_once
 from gapsense.cosim.scenario import Port
+from gapsense.fmi.components import kernel_parameters
 from gapsense.fmi.ports import Component
-from gapsense.fmi.settings import kernel_parameters
 from gapsense.kernel import Kernel
 
 Outcome = tuple[float, int, dict[str, float]]
@@ -79,7 +79,7 @@ class Direct:
 
 def directs(experiment: Experiment, order: list[str]) -> list[Direct]:
     """The kernels of all components."""
-    from gapsense.fmi.package import find_components, load_component
+    from gapsense.fmi.components import find_components, load_component
 
     loaded = [(load_component(folder), folder) for folder in find_components(ROOT / "fmus")]
     components = {component.name: (component, folder) for component, folder in loaded}

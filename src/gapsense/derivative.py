@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.emit import Graph, Python
+from gapsense.emit import Graph, compiled
 from gapsense.emit.printer import operands
 from gapsense.records import fields, flatten
 from gapsense.trace import BOOLEAN, Expr, Tape, TraceError, cos, is_traced, select, sin, where
@@ -91,9 +91,7 @@ def _linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
     symbols = flatten([x, records])
     layout = NamedTuple("layout", [(f"a{k}", Any) for k in range(len(symbols))])  # type: ignore[misc]
     graph = Graph("linearised", tape, [("at", layout, symbols)], [(tuple, [*values, *J.ravel()])])
-    space: dict[str, Any] = {}
-    exec(compile(f"{Python.head}\n\n{Python(graph).source()}", f"<{function.__name__}, linearised>", "exec"), space)
-    return space["linearised"]
+    return compiled(graph)
 
 
 _Rule = Callable[[Expr, Callable[[Any], Any]], Any]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.emit import C, Graph, Numpy, Python, split
+from gapsense.emit import C, Graph, Numpy, Python, namespace, split
 from gapsense.records import fields, flat, names, record, zeros
 from gapsense.trace import Expr, Tape, TraceError
 
@@ -110,12 +110,12 @@ class Kernel:
     @cached_property
     def scalar(self) -> Mapping[str, Any]:
         """Namespace of the compiled scalar Python."""
-        return _compiled(self.python(), f"<{self.name}>")
+        return namespace(self.python(), self.name)
 
     @cached_property
     def batch(self) -> Mapping[str, Any]:
         """Namespace of the compiled numpy code."""
-        return _compiled(self.numpy(), f"<{self.name} over runs>")
+        return namespace(self.numpy(), f"{self.name} over runs")
 
     def initial(self, inputs: Any, par: Any) -> tuple[Any, Any]:
         """State and outputs at the start, as records, computed by the scalar code."""
@@ -142,9 +142,3 @@ class Kernel:
 def _arrays(entries: Sequence[Any]) -> list[Any]:
     """Plain numbers as arrays too: dividing two of them by zero in a branch that no run takes must not be an error."""
     return [np.asarray(entry, dtype=float) for entry in entries]
-
-
-def _compiled(source: str, name: str) -> dict[str, Any]:
-    space: dict[str, Any] = {}
-    exec(compile(source, name, "exec"), space)
-    return space

@@ -1,13 +1,36 @@
-"""Lines of JSON, one per finished run, that survive being killed at any moment."""
+"""What was computed: lines of JSON, one per finished run, that survive being killed at any moment, and their key."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from gapsense.files import sha256
+
 Entry = dict[str, Any]
+PACKAGE = Path(__file__).resolve().parent
+SOURCES = (".py", ".c", ".h")
+
+
+def key(facts: Any) -> str:
+    """Hash of all that decides results: facts (of JSON), the sources of this package, the version of numpy."""
+    return fingerprint([facts, sources(), np.__version__])
+
+
+def sources() -> dict[str, str]:
+    """Hash of every source file of this package; taken anew each time, since it may be edited while a program runs."""
+    files = sorted(path for path in PACKAGE.rglob("*") if path.suffix in SOURCES)
+    return {path.relative_to(PACKAGE).as_posix(): sha256(path) for path in files}
+
+
+def fingerprint(facts: Any) -> str:
+    """Hash of facts of JSON, whatever the order of names in them."""
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 class Ledger:

@@ -8,12 +8,16 @@ from difflib import get_close_matches
 SHOWN = 12  # names listed in a message before it says how many more there are
 
 
-class ScenarioError(ValueError):
-    """A scenario, or something it names, is wrong; `problems` lists everything found, one sentence each."""
+class InputError(ValueError):
+    """What a user gave is wrong; `problems` lists everything found, one sentence each."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         self.problems = list(problems)
         super().__init__("\n".join(self.problems))
+
+
+class ScenarioError(InputError):
+    """A scenario, or something it names, is wrong."""
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

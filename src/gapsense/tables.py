@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,8 +98,12 @@ class Table:
 
     def where(self, key: str = "") -> str:
         """File and place of a key, as messages name it."""
-        place = ".".join(part for part in (self.place, key) if part)
+        place = self.at(key)
         return f"{self.file}, {place}" if place else self.file
+
+    def at(self, key: str) -> str:
+        """Place of a key in its file."""
+        return ".".join(part for part in (self.place, key) if part)
 
     def note(self, key: str, sentence: str) -> None:
         """Keep a problem with the value of `key`."""
@@ -136,13 +140,34 @@ class Table:
 
     def child(self, data: Mapping[str, Any], key: str) -> Table:
         """Reader for a table inside this one."""
-        return Table(data, self.file, ".".join(part for part in (self.place, key) if part), self.problems)
+        return Table(data, self.file, self.at(key), self.problems)
+
+    def flat(self, kind: Kind) -> dict[str, Any]:
+        """Values of that kind by dotted name; `[coil] resistance` means the same as `"coil.resistance"`."""
+        out: dict[str, Any] = {}
+        for name, value in flattened(self.data):
+            if name in out:
+                self.note(name, "given twice, once as a dotted key and once in a table. Remove one.")
+            elif not kind.accepts(value):
+                self.note(name, f"{found(value)} found, {kind.name} expected. Correct the value.")
+            else:
+                out[name] = value
+        return out
 
     def finish(self) -> None:
         """Note every key that nobody asked for."""
         for key in self.data:
             if key not in self.asked:
                 self.note(key, f"unknown key. {suggest(key, self.asked)} Correct or remove it.")
+
+
+def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Pairs of dotted name and value, depth first."""
+    for key, value in data.items():
+        if isinstance(value, dict):
+            yield from flattened(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
 
 
 def found(value: Any) -> str:

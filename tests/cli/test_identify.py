@@ -147,7 +147,10 @@ def test_wrong_input_is_refused_in_sentences(data, gapsense, monkeypatch, case):
         (["estimate", "fit.csv", "--estimator", "kalman"], ["`kalman`", "Semera"]),
         (["estimate", "fit.csv", "--estimator", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
         (["build", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
-        (["build", "ekf", "--parameters", "range.toml"], ["Ekf, `mover.mass`: -1 found", "Ekf, `damping`"]),
+        (
+            ["build", "ekf", "--parameters", "range.toml"],
+            ["Ekf: `mover.mass` is -1.0;", "Ekf: `damping` is true;"],
+        ),
     ],
 )
 def test_wrong_names_and_values_are_refused(data, process, fmus, arguments, words):

@@ -28,7 +28,7 @@ def test_voltage_table_is_written_and_its_use_told(gapsense):
     times, voltages = read_table(Path("new/drive.csv"), ("time", "voltage"))
     assert (times[0], times[-1], voltages[0], voltages[-1]) == (0.0, 0.04, 0.0, 0.0)
     assert 20.0 in voltages
-    for words in ("moving              1         6", "soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
+    for words in ("moving           1         6", "soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
         assert words in done.stdout
 
 
@@ -48,7 +48,12 @@ def test_wrong_parameters_are_told_at_once(gapsense, monkeypatch):
     monkeypatch.chdir(ROOT)
     lines = refused(gapsense("soft-landing", "--parameters", file))
     assert len(lines) == 4
-    expected = ("Did you mean `mover.mass`?", "-5.0 found", "one of fringing, table", "'much' found")
+    expected = (
+        "Did you mean `mover.mass`?",
+        "is -5.0; expected at least",
+        "one of fringing, table",
+        "is `much`; expected a number",
+    )
     assert all(any(words in line for line in lines) for words in expected)
     assert not (ROOT / "drive.csv").exists()
 

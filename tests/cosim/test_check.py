@@ -8,6 +8,7 @@ from gapsense.cosim import ScenarioError, check, prepare, run
 from gapsense.cosim.check import check_scenario
 
 SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'
+SHORT = '[connect]\n"gain.u" = "lag.y"\n'
 
 
 def test_good_scenario_has_no_problems(write, chain, fmus):
@@ -36,6 +37,20 @@ def test_good_scenario_has_no_problems(write, chain, fmus):
         ('from = "lag.y"', 'from = "leg.y"', ["there is no component `leg`", "Did you mean `lag`?"]),
         ('from = "lag.y"', 'from = "gain.y"', ["gain.y [A] -> gain.u [V]: units differ", "`factor`"]),
         ('to = "gain.u"', 'to = "lag.u"', ["`lag.u` is driven 2 times, by connections[0], connections[1]"]),
+        (SECOND, SHORT.replace("lag.y", "lag.yy"), ["connect.gain.u: unknown variable `yy`", "Did you mean `y`?"]),
+        (
+            SECOND,
+            SHORT.replace("gain.u", "gain.v"),
+            ["connect.gain.v: unknown variable `v`", "nothing drives"],
+        ),
+        (
+            SECOND,
+            SHORT.replace("lag.y", "leg.y"),
+            ["connect.gain.u: there is no component `leg`", "`lag`?"],
+        ),
+        (SECOND, SHORT.replace("lag.y", "gain.y"), ["connect.gain.u: gain.y [A] -> gain.u [V]: units differ"]),
+        (SECOND, SECOND + SHORT, ["`gain.u` is driven 2 times, by connect.gain.u, connections[1]. Keep one."]),
+        (SECOND, SHORT + "[inputs]\ngain.u = 1\n", ["`gain.u` is driven 2 times, by connect.gain.u, inputs.gain.u"]),
         (SECOND, "", ["nothing drives `gain.u`", "its start value is 0.0"]),
         (SECOND, '[inputs]\n"gain.u" = 2000\n', ["inputs.gain.u", "-1000 to 1000 V expected"]),
         (SECOND, SECOND + '[inputs]\n"gain.u" = 1\n', ["`gain.u` is driven 2 times", "inputs"]),

@@ -11,6 +11,8 @@ from gapsense.cosim.load import grid
 from gapsense.cosim.scenario import Port, Tolerance
 from gapsense.tables import Table
 
+SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'
+
 
 def problems(path: Path, variant: str | None = None) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
@@ -94,6 +96,13 @@ def test_all_problems_come_at_once(write, chain):
         ("[components.lag]", '[components."lag.x"]', ["components.lag.x", "letters, digits"]),
         ('from = "lag.y"', 'from = "lag"', ["connections[1].from", "`component.variable` expected"]),
         ('from = "lag.y"', 'form = "lag.y"', ["connections[1].f", "missing", "unknown key"]),
+        (SECOND, '[connect]\n"gain.u" = 3\n', ["connect.gain.u", "`3` found, a text expected"]),
+        (SECOND, '[connect.gain.u]\nfrom = ["lag.y"]\n', ["connect.gain.u.from", "a list found, a text expected"]),
+        (SECOND, '[connect]\n"gain.u" = "lag"\n', ["connect.gain.u: `lag` found, `component.variable` expected"]),
+        (SECOND, '[connect]\ngain = "lag.y"\n', ["connect.gain: `gain` found, `component.variable` expected"]),
+        (SECOND, '[connect]\n"gain.u" = "lag.y"\ngain.u = "lag.y"\n', ["connect.gain.u", "given twice"]),
+        (SECOND, '[connect]\n"gain.u" = "lag.y"\n"gain.u" = "source.y"\n', ["line 24", "only once"]),
+        ("[experiment]", "connect = 3\n[experiment]", ["connect: `3` found, a table expected"]),
         ('title = "Ramp through a lag and a gain"', "", ["title", "missing"]),
         ("[experiment]", "colour = 1\n[experiment]", ["colour", "unknown key"]),
         ("[experiment]", '[inputs]\n"a.b" = "x"\n[experiment]', ["inputs.a.b", "finite number"]),
@@ -168,6 +177,27 @@ def test_problems_of_parameter_sets_come_with_those_of_the_scenario(write, chain
 
 def test_inputs_may_be_written_as_tables(write, chain):
     assert load(write(chain + "[inputs.lag]\nu = 2\n")).inputs == {Port("lag", "u"): 2.0}
+
+
+@pytest.mark.parametrize(
+    "table", ['"gain.u" = "lag.y"\n"lag.u" = "source.y"\n', 'gain.u = "lag.y"\nlag.u = "source.y"\n']
+)
+def test_connections_may_be_written_as_one_table_beside_the_long_form(write, chain, table):
+    head, _, second = chain.split("[[connections]]")
+    written = load(write(f"{head}[connect]\n{table}")).connections
+    assert [str(c) for c in written] == ["lag.y -> gain.u", "source.y -> lag.u"]
+    assert [c.place for c in written] == ["connect.gain.u", "connect.lag.u"]
+    assert not any(c.converts for c in written)
+    both = f'{head}[connect]\nlag.u = "source.y"\n[[connections]]{second}factor = 2.0\n'
+    places = {c.place: c.factor for c in load(write(both)).connections}
+    assert places == {"connect.lag.u": None, "connections[0]": 2.0}
+
+
+def test_variant_rewires_one_input(write, chain):
+    table = '[connect]\n"gain.u" = "lag.y"\n"lag.u" = "source.y"\n[variants.direct.connect]\n"gain.u" = "source.y"\n'
+    path = write(chain[: chain.index("[[connections]]")] + table)
+    assert [str(c) for c in load(path).connections] == ["lag.y -> gain.u", "source.y -> lag.u"]
+    assert [str(c) for c in load(path, "direct").connections] == ["source.y -> gain.u", "source.y -> lag.u"]
 
 
 @given(st.floats(-10, 10), st.sampled_from([1e-4 / 3, 1 / 60, 25e-6, 1 / 7, 0.1]), st.integers(1, 10**6), st.booleans())

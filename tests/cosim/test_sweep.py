@@ -1,8 +1,15 @@
 """A sweep gives the same numbers however it is done, and never computes a run twice."""
 
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import gapsense
 from gapsense.cosim import ScenarioError, load, read_result, run, sweep
 from gapsense.ledger import Ledger
 
@@ -45,6 +52,35 @@ def test_restart_computes_only_what_is_missing(write, fmus, tmp_path):
     assert (out / "demo_sweep.csv").read_text().splitlines()[0] == '"run","spread"'
     path.write_text(NOISE.replace("stop = 10.0", "stop = 20.0"))
     assert sweep(path, 2, out=out, fmus=fmus).computed == 2
+
+
+COMPUTED = """
+import sys
+from gapsense.cosim import sweep
+path, fmus, out = sys.argv[1:]
+result = sweep(path, 2, fmus=fmus, out=out)
+print(result.computed, *result.metrics["spread"])
+"""
+
+
+def test_changed_package_is_computed_again(write, fmus, tmp_path):
+    package = tmp_path / "copy" / "gapsense"
+    shutil.copytree(Path(gapsense.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def swept() -> list[float]:
+        command = [sys.executable, "-c", COMPUTED, write(NOISE), fmus, tmp_path / "out"]
+        environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        return [float(word) for word in done.stdout.split()]
+
+    computed, *old = swept()
+    assert computed == 2
+    assert swept() == [0, *old]
+    metrics = package / "cosim" / "metrics.py"
+    assert metrics.read_text().count("np.std(") == 1
+    metrics.write_text(metrics.read_text().replace("np.std(", "2.0 * np.std("))
+    assert swept() == [2, *(2.0 * value for value in old)]
 
 
 def test_ledger_keeps_entries_of_others(tmp_path):

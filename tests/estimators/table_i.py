@@ -6,7 +6,7 @@ from typing import Any
 
 from kernel_cases import components
 
-from gapsense.fmi.settings import kernel_parameters
+from gapsense.fmi.components import kernel_parameters
 
 QUIET = {"process_flux_linkage": 2e-6, "process_current_error": 1e-3, "process_force_error": 20e-3}  # a right model
 

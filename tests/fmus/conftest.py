@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can
 from drivers import ROOT, break_kernel, fresh
 from parts import FOLDERS, Part, tuned
 
-from gapsense.fmi.package import load_component
+from gapsense.fmi.components import load_component
 
 
 @pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)

@@ -346,7 +346,8 @@ def build_second_versions(folders: list[str], work: str, out: str) -> dict[str, 
     import shutil
 
     sys.path[:0] = [str(ROOT / "src"), work]
-    from gapsense.fmi.package import build, load_component
+    from gapsense.fmi.components import load_component
+    from gapsense.fmi.package import build
 
     changed = {}
     for folder in map(Path, folders):

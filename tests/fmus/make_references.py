@@ -19,7 +19,7 @@ ROWS = 40
 
 def main(names: list[str]) -> None:
     sys.path.insert(0, str(ROOT / "src"))
-    from gapsense.fmi.package import find_components, load_component
+    from gapsense.fmi.components import find_components, load_component
 
     for folder in find_components(ROOT / "fmus", names):
         component = load_component(folder)

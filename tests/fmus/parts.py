@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from drivers import ROOT
 
-from gapsense.fmi.package import find_components
+from gapsense.fmi.components import find_components
 from gapsense.fmi.ports import Component
 
 FOLDERS = find_components(ROOT / "fmus")

@@ -22,7 +22,7 @@ from fmpy.validation import validate_fmu
 from parts import FOLDERS, Part, sample_time
 from refusals import refusals
 
-from gapsense.fmi.package import load_component
+from gapsense.fmi.components import load_component
 from gapsense.units import UNITS
 
 ERROR = 3

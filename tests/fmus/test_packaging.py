@@ -12,7 +12,8 @@ from xml.etree import ElementTree
 import pytest
 from drivers import ROOT, call, fresh
 
-from gapsense.fmi.package import check_records, find_components, load_component
+from gapsense.fmi.components import find_components, load_component
+from gapsense.fmi.package import check_records
 from gapsense.fmi.page import html
 from gapsense.fmi.ports import Component
 from gapsense.kernel import Kernel

@@ -10,7 +10,7 @@ import pytest
 from drivers import STEPS, fresh
 from parts import FOLDERS, Part, sample_time, tuned
 
-from gapsense.fmi.package import load_component
+from gapsense.fmi.components import load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel

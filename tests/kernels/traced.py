@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from c_code import build_graph
 
-from gapsense.emit import Graph, Numpy, Python
+from gapsense.emit import Graph, Numpy, Python, namespace
 from gapsense.kernel import trace
 from gapsense.records import Array, Memory, Table
 
@@ -53,9 +53,7 @@ def python_text(function: Callable[..., Any], outputs: type = Outputs) -> str:
 
 
 def compiled(text: str, head: str = Python.head) -> Callable[..., Any]:
-    space: dict[str, Any] = {}
-    exec(compile(f"{head}\n\n{text}", "<traced>", "exec"), space)
-    return space["step"]
+    return namespace(f"{head}\n\n{text}", "traced")["step"]
 
 
 def run_python(function: Callable[..., Any], *values: float) -> Any:

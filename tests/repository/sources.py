@@ -14,7 +14,8 @@ SRC = ROOT / "src" / "gapsense"
 FOLDERS = ("src", "fmus", "scenarios", "tests", "docs", "benchmarks", ".ci")
 TEXT = (".py", ".md", ".toml", ".txt", ".csv", ".c", ".h", ".css", ".yml", ".yaml", "")
 PYTHON = sorted(SRC.rglob("*.py"))
-MODULES = [path for path in PYTHON if path != SRC / "__init__.py"]
+BUILD = ROOT / "build_fmus.py"
+MODULES = [*(path for path in PYTHON if path != SRC / "__init__.py"), BUILD]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -90,15 +91,15 @@ def arguments(function: Function) -> list[str]:
 
 
 def part_of(path: Path) -> str:
-    """The part of the package that a file belongs to: a folder, a module at the top, or the commands of studies."""
-    if path.name == "command.py":
-        return "command"
+    """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
+    if path == BUILD or path.name == "command.py":
+        return path.stem
     return path.relative_to(SRC).parts[0].removesuffix(".py")
 
 
 def imports(path: Path) -> Iterator[tuple[str, int]]:
     """Full names that a file imports, wherever in it, with their lines."""
-    package = ("gapsense", *path.relative_to(SRC).parts[:-1])
+    package = path.relative_to(SRC.parent).parts[:-1] if path != BUILD else ()
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)

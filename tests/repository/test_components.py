@@ -8,7 +8,8 @@ import re
 import pytest
 from sources import ROOT
 
-from gapsense.fmi.package import check_records, find_components, kernel_of, load_component
+from gapsense.fmi.components import find_components, kernel_of, load_component
+from gapsense.fmi.package import check_records
 from gapsense.fmi.ports import Component
 from gapsense.units import UNITS
 

@@ -12,7 +12,7 @@ import typer
 from sources import MODULES, PYTHON, ROOT, SRC, others, texts
 
 from gapsense.cli import app
-from gapsense.fmi.package import find_components, load_component
+from gapsense.fmi.components import find_components, load_component
 
 if sys.version_info >= (3, 11):
     import tomllib

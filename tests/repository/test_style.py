@@ -70,6 +70,16 @@ def test_kernels_add_in_order():
     assert len(kernels) > 20 and not wrong
 
 
+def test_generated_code_is_compiled_in_one_place():
+    calls = {
+        name_of(path)
+        for path in PYTHON
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Name) and node.id in ("exec", "eval", "compile")
+    }
+    assert calls == {"src/gapsense/emit/compiled.py"}
+
+
 def test_no_file_knows_a_machine():
     wrong = [f"{name_of(p)}:{k}: {line.strip()[:80]}" for p, k, line in lines() if MACHINE.search(line)]
     assert not wrong

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Master, prepare, run, run_once
-from gapsense.fmi.package import find_components, kernel_of, load_component
+from gapsense.fmi.components import find_components, kernel_of, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.records import fields
@@ -114,7 +114,7 @@ def by_hand(folder: Path, variant: str | None) -> dict[str, np.ndarray]:
     start, base = experiment["start"], experiment["base_step"]
     count = round((experiment["stop"] - start) / base)
     parts = [Part(name, scenario, folder) for name in scenario["components"]]
-    sources = {c["to"]: c["from"] for c in scenario["connections"]}
+    sources = scenario["connect"]
     now: dict[str, float] = dict(scenario["inputs"])
 
     def taken(part: Part) -> list[float]:

@@ -12,12 +12,13 @@ import pytest
 from gapsense import cosim
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.fmi.tables import read_table
-from gapsense.studies import soft_landing
 from gapsense.studies.figures import draw
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.reference import process_noise
+from gapsense.studies.soft_landing import cycle
 from gapsense.studies.soft_landing.show import LABELS, smoothed
 from gapsense.studies.soft_landing.table import deviation, voltage_table, write
+from gapsense.studies.soft_landing.trajectory import FIG_5
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -67,7 +68,7 @@ def run(folder, fmus, stop, step, drive=None, actuator=None):
 
 @pytest.fixture(scope="module")
 def cycles():
-    return soft_landing.run(RTS_VALVE, soft_landing.FIG_5, 2e-6, 2)
+    return cycle.run(RTS_VALVE, FIG_5, 2e-6, 2)
 
 
 @pytest.mark.parametrize(("step", "limit"), [(2e-6, 3e-9), (5e-6, 1e-8)])
@@ -83,9 +84,9 @@ def test_built_in_cycles_are_followed_again_and_again(tmp_path, fmus, cycles, st
 
 
 def test_table_of_another_actuator_is_followed(tmp_path, fmus):
-    trajectory = soft_landing.FIG_5._replace(making_duration=5e-3, breaking_start=13e-3, hold_voltage=25.0)
+    trajectory = FIG_5._replace(making_duration=5e-3, breaking_start=13e-3, hold_voltage=25.0)
     par = RTS_VALVE._replace(**{name.replace(".", "_"): value for name, value in WIDE.items()})
-    cycles = soft_landing.run(par, trajectory, 2e-6, 2)
+    cycles = cycle.run(par, trajectory, 2e-6, 2)
     write(tmp_path / "drive.csv", *voltage_table(cycles))
     result = run(tmp_path, fmus, 60e-3, 2e-6, {"soft_landing.file": "drive.csv"}, WIDE)
     assert deviation([*cycles, cycles[1]], result.times, result.signals["actuator.position"]) < 1e-8
@@ -112,7 +113,7 @@ def result(fmus):
 
 def test_estimators_know_what_table_ii_says_and_the_process_noise_of_the_cycle(cycles):
     model = nominal()
-    samples = soft_landing.sampled(cycles[1], model.T_s)
+    samples = cycle.sampled(cycles[1], model.T_s)
     values = tomllib.loads((FOLDER / "parameters" / "estimators.toml").read_text(encoding="utf-8"))["values"]
     assert values["core.reluctance"] == pytest.approx(model.R_c0 * 1200.0**2)
     assert values["core.saturation"] == model.lam_sat

@@ -11,7 +11,7 @@ sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels"
 
 from gapsense.studies.monte_carlo.comparison import Study
 from gapsense.studies.smoother.nominal import fitted, nominal
-from gapsense.studies.soft_landing import Samples, sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from gapsense.cosim import load, prepare, run
 from gapsense.cosim.record import Result, Run, Timing
 from gapsense.cosim.signals import recorded_signals
 from gapsense.estimators import hybrid_ekf
-from gapsense.fmi.settings import kernel_parameters
+from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
 from gapsense.studies.estimators import measures as benchmark

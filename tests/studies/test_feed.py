@@ -10,7 +10,7 @@ import pytest
 from gapsense.cosim import FmuError, ScenarioError
 from gapsense.cosim.feed import feed
 from gapsense.estimators import semera
-from gapsense.fmi.package import load_component
+from gapsense.fmi.components import load_component
 from gapsense.kernel import Kernel
 from gapsense.records import names
 

@@ -10,7 +10,7 @@ import pytest
 
 from gapsense.actuators.parameters import POT_MAGNET
 from gapsense.estimators import hybrid_ekf as kernel_module
-from gapsense.fmi.package import load_component
+from gapsense.fmi.components import load_component
 from gapsense.kernel import Kernel
 from gapsense.records import flat
 from gapsense.report import plot as figures

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from wrong_models import filter_parameters
 
+from gapsense import ledger
 from gapsense.estimators.rts import motions, smooth_record
 from gapsense.studies.monte_carlo.comparison import (
     ESTIMATORS,
@@ -154,12 +155,11 @@ def test_tasks_are_told_apart_by_their_content_only():
 
 
 def test_changed_code_is_computed_again(coarse, tmp_path, monkeypatch):
-    from gapsense.studies import tasks
-
     file, task = tmp_path / "found.jsonl", [{"width": 0.01, "runs": 2}]
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 0
-    monkeypatch.setattr(tasks, "CODE", ("*.py",))
+    (tmp_path / "package").mkdir()
+    monkeypatch.setattr(ledger, "PACKAGE", tmp_path / "package")
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
 
 

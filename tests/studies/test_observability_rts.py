@@ -7,11 +7,12 @@ import pytest
 import reduced_model_textbook as textbook
 from reduced_model_textbook import TABLE_I
 
-from gapsense.studies.observability_rts.samples import rank, samples_needed, scales, windows
-from gapsense.studies.observability_rts.text import along_reference_cycle, text
+from gapsense.report.table import text
+from gapsense.studies.observability_rts.samples import along_reference_cycle, rank, samples_needed, scales, windows
+from gapsense.studies.observability_rts.show import counts
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.reference import reference_states
-from gapsense.studies.soft_landing import sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 MODEL = nominal()
 LANDINGS = [250, 750]
@@ -103,7 +104,7 @@ def test_settled_coil_is_not_observable_without_motion_of_the_flux(cycle):
 
 
 def test_report_says_what_was_found():
-    report = text(along_reference_cycle((1e-12, 1e-9)))
+    report = text(*counts(along_reference_cycle((1e-12, 1e-9))))
     assert "never observable: t = 5 ms, 15 ms" in report
     assert "tolerance 1e-12: 0 of 1000 counts differ, largest 5" in report
     assert report.count("counts differ") == 2

@@ -8,10 +8,10 @@ from matplotlib.image import imread
 
 from gapsense.cosim import run, sweep
 from gapsense.report import plot as figures
+from gapsense.report.table import text
 from gapsense.studies.figures import draw
 from gapsense.studies.profiles import experiment
 from gapsense.studies.profiles import show as drawn
-from gapsense.studies.profiles import text as profiles_report
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 
@@ -65,16 +65,17 @@ def test_errors_are_those_of_the_samples_in_motion(first):
         speed = (first["actuator.position"][m.landed - 1] - first["actuator.position"][m.landed - 2]) / 20e-6
         expected = abs(first["ekf.velocity"][m.landed - 1] - speed) / 1e-3
         assert errors.velocity["EKF", operation][-1] == pytest.approx(expected, rel=1e-9)
-    text = profiles_report.text([profile, profile], errors)
-    assert "making: 2 motions from stop to stop, 1 of them different; 0 back" in text
-    median = f"{np.median(errors.velocity['ERTSS', 'breaking']):10.4g}"
-    assert median in next(line for line in text.splitlines()[::-1] if line.startswith("  breaking  ERTSS  "))
+    told = text(*drawn.summary([profile, profile], errors))
+    assert "making: 2 motions from stop to stop, 1 of them different; 0 back" in told
+    rows = [line.split() for line in told.splitlines()]
+    median = f"{np.median(errors.velocity['ERTSS', 'breaking']):.4g}"
+    assert median in next(row for row in rows[::-1] if row[:2] == ["breaking", "ERTSS"])
 
 
 def test_no_motion_is_no_crash(first):
     profile = experiment.line_up(first)._replace(motions=[])
     errors = experiment.errors([profile])
-    assert "nan" in profiles_report.text([profile], errors)
+    assert "nan" in text(*drawn.summary([profile], errors))
     drawn.trajectories([profile], "none")
 
 

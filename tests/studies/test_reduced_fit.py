@@ -11,10 +11,9 @@ import pytest
 from gapsense.actuators import solenoid_valve
 from gapsense.actuators.parameters import VALVE
 from gapsense.estimators.reduced_model import current, gap_law, normalised
-from gapsense.fmi.settings import kernel_parameters
+from gapsense.fmi.components import kernel_parameters
 from gapsense.kernel import Kernel
-from gapsense.studies.reduced_fit.fit import fit_core, integrated_flux, standard_errors
-from gapsense.studies.reduced_fit.show import PUBLISHED, of_reference_cycle
+from gapsense.studies.reduced_fit.fit import PUBLISHED, fit_core, integrated_flux, of_reference_cycle, standard_errors
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})

@@ -9,8 +9,8 @@ import pytest
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
-from gapsense.cosim import ScenarioError
 from gapsense.files import read_columns
+from gapsense.problems import InputError
 from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
 
 LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}
@@ -96,6 +96,6 @@ def test_later_files_win_and_all_problems_are_told(tmp_path):
     for name, text in (("a", "x = 1.0\ny = 2.0"), ("b", "y = 3.0"), ("c", "z = [1]"), ("d", "z = nan")):
         (tmp_path / f"{name}.toml").write_text(f"[values]\n{text}\n", encoding="utf-8")
     assert read_values([tmp_path / "a.toml", tmp_path / "b.toml"]) == {"x": 1.0, "y": 3.0}
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         read_values([tmp_path / "c.toml", tmp_path / "d.toml", tmp_path / "e.toml"])
     assert len(caught.value.problems) == 3

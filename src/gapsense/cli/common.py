@@ -42,6 +42,7 @@ Scenario = Annotated[Path, typer.Argument(help="Folder of a scenario, or its sce
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
 Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_default="build/fmus")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
+FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
 Function = TypeVar("Function", bound=Callable[..., None])
 
@@ -77,28 +78,25 @@ def reported() -> Iterator[None]:
     """Turn the errors a user can mend into one sentence and an exit code."""
     try:
         yield
-    except cosim.ScenarioError as error:
-        for sentence in error.problems:
-            problem(sentence)
-        raise typer.Exit(WRONG_INPUT) from None
     except typer.Exit:  # a RuntimeError too
         raise
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
         problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
     except (OSError, ValueError) as error:
-        problem(told(error))
+        for sentence in told(error):
+            problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
         problem("interrupted.", "yellow")
         raise typer.Exit(INTERRUPTED) from None
 
 
-def told(error: OSError | ValueError) -> str:
-    """What went wrong; the operating system's errors with the path first."""
+def told(error: OSError | ValueError) -> list[str]:
+    """What went wrong, all of it; the operating system's errors with the path first."""
     if isinstance(error, OSError) and error.filename:
-        return f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."
-    return str(error)
+        return [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]
+    return getattr(error, "problems", [str(error)])
 
 
 def stop_if_interrupted(result: cosim.Result) -> None:
@@ -115,17 +113,6 @@ def bar(title: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-def checkout() -> Path:
-    """The checkout that holds fmus/ and build_fmus.py: the working folder or one above it."""
-    here = Path.cwd()
-    found = next((p for p in (here, *here.parents) if (p / "build_fmus.py").is_file() and (p / "fmus").is_dir()), None)
-    if found is None:
-        raise FileNotFoundError(
-            f"{here}: neither here nor above is a checkout of Gapsense (fmus/, build_fmus.py). Change there."
-        )
-    return found
 
 
 def keep(error: cosim.FmuError, folder: Path) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import checkout, command, show
+from gapsense.cli.common import FAILED, command, problem, show
+from gapsense.fmi.components import find_checkout, find_components, load_component
 from gapsense.report import runs
+
+Root = Annotated[
+    Path | None, typer.Option(help="Checkout with fmus/", show_default="the working folder, or one above it")
+]
 
 
 @command("build")
@@ -24,24 +27,34 @@ def build(
         list[Path] | None,
         typer.Option(help="Parameter-set file of start values; each FMU takes those it has", show_default=False),
     ] = None,
+    root: Root = None,
 ) -> None:
     """Build and validate the FMUs of the components in fmus/, on request with other start values."""
-    command = [
-        sys.executable,
-        str(checkout() / "build_fmus.py"),
-        *(names or []),
-        *(["--out", str(to)] if to else []),
-        *(word for file in parameters or [] for word in ("--parameters", str(file))),
-    ]
-    raise typer.Exit(subprocess.run(command).returncode)
+    from fmpy.validation import validate_fmu
+
+    from gapsense.fmi import package
+    from gapsense.studies.identification.transfer import taken
+
+    root = root or find_checkout()
+    folders = find_components(root / "fmus", names or ())
+    values = taken(folders, parameters or [], find_components(root / "fmus"))
+    failures = 0
+    for folder in folders:
+        path = package.build(folder, to or root / "build" / "fmus", values[folder])
+        problems = validate_fmu(str(path))
+        given = f", {len(values[folder])} start values given" if parameters else ""
+        word = "INVALID" if problems else "valid"
+        show(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {word}{given}")
+        for sentence in problems:
+            problem(f"  {sentence}")
+        failures += bool(problems)
+    raise typer.Exit(FAILED if failures else 0)
 
 
 @command("list")
-def list_() -> None:
+def list_(root: Root = None) -> None:
     """List components, whether they are built, and scenarios with their variants."""
-    from gapsense.fmi.package import find_components, load_component
-
-    root = checkout()
+    root = root or find_checkout()
     components = [load_component(p) for p in find_components(root / "fmus")]
     built = {p.stem for p in (root / "build" / "fmus").glob("*.fmu")}
     scenarios = [(p.parent, cosim.load(p)) for p in cosim.find_scenarios(root / "scenarios")]

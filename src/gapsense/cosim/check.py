@@ -144,24 +144,23 @@ class Checker:
 
     def connections(self) -> Iterator[str]:
         """Both ends known, and of the same unit unless the connection converts."""
-        for index, connection in enumerate(self.scenario.connections):
-            place = f"connections[{index}]"
-            yield from self.resolve(connection.source, "output", f"{place}.from")
-            yield from self.resolve(connection.target, "input", f"{place}.to")
-            yield from self.units(connection, place)
+        for connection in self.scenario.connections:
+            is_long = connection.place.endswith("]")
+            yield from self.resolve(connection.source, "output", connection.place + ".from" * is_long)
+            yield from self.resolve(connection.target, "input", connection.place + ".to" * is_long)
+            yield from self.units(connection)
 
-    def units(self, connection: Connection, place: str) -> Iterator[str]:
+    def units(self, connection: Connection) -> Iterator[str]:
         """Problem of a connection between different units."""
         source, target = self.variable(connection.source), self.variable(connection.target)
         if source is None or target is None:
             return
         sent = connection.unit or (None if connection.converts else source.unit)
         if sent and target.unit and sent != target.unit:
-            yield (
-                f"{place}: {connection.source} [{source.unit or 'no unit'}] -> {connection.target} [{target.unit}]: "
-                f"units differ{f' after conversion to [{connection.unit}]' if connection.unit else ''}. "
-                "Correct the connection or give `factor`, `bias` and `unit`."
-            )
+            ends = f"{connection.source} [{source.unit or 'no unit'}] -> {connection.target} [{target.unit}]"
+            after = f" after conversion to [{connection.unit}]" if connection.unit else ""
+            remedy = "Correct the connection, or give `factor`, `bias` and `unit` in `[[connections]]`."
+            yield f"{connection.place}: {ends}: units differ{after}. {remedy}"
 
     def inputs(self) -> Iterator[str]:
         """Constant inputs known and within their limits."""
@@ -174,10 +173,10 @@ class Checker:
     def driven(self) -> Iterator[str]:
         """Every input driven exactly once."""
         drivers: dict[Port, list[str]] = {}
-        for index, connection in enumerate(self.scenario.connections):
-            drivers.setdefault(connection.target, []).append(f"connections[{index}]")
+        for connection in self.scenario.connections:
+            drivers.setdefault(connection.target, []).append(connection.place)
         for port in self.scenario.inputs:
-            drivers.setdefault(port, []).append("inputs")
+            drivers.setdefault(port, []).append(f"inputs.{port}")
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."

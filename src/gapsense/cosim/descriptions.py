@@ -10,8 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import fmpy
-
 from gapsense.tables import Value
 
 NUMERIC = ("Real", "Integer", "Enumeration")
@@ -98,13 +96,15 @@ def describe(path: Path) -> Description:
     ValueError
         Saying in one sentence why the FMU cannot be used.
     """
+    import fmpy  # here, so that what reads no FMU starts fast
+
     try:
         model = fmpy.read_model_description(str(path))
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
         raise ValueError(f"not a readable FMU: {' '.join(str(error).split())}") from error
-    refuse_unusable(model, members)
+    refuse_unusable(model, members, fmpy.platform)
     return Description(
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -118,13 +118,12 @@ def describe(path: Path) -> Description:
     )
 
 
-def refuse_unusable(model: Any, members: list[str]) -> None:
+def refuse_unusable(model: Any, members: list[str], platform: str) -> None:
     """Raise ValueError unless the FMU is FMI 2.0 co-simulation with a binary for this platform."""
     if model.fmiVersion != "2.0" or model.coSimulation is None:
         raise ValueError(f"FMI {model.fmiVersion} without co-simulation found, FMI 2.0 co-simulation expected")
-    folder = f"binaries/{fmpy.platform}/"
-    if not any(member.startswith(folder) for member in members):
-        raise ValueError(f"it has no binary for this platform ({fmpy.platform})")
+    if not any(member.startswith(f"binaries/{platform}/") for member in members):
+        raise ValueError(f"it has no binary for this platform ({platform})")
 
 
 def variable(v: Any) -> Variable:

@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import numpy.typing as npt
 
@@ -56,7 +55,7 @@ def feed(
         raise ScenarioError(problems)
     folder = temporary_folder()
     try:
-        fmpy.extract(str(fmu), unzipdir=str(folder))
+        shutil.unpack_archive(fmu, folder, "zip")
         instance = Instance(name, description, folder)
         try:
             return _run(instance, values, start, step, inputs)

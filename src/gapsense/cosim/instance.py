@@ -10,15 +10,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import fmpy
-from fmpy.fmi2 import (
-    FMU2Slave,
-    fmi2CallbackAllocateMemoryTYPE,
-    fmi2CallbackFreeMemoryTYPE,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-)
-
 from gapsense.cosim.descriptions import Description, Variable
 from gapsense.cosim.record import FmuError
 from gapsense.tables import Value
@@ -55,25 +46,27 @@ def temporary_folder() -> Path:
     raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
 
 
-def collector(messages: deque[Message]) -> Any:
-    """Logger callback for an FMU that keeps its messages."""
+def collector(messages: deque[Message]) -> Callable[..., None]:
+    """Function for the logger of an FMU that keeps its messages."""
 
     def log(_: Any, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
         words = (text or b"").decode("utf-8", "replace").replace("%%", "%")
         messages.append(Message(status, (category or b"").decode("utf-8", "replace"), words))
 
-    return fmi2CallbackLoggerTYPE(log)
+    return log
 
 
 class Instance:
     """An FMU loaded as `name` from its extracted `folder`. After `fmi2Fatal` it is never touched again."""
 
     def __init__(self, name: str, description: Description, folder: Path) -> None:
+        from fmpy import fmi2  # here, so that what loads no FMU starts fast
+
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
         try:
-            self.slave = FMU2Slave(
+            self.slave = fmi2.FMU2Slave(
                 guid=description.guid,
                 modelIdentifier=description.identifier,
                 unzipDirectory=str(folder),
@@ -86,11 +79,13 @@ class Instance:
 
     def callbacks(self) -> Any:
         """Callbacks of this instance; the slave keeps them alive."""
-        callbacks = fmi2CallbackFunctions()
-        callbacks.logger = collector(self.messages)
-        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        return callbacks
+        from fmpy import calloc, fmi2, free
+
+        return fmi2.fmi2CallbackFunctions(
+            logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
+            allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
+            freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
+        )
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""

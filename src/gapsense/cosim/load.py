@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
-from gapsense.cosim.parameters import flat_lists, flat_values, is_file, read_parameters, read_rows
-from gapsense.cosim.scenario import METHODS, Component, Connection, Experiment, Port, Scenario
+from gapsense.cosim.load_wiring import read_connections, read_inputs, read_sweep
+from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
+from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TABLES, TEXT, TEXTS, Table, Value, merged, read_toml
+from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, Value, merged, read_toml
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
@@ -96,6 +97,7 @@ class Reader:
         table = self.table
         experiment = self.section("experiment", self.experiment)
         components = self.section("components", self.components)
+        grid, rows = self.section("sweep", lambda: read_sweep(table, self.path.parent, self.files))
         scenario = Scenario(
             path=self.path,
             title=table.take("title", TEXT, "", required=True),
@@ -104,11 +106,11 @@ class Reader:
             variant=self.variant,
             experiment=experiment,
             components=components,
-            connections=self.section("connections", self.connections),
-            inputs=self.section("inputs", self.inputs),
+            connections=self.section("connections", lambda: read_connections(table)),
+            inputs=self.section("inputs", lambda: read_inputs(table)),
             seeds=self.section("seeds", self.seeds),
-            grid=self.section("sweep", self.grid),
-            rows=self.section("sweep", self.rows),
+            grid=grid,
+            rows=rows,
             record=self.section("record", lambda: read_record(table)),
             metrics=self.section("metrics", lambda: read_metrics(table)),
             baseline=self.section("baseline", lambda: read_baseline(table, self.path, self.variant)),
@@ -164,7 +166,7 @@ class Reader:
             self.files.append(path)
             self.add(values, origin, read_parameters(path, table.problems), path.name)
         inline = table.table("set")
-        self.add(values, origin, flat_values(inline, self.path.parent), inline.where())
+        self.add(values, origin, located_values(inline, self.path.parent), inline.where())
         component = Component(
             name=name,
             fmu=table.take("fmu", TEXT, "", required=True),
@@ -182,59 +184,10 @@ class Reader:
         origin.update(dict.fromkeys(new, place))
         self.files.extend(Path(str(value)) for name, value in new.items() if is_file(name, value))
 
-    def connections(self) -> tuple[Connection, ...]:
-        """Connections, in the order of the file."""
-        items = self.table.take("connections", TABLES, [])
-        read = [self.connection(self.table.child(item, f"connections[{index}]")) for index, item in enumerate(items)]
-        return tuple(connection for connection in read if connection is not None)
-
-    def connection(self, table: Table) -> Connection | None:
-        """One connection, or None if it lacks an end."""
-        source, target = port(table, "from"), port(table, "to")
-        factor = table.take("factor", NUMBER)
-        bias = table.take("bias", NUMBER)
-        unit = table.take("unit", TEXT)
-        table.finish()
-        return Connection(source, target, factor, bias, unit) if source and target else None
-
-    def inputs(self) -> dict[Port, float]:
-        """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
-        table = self.table.table("inputs")
-        out: dict[Port, float] = {}
-        for name, value in flat_values(table, self.path.parent).items():
-            end = split(table, name, name)
-            if not NUMBER.accepts(value):
-                table.note(name, f"{NUMBER.name} is expected. Correct the value.")
-            elif end:
-                out[end] = float(value)
-        return out
-
     def seeds(self) -> dict[str, int]:
         """Seed of each random component."""
         table = self.table.table("seeds")
         return {name: table.take(name, INDEX, 0) for name in table.data}
-
-    def grid(self) -> dict[Port, tuple[Value, ...]]:
-        """Values that a sweep goes through, by parameter."""
-        table = self.table.table("sweep")
-        out: dict[Port, tuple[Value, ...]] = {}
-        for name, values in flat_lists(table, self.path.parent).items():
-            end = split(table, name, name)
-            if end:
-                out[end] = values
-                self.files.extend(Path(str(value)) for value in values if is_file(name, value))
-        return out
-
-    def rows(self) -> tuple[dict[Port, Value], ...]:
-        """Values that belong together, from a CSV file with a column per parameter and a row per run."""
-        table = self.table.table("sweep")
-        file = table.take("rows", TEXT)
-        if file is None:
-            return ()
-        self.files.append(self.path.parent / file)
-        names, lines = read_rows(self.path.parent / file, table)
-        ends = [split(table, "rows", name) for name in names]
-        return tuple({end: value for end, value in zip(ends, line) if end} for line in lines)
 
     def variants(self) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""
@@ -270,19 +223,4 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
         f"the run from {start:.9g} s to {stop:.9g} s is {(stop - start) / base:.9g} steps of {base:.9g} s, "
         "and must be a whole number of at least 1. Change `stop` or `base_step`.",
     )
-    return None
-
-
-def port(table: Table, key: str) -> Port | None:
-    """The port that `key` names, or None."""
-    name = table.take(key, TEXT, required=True)
-    return None if name is None else split(table, key, name)
-
-
-def split(table: Table, key: str, name: str) -> Port | None:
-    """`component.variable` cut at its first dot."""
-    component, _, variable = name.partition(".")
-    if component and variable:
-        return Port(component, variable)
-    table.note(key, f"`{name}` found, `component.variable` expected. Correct the name.")
     return None

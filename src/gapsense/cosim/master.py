@@ -11,7 +11,6 @@ from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 
-import fmpy
 import numpy as np
 import numpy.typing as npt
 
@@ -76,7 +75,7 @@ class Master:
             description = self.descriptions[name]
             if description.path not in folders:
                 folders[description.path] = self.folder / f"{len(folders)}"
-                fmpy.extract(str(description.path), unzipdir=str(folders[description.path]))
+                shutil.unpack_archive(description.path, folders[description.path], "zip")
             instance = Instance(name, description, folders[description.path])
             self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
         for part in self.parts:

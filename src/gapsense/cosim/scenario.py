@@ -59,13 +59,14 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """`target` receives `factor * source + bias`; `unit` is the unit after that conversion, if stated."""
+    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written."""
 
     source: Port
     target: Port
     factor: float | None = None
     bias: float | None = None
     unit: str | None = None
+    place: str = ""
 
     @property
     def converts(self) -> bool:

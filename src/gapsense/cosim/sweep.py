@@ -6,33 +6,26 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-import sys
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from queue import Queue
-from threading import Thread
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.descriptions import Description
 from gapsense.cosim.metrics import unit_of
-from gapsense.cosim.process import WorkerProcess
 from gapsense.cosim.record import Measure
-from gapsense.cosim.run import file_hashes, find_fmus, installed, prepare
+from gapsense.cosim.run import file_hashes, find_fmus, prepare
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
-from gapsense.files import sha256, write_atomically, write_columns
-from gapsense.ledger import Entry, Ledger, kept
+from gapsense.cosim.worker import Runs
+from gapsense.files import write_atomically, write_columns
+from gapsense.ledger import Entry, Ledger, kept, key
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
-
-Progress = Callable[[int, int], None]
+from gapsense.workers import Job, Progress, complete, facts, importable_name
 
 
 @dataclass(frozen=True)
@@ -118,31 +111,31 @@ def sweep(
     read, descriptions = prepare(scenario, variant, fmus)
     seeds = (1 if read.swept else 200) if seeds is None else seeds
     refuse_senseless(read, seeds, workers, keep and out is None)
-    total = seeds * len(read.points())
-    hashes = {name: description.sha256 for name, description in descriptions.items()}
-    ledger = Ledger(None if out is None else Path(out) / f"{file_stem(read)}.jsonl", key(read, hashes, measure))
+    runs = range(seeds * len(read.points()))
+    file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
+    ledger = Ledger(file, key_of(read, descriptions, measure))
     store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
         "scenario": str(read.path.resolve()),
         "variant": variant,
         "fmus": str(folder.resolve()),
-        "measure": None if measure is None else importable_name(measure),
+        "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }
-    known = {index: entry for index, entry in ledger.read().items() if index < total and is_there(entry, store)}
-    job = Job(task, measure, [index for index in range(total) if index not in known], workers)
-    interrupted = job.run(known, ledger, total, progress)
+    known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
+    before = len(known)
+    interrupted = complete(Job(Runs, task, workers, measure), runs, known, ledger, progress)
     units = {name: signal.unit or "" for name, signal in recorded_signals(read, descriptions).items()}
-    result = collect(known, job.computed, interrupted, ledger.file)
+    result = collect(known, len(known) - before, interrupted, file)
     result = replace(
         result,
         units={m.name: unit_of(m, units) for m in read.metrics},
         grid=columns(read, result.indices),
         kept=() if store is None else tuple(kept(store, index) for index in result.indices),
     )
-    if ledger.file is not None and not interrupted:
-        save_table(result, ledger.file.with_suffix(".csv"))
+    if file is not None and not interrupted:
+        save_table(result, file.with_suffix(".csv"))
     return result
 
 
@@ -182,81 +175,10 @@ def file_stem(scenario: Scenario) -> str:
     return f"{folder}_{scenario.variant}_sweep" if scenario.variant else f"{folder}_sweep"
 
 
-def importable_name(measure: Callable[..., Any]) -> str:
-    """`module:function`, under which a worker finds the function."""
-    module, name = measure.__module__, measure.__qualname__
-    if module == "__main__" or "<" in name or "." in name:
-        raise ValueError(f"`{name}` of `{module}`: workers cannot import it. Put it at the top level of a module.")
-    return f"{module}:{name}"
-
-
-def key(scenario: Scenario, fmus: Mapping[str, str], measure: Measure | None) -> str:
-    """Hash of all that decides the metrics of a run, besides its seed."""
-    source = None if measure is None else str(sys.modules[measure.__module__].__file__)
-    facts = {
-        "files": file_hashes(scenario),
-        "variant": scenario.variant,
-        "fmus": dict(fmus),
-        "measure": None if measure is None or source is None else [importable_name(measure), sha256(Path(source))],
-        "gapsense": installed("gapsense"),
-    }
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-
-
-class Job:
-    """The runs still to do, and the processes that do them."""
-
-    def __init__(
-        self,
-        task: Mapping[str, Any],
-        measure: Callable[..., Any] | None,
-        pending: Sequence[int],
-        workers: int,
-        module: str = "gapsense.cosim.worker",
-    ) -> None:
-        self.pending, self.computed = deque(pending), 0
-        self.answers: Queue[Entry | BaseException] = Queue()
-        self.processes = [WorkerProcess(task, measure, module) for _ in range(min(workers, len(pending)))]
-
-    def run(self, known: dict[int, Entry], ledger: Ledger, total: int, progress: Progress | None) -> bool:
-        """Do all runs, adding them to `known` and the ledger; true if interrupted."""
-        left = len(self.pending)
-        threads = [Thread(target=self.feed, args=(process,), daemon=True) for process in self.processes]
-        try:
-            for thread in threads:
-                thread.start()
-            for _ in range(left):
-                if progress:
-                    progress(total - left + self.computed, total)
-                self.keep(self.answers.get(), known, ledger)
-            if progress:
-                progress(total, total)
-        except KeyboardInterrupt:
-            return True
-        finally:
-            self.pending.clear()
-            for process in self.processes:
-                process.close()
-        return False
-
-    def feed(self, process: WorkerProcess) -> None:
-        """Give one process run after run until none is left."""
-        try:
-            process.start()
-            while self.pending:
-                self.answers.put(process.ask(self.pending.popleft()))
-        except IndexError:
-            return  # another thread took the last one
-        except Exception as error:  # handed to the main thread, which raises it
-            self.answers.put(error)
-
-    def keep(self, answer: Entry | BaseException, known: dict[int, Entry], ledger: Ledger) -> None:
-        """Write down an answer; raise what is an error of the whole sweep."""
-        if isinstance(answer, BaseException):
-            raise answer
-        known[answer["index"]] = answer
-        ledger.append(answer)
-        self.computed += 1
+def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure | None) -> str:
+    """Key of all that decides the metrics of a run, besides its seed."""
+    hashes = {name: description.sha256 for name, description in fmus.items()}
+    return key([file_hashes(scenario), scenario.variant, hashes, measure and facts(measure)])
 
 
 def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file: Path | None) -> Sweep:

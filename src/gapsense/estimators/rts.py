@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gapsense.emit import Python
+from gapsense.emit import compiled
 from gapsense.estimators import ekf
 from gapsense.estimators.ekf import Parameters, physical
 from gapsense.estimators.ertss import backward, impact
@@ -128,10 +128,7 @@ def _backward() -> Callable[..., tuple[float, ...]]:
         return Estimate(*backward(Gaussian(*filtered), held, Gaussian(*later), normalised(par), par))
 
     arguments = {"filtered": Estimate, "held": Held, "later": Estimate, "par": Parameters}
-    space: dict[str, Any] = {}
-    source = f"{Python.head}\n\n{Python(trace(smoothed, arguments)).source()}"
-    exec(compile(source, "<backward pass>", "exec"), space)
-    return space["smoothed"]  # type: ignore[no-any-return]
+    return compiled(trace(smoothed, arguments))
 
 
 def _estimates(entries: list[tuple[float, ...]], par: Parameters) -> Estimates:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
-import importlib.util
 import shutil
 import sys
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -19,14 +17,15 @@ from pythonfmu import FmuBuilder
 
 import gapsense
 from gapsense.fmi import describe, page, shim
-from gapsense.fmi.ports import Component
-from gapsense.fmi.start_values import with_start_values
+from gapsense.fmi.components import kernel_of, load_component
+from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
+from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.records import fields
 
 HERE = Path(__file__).parent
-SHELL = ("ports.py", "slave.py", "tables.py")  # travel in every FMU
+SHELL = ("ports.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,
@@ -52,40 +51,8 @@ class {name}(Slave):
 '''
 
 
-def find_components(root: Path, names: Sequence[str] = ()) -> list[Path]:
-    """Component folders below `root`, all or those named (by folder or by FMU, in any case)."""
-    found = {p.parent.name: p.parent for p in sorted(root.glob("*/component.py"))}
-    if not found:
-        raise FileNotFoundError(f"{root}: no component in this folder. Run it in a checkout of Gapsense.")
-    known = {name.replace("_", "").lower(): folder for name, folder in found.items()}
-    unknown = [n for n in names if n.replace("_", "").lower() not in known]
-    if unknown:
-        raise FileNotFoundError(f"no component {', '.join(unknown)} in {root}. There are: {', '.join(found)}.")
-    return [known[n.replace("_", "").lower()] for n in names] if names else list(found.values())
-
-
-def load_component(folder: Path) -> Component:
-    """The `COMPONENT` of `folder/component.py`."""
-    spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
-    if spec is None or spec.loader is None or not (folder / "component.py").is_file():
-        raise FileNotFoundError(
-            f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv."
-        )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    component: Component = module.COMPONENT
-    return component
-
-
-def kernel_of(component: Component) -> Kernel:
-    """The kernel of a component."""
-    return Kernel(importlib.import_module(component.kernel))
-
-
 def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = None) -> Path:
     """Build `destination/<Name>.fmu` from a component's folder; the same sources and values give the same bytes.
-
-    Call it in a process that will not load the FMU: building imports the modules that the FMU carries.
 
     Parameters
     ----------
@@ -95,12 +62,19 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         Folder for the FMU.
     values : mapping, optional
         Start values of parameters, in place of those of the port table.
+
+    Raises
+    ------
+    ValueError
+        With all values that the component does not take, or what its folder lacks.
     """
-    component, given = with_start_values(load_component(folder), values or {})
+    component, given = load_component(folder), values or {}
+    checked(component, given, folder)
     kernel = kernel_of(component)
     check_records(component, kernel)
+    component, tables = started(component, given)
     files = _sources(component, kernel)
-    resources = [given.get(name, folder / name) for name in component.resources]
+    resources = [tables.get(name, folder / name) for name in component.resources]
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
@@ -109,6 +83,23 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     _complete(members, component, folder, UUID(identity[:32]))
     destination.mkdir(parents=True, exist_ok=True)
     return _write(members, destination / f"{component.name}.fmu")
+
+
+def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
+    """The component with these start values of its parameters, and the files of tables to put into its resources."""
+    files = {Path(given[p.name]).name: Path(given[p.name]) for p in component.ports if p.columns and p.name in given}
+    ports = tuple(_started(port, given[port.name]) if port.name in given else port for port in component.ports)
+    resources = tuple(dict.fromkeys((*component.resources, *files)))
+    step_size = float(given.get("sample_time", component.step_size))  # of the default experiment
+    return component._replace(ports=ports, resources=resources, step_size=step_size), files
+
+
+def _started(port: Port, value: Any) -> Port:
+    if port.columns:
+        return port._replace(start=Path(value).name)
+    if port.kind != "Real":
+        return port._replace(start=value)
+    return port._replace(start=float(value), nominal=abs(float(value)) or 1.0)
 
 
 def check_records(component: Component, kernel: Kernel) -> None:
@@ -162,8 +153,10 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
     )  # pythonfmu imports the script from here, and instantiates it for the model description
     try:
         return Path(FmuBuilder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
-    finally:
+    finally:  # as if nothing had been imported: this process may load the FMU later
         sys.path[:] = [p for p in sys.path if p != str(work)]
+        for name in [n for n in sys.modules if n.partition(".")[0] in (package.name, script.stem)]:
+            del sys.modules[name]
 
 
 def _members(fmu: Path) -> dict[str, bytes]:

@@ -11,14 +11,13 @@ import json
 import math
 import sys
 import traceback
-from pathlib import Path
 from typing import Any, NoReturn
 
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
-from .ports import Component, Limit, Port
-from .tables import column_name, read_table
+from .ports import Component, Port
+from .values import ValuesError, fields, problems
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
 TOLERANCE = 1e-9  # relative, on times: hosts round
@@ -131,7 +130,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             )
         self.parameters[ref - len(self.signals)] = value
         if is_running:
-            self._check_parameters()
+            if found := problems(self.component, self._given()):
+                raise ValuesError(found)
             par = list(self.par)
             par[self.kernel.PARAMETERS.index(port.field)] = float(value)
             self._take(tuple(par))
@@ -175,17 +175,15 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             self._fail(error, current_time, step_size)
 
     def _initialize(self) -> None:
-        self._check_parameters()
-        self._take(self._kernel_parameters())
-        self.period, self.elapsed = self._value("sample_time"), 0.0
+        given = self._given()
+        values = fields(self.component, given, self.resources or ".")
+        self._take(tuple(values[name] for name in self.kernel.PARAMETERS))
+        self.period, self.elapsed = given.get("sample_time", 0.0), 0.0
         self.state, outputs = self.kernel.initial(self._inputs(self.start_time, 0.0), self.par)
         self._publish(outputs)
 
     def _take(self, par: tuple[Any, ...]) -> None:
         self.par, self.constants = par, self.kernel.constants(par)
-
-    def _value(self, name: str) -> float:
-        return next((float(v) for p, v in zip(self.component.of("parameter"), self.parameters) if p.name == name), 0.0)
 
     def _samples_due(self, end: float, step: float) -> int:
         """How many samples fall due in this step; inputs are held within it."""
@@ -231,46 +229,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     # --- parameters ---
 
-    def _check_parameters(self) -> None:
-        """Refuse all parameters that are out of range, at once."""
-        problems = []
-        for port, value in zip(self.component.of("parameter"), self.parameters):
-            if port.choices and value not in port.choices:
-                problems.append(f"`{port.name}` is `{value}`; expected one of {', '.join(port.choices)}")
-            elif port.kind in ("Real", "Integer") and not _is_in_range(port, value):
-                problems.append(f"`{port.name}` is {value!r}; expected {_range(port)}")
-        for low, high in self.component.rising:
-            if not self._value(low) < self._value(high):
-                problems.append(f"`{low}` is {self._value(low)!r}; expected less than `{high}` = {self._value(high)!r}")
-        if not problems:  # a limit is for parameters in their ranges
-            problems = [problem for limit in self.component.limits if (problem := self._excess(limit))]
-        if problems:
-            raise Refusal(f"{'; '.join(problems)}. Correct the parameters.")
-
-    def _excess(self, limit: Limit) -> str:
-        value = math.prod(self._value(name) ** power for name, power in limit.powers)
-        return (
-            ""
-            if value < limit.below
-            else f"{limit.text()} is {value:g}; expected less than {limit.below:g}: {limit.reason}"
-        )
-
-    def _kernel_parameters(self) -> tuple[Any, ...]:
-        values: dict[str, Any] = {}
-        for port, value in zip(self.component.of("parameter"), self.parameters):
-            if port.columns:
-                values.update(self._tables(port, value))
-            else:
-                values[port.field] = float(port.choices.index(value) if port.choices else value)
-        return tuple(values[name] for name in self.kernel.PARAMETERS)
-
-    def _tables(self, port: Port, file: str) -> dict[str, list[float]]:
-        shipped = Path(self.resources or ".") / file
-        try:
-            tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
-        except (OSError, ValueError) as error:
-            raise Refusal(f"`{port.name}`: {error}") from error
-        return {f"{port.field}_{column_name(c)}": t for c, t in zip(port.columns, tables)}
+    def _given(self) -> dict[str, Any]:
+        return {port.name: value for port, value in zip(self.component.of("parameter"), self.parameters)}
 
     # --- saving the state: all of it ---
 
@@ -316,6 +276,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         raise error
 
     def _cause(self, error: BaseException) -> str:
+        if isinstance(error, ValuesError):
+            return f"{error} Correct the parameters."
         if isinstance(error, Refusal):
             return str(error)
         inputs = ", ".join(f"{p.name} = {v!r}" for p, v in zip(self.component.ports, self.signals[: self.inputs]))
@@ -336,19 +298,6 @@ def _variable(port: Port) -> Any:
         getter=lambda: port.start,
         **start,
     )
-
-
-def _is_in_range(port: Port, value: float) -> bool:
-    low, high = -math.inf if port.min is None else port.min, math.inf if port.max is None else port.max
-    return math.isfinite(value) and low <= value <= high
-
-
-def _range(port: Port) -> str:
-    """What a parameter may be, in few words: hosts cut long messages."""
-    unit = "" if port.unit == "1" else f" {port.unit}"
-    if port.max is None:
-        return "a finite number" if port.min is None else f"at least {port.min:g}{unit}"
-    return f"at most {port.max:g}{unit}" if port.min is None else f"{port.min:g} to {port.max:g}{unit}"
 
 
 SAVED = ("signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from gapsense.cosim.sweep import Job, Progress, importable_name
-from gapsense.ledger import Entry, Ledger
+from gapsense.ledger import Ledger, fingerprint, key
+from gapsense.workers import Job, Progress, complete, facts, importable_name, imported
 
 Facts = Mapping[str, Any]  # of JSON
-SRC = Path(__file__).resolve().parents[1]
-CODE = ("*.py", "emit/*.py", "estimators/*.py", "studies/**/*.py")  # what the numbers depend on
 
 
 class Answers(NamedTuple):
@@ -63,32 +57,21 @@ def compute(
     if workers < 1:
         raise ValueError(f"{workers} workers found, at least 1 expected. Correct `--workers`.")
     numbers = {number(task): task for task in tasks}
-    ledger = Ledger(file, key(function, setting))
+    ledger = Ledger(file, key([facts(function), setting]))
     known = {n: entry for n, entry in ledger.read().items() if n in numbers}
-    name, named = importable_name(function), {str(n): task for n, task in numbers.items()}
-    request = {"function": name, "setting": setting, "tasks": named}
-    job = Job(request, function, [n for n in numbers if n not in known], workers, "gapsense.studies.worker")
-    if job.run(known, ledger, len(numbers), progress):
+    before = len(known)
+    request = {"function": importable_name(function), "setting": setting, "tasks": numbers}
+    if complete(Job(answers, request, workers, function), numbers, known, ledger, progress):
         raise KeyboardInterrupt
-    return Answers([known[number(task)]["result"] for task in tasks], job.computed)
+    return Answers([known[number(task)]["result"] for task in tasks], len(known) - before)
 
 
-def answer(function: Callable[[Any, Any], Any], request: Facts, n: int) -> Entry:
-    """Entry of one task, as a worker gives it."""
-    return {"index": n, "result": function(request["setting"], request["tasks"][str(n)])}
+def answers(request: Facts) -> Callable[[int], Facts]:
+    """Function that a worker answers the number of a task with."""
+    function, setting, tasks = imported(request["function"]), request["setting"], request["tasks"]
+    return lambda n: {"result": function(setting, tasks[str(n)])}  # names in JSON are texts
 
 
 def number(task: Facts) -> int:
     """Number of a task, by its content."""
-    return int(_hash(task)[:12], 16)
-
-
-def key(function: Callable[[Any, Any], Any], setting: Facts) -> str:
-    """Hash of all that decides a result besides its task: setting, code, numpy."""
-    files = sorted(path for pattern in CODE for path in SRC.glob(pattern))
-    code = {path.relative_to(SRC).as_posix(): path.read_text(encoding="utf-8") for path in files}
-    return _hash([importable_name(function), setting, code, np.__version__])
-
-
-def _hash(facts: Any) -> str:
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    return int(fingerprint(task)[:12], 16)

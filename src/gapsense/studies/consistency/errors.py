@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from gapsense.cosim.sweep import Progress
 from gapsense.studies.monte_carlo.comparison import Study, noise_of_width, operation_of, tuning
 from gapsense.studies.smoother.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
 from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
+from gapsense.workers import Progress
 
 Floats = NDArray[np.float64]
 CONFIDENCE = 0.9

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gapsense.cli.common import bar, checkout, command, err, out, reported
+from gapsense.cli.common import bar, command, err, out, reported
 from gapsense.studies.identification.fit import STARTS
 from gapsense.studies.identification.record import CONVENTIONS, Record
 
@@ -89,6 +89,7 @@ def estimate(
     ] = None,
 ) -> None:
     """Run estimators, through their FMUs, on a measured record, and draw what they say."""
+    from gapsense.fmi.components import find_checkout, find_components
     from gapsense.report import plot as figures
     from gapsense.studies.estimation import run as estimation
     from gapsense.studies.estimation import show as report
@@ -97,12 +98,13 @@ def estimate(
     with reported():
         picture = figure or Path("results") / f"{data.stem}_estimates.png"
         figures.check_file(picture)
-        root = checkout()
+        root = find_checkout()
         inputs = estimators(root)
         (record,) = read([data], column, "trapezoid", None, "samples")
+        folders = find_components(root / "fmus")
         values = transfer.read_values(parameters or [])
         names = chosen(estimator, inputs, record, {} if estimator else unfit(root, values))
-        unknown_parameters(root, list(values))
+        transfer.taken(find_components(root / "fmus", names), parameters or [], folders)  # refuses before any runs
         estimates = []
         with bar("estimating") as progress:
             for k, name in enumerate(names):
@@ -146,7 +148,7 @@ def read(files: list[Path], column: list[str] | None, voltage: str, period: floa
 
 def estimators(root: Path, causality: str = "input") -> dict[str, list[str]]:
     """Inputs, or other ports, of every estimator in fmus/."""
-    from gapsense.fmi.package import find_components, load_component
+    from gapsense.fmi.components import find_components, load_component
 
     found = [load_component(folder) for folder in find_components(root / "fmus")]
     mine = [c for c in found if c.kernel.startswith("gapsense.estimators.")]
@@ -176,12 +178,3 @@ def chosen(wanted: str | None, inputs: dict[str, list[str]], record: Record, unf
     for reason in refused:
         err.print(f"left out: {reason}", style="yellow", markup=False)
     return [name for name, reason in reasons.items() if not reason]
-
-
-def unknown_parameters(root: Path, names: list[str]) -> None:
-    """Refuse names that are parameters of no component."""
-    from gapsense.fmi.package import find_components, load_component
-    from gapsense.fmi.start_values import unknown_names
-
-    if problems := unknown_names([load_component(folder) for folder in find_components(root / "fmus")], names):
-        raise ValueError("\n".join(problems))

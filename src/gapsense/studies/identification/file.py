@@ -10,16 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gapsense.actuators.parameters import VALVE
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.cosim.parameters import read_parameters
-from gapsense.files import read_columns, write_atomically
-from gapsense.problems import ScenarioError, suggest
+from gapsense.files import write_atomically
 from gapsense.studies.identification.fit import POOR, Identified
-from gapsense.studies.identification.transfer import GAPS
-from gapsense.tables import Value, found, is_number
+from gapsense.studies.identification.transfer import GAPS, parameters_of, read_values
 
-COLUMNS = ("gap", "reluctance", "slope")
 WRITTEN = (
     "coil.resistance",
     "coil.turns",
@@ -33,8 +28,6 @@ WRITTEN = (
     "stop.upper",
     "initial.position",
 )
-NUMBERS = (*WRITTEN, *GAPS["linear"], *GAPS["fringing"], "micro_step")
-MAY_BE_ZERO = ("gap.slope", "damping", "stop.lower", "initial.position")
 
 
 class Known(NamedTuple):
@@ -52,43 +45,11 @@ def field(name: str) -> str:
 
 def read_known(file: Path | None) -> Known:
     """Known parameters and first guesses from a parameter-set file; what it leaves out is as in [SEMERA] Table I."""
-    if file is None:
-        return Known(VALVE)
-    problems: list[str] = []
-    values = read_parameters(file, problems)
-    law = str(values.get("gap.law", "linear"))
-    problems += [f"{file.name}, {name}: {p}" for name, value in values.items() if (p := _problem(name, value))]
-    if law == "table" and "gap.file" not in values:
-        problems.append(f"{file.name}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
-    if problems:
-        raise ScenarioError(problems)
-    par = VALVE._replace(**{field(n): float(v) for n, v in values.items() if n in NUMBERS})
-    par = par._replace(gap_law=float(list(GAPS).index(law)))
-    if law != "table":
-        return Known(par, law)
-    table = Path(str(values["gap.file"]))
-    gap, reluctance, slope = _gap_table(table)
-    return Known(par._replace(gap_file_gap=gap, gap_file_reluctance=reluctance, gap_file_slope=slope), law, table)
-
-
-def _problem(name: str, value: Value) -> str:
-    """What is wrong with a value, or nothing."""
-    if name == "gap.law":
-        return "" if value in GAPS else f"{found(value)} found. {suggest(str(value), GAPS)}"
-    if name == "gap.file":
-        return ""
-    if name not in NUMBERS:
-        return f"unknown parameter. {suggest(name, (*NUMBERS, 'gap.law', 'gap.file'))}"
-    is_good = is_number(value) and (float(value) > 0.0 or (name in MAY_BE_ZERO and float(value) == 0.0))
-    return "" if is_good else f"{found(value)} found, a positive number is expected. Correct the value."
-
-
-def _gap_table(file: Path) -> tuple[list[float], ...]:
-    columns = read_columns(file)
-    missing = [c for c in COLUMNS if c not in columns]
-    if missing:
-        raise ScenarioError([f"{file.name}: column `{missing[0]}` is missing; {', '.join(COLUMNS)} are expected."])
-    return tuple(columns[c].tolist() for c in COLUMNS)
+    parameters, values = parameters_of("solenoid_valve", file), read_values([file] if file else [])
+    law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
+    if law == "table" and table is None:
+        raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
+    return Known(parameters, law, Path(str(table)) if law == "table" else None)
 
 
 def write_identified(file: Path, result: Identified, known: Known, sources: Sequence[Path]) -> Path:

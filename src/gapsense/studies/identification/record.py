@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result, read_result
-from gapsense.problems import listing, suggest
+from gapsense.problems import InputError, listing, suggest
 from gapsense.units import factor
 
 Vector = npt.NDArray[np.float64]
@@ -38,12 +38,8 @@ SIGNALS = {
 CONVENTIONS = ("trapezoid", "end", "start")
 
 
-class RecordError(ValueError):
-    """A record cannot be used; `problems` lists everything found, one sentence each."""
-
-    def __init__(self, problems: list[str]) -> None:
-        self.problems = problems
-        super().__init__("\n".join(problems))
+class RecordError(InputError):
+    """A record cannot be used."""
 
 
 class Columns(NamedTuple):

@@ -12,13 +12,16 @@ import math
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.cosim.parameters import read_parameters
 from gapsense.files import read_columns, write_atomically, write_columns
-from gapsense.problems import ScenarioError
+from gapsense.fmi.components import kernel_parameters, load_component, own
+from gapsense.fmi.values import ValuesError, fields, unknown
+from gapsense.parameters import read_parameters
+from gapsense.problems import InputError
 from gapsense.tables import Value
 
 # Parameters of each law of the valve.
@@ -28,21 +31,53 @@ AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve a
 
 
 def read_values(files: Sequence[Path]) -> dict[str, Value]:
-    """Values of parameter-set files; what a later file says wins.  A ScenarioError tells all that is wrong."""
+    """Values of parameter-set files; what a later file says wins.  An InputError tells all that is wrong."""
     problems: list[str] = []
     values = {name: value for file in files for name, value in read_parameters(file, problems).items()}
     if problems:
-        raise ScenarioError(problems)
+        raise InputError(problems)
     return values
+
+
+def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()) -> dict[Path, dict[str, Value]]:
+    """What the components of some folders take of parameter sets, which describe a device.
+
+    Each takes the parameters that it has.  A name that none of them has, nor those in the folders `known`, is refused
+    together with all values that a component does not take.
+    """
+    values, components = read_values(files), {folder: load_component(folder) for folder in (*folders, *known)}
+    names = {port.name for component in components.values() for port in component.of("parameter")}
+    where = ", ".join(file.name for file in files)
+    problems = [f"{where}: {unknown(name, names)}" for name in values if name not in names]
+    made: dict[Path, dict[str, Value]] = {}
+    for folder in folders:
+        made[folder] = values_for([port.name for port in components[folder].of("parameter")], values)
+        try:
+            fields(components[folder], made[folder], folder)
+        except ValuesError as error:
+            problems += [f"{where}, {components[folder].name}: {problem}" for problem in error.problems]
+    if problems:
+        raise InputError(problems)
+    return made
+
+
+def parameters_of(name: str, file: Path | None) -> Any:
+    """Parameters of the kernel of the component in folder `name`: its own, or those of a parameter set made for it."""
+    if file is None:
+        return kernel_parameters(own(name), {})
+    try:
+        return kernel_parameters(own(name), read_values([file]))
+    except ValuesError as error:
+        raise InputError([f"{file.name}: {problem}" for problem in error.problems]) from None
 
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
     known = {**priors(values), **values}
-    if "gap.law" in values and ("gap.fringing" in values) != ("gap.fringing" in names):
+    if values.get("gap.law") in GAPS and ("gap.fringing" in values) != ("gap.fringing" in names):
         others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
         known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
-    if "gap.law" in values and "gap.file" in names and "gap.law" not in names:
+    if values.get("gap.law") in GAPS and "gap.file" in names and "gap.law" not in names:
         known["gap.file"] = str(table_of(values if "gap.fringing" in values else {**values, **reduced_gap(values)}))
     return {name: value for name, value in known.items() if name in names}
 
@@ -70,7 +105,7 @@ def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:
     law = str(values["gap.law"])
     missing = [name for name in GAPS[law] if name not in values]
     if missing:
-        raise ScenarioError([f"`gap.law` is `{law}`, but `{missing[0]}` is missing. Give both."])
+        raise InputError([f"`gap.law` is `{law}`, but `{missing[0]}` is missing. Give both."])
     if law == "table":
         return {"gap.law": "table", "gap.file": values["gap.file"]}
     if law == "linear":

@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapsense.cosim.sweep import Progress
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import motions
 from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
+from gapsense.studies.smoother.nominal import fitted, nominal
 from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
 from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
-from gapsense.studies.soft_landing import Samples
+from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 from gapsense.studies.tasks import Facts, compute
+from gapsense.workers import Progress
 
 Floats = NDArray[np.float64]
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
@@ -41,6 +42,14 @@ class Study(NamedTuple):
         """The same for JSON."""
         samples = {name: values.tolist() for name, values in self.samples._asdict().items()}
         return {**self._asdict(), "samples": samples, "model": [*self.model]}
+
+
+def studied(core: str, seed: int) -> Study:
+    """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for: fitted, or published."""
+    if core not in ("fitted", "published"):
+        raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")
+    samples = sampled(soft_landing())
+    return Study(samples, fitted(samples, nominal()) if core == "fitted" else nominal(), seed)
 
 
 def study_of(facts: Facts) -> Study:

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.files import Columns
+from gapsense.report import plot
 from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE
-from gapsense.report.table import add_row
-from gapsense.report.table import table as new_table
+from gapsense.report.table import table
 from gapsense.studies.monte_carlo.comparison import (
     ESTIMATORS,
     OPERATIONS,
@@ -25,87 +25,69 @@ from gapsense.studies.monte_carlo.comparison import (
 from gapsense.studies.smoother.batch import MOVING
 
 STYLES = dict(zip(ESTIMATORS, ((SECOND, "s"), (FIRST, "o"), (THIRD, "^"), ("#8250df", "v"), (FAINT, "x"))))
+CASES = [(q, o) for q in range(len(QUANTITIES)) for o in range(len(OPERATIONS))]
 WITHIN = 0.1  # width up to which ERTSS must be better than without e_i
 
 
 def errors(found: Comparison) -> Figure:
     """Fig. 9: errors against the width of the parameter errors, a panel for each operation and quantity."""
-    figure = Figure(figsize=(9.0, 6.6), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True)
-    for q, quantity in enumerate(QUANTITIES):
-        for o, operation in enumerate(OPERATIONS):
-            axis = axes[q, o]
-            for e, name in enumerate(ESTIMATORS):
-                color, marker = STYLES[name]
-                style = {"color": color, "marker": marker, "markersize": 4, "linewidth": 1.1}
-                axis.plot(100.0 * np.array(found.widths), found.nrmse[:, e, o, q], label=name, **style)
-            axis.set(xscale="log", yscale="log", title=f"{operation}: {quantity}")
-            axis.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
-            _dress(axis)
-        axes[q, 0].set_ylabel(f"NRMSE of the {quantity}")
-    for axis in axes[1]:
-        axis.set_xlabel("width of the parameter errors / %")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
-    figure.suptitle(f"Estimation errors, {found.runs} runs at each width")
+    title, percent = f"Estimation errors, {found.runs} runs at each width", 100.0 * np.array(found.widths)
+    figure, axes = plot.panels(title, len(QUANTITIES), len(OPERATIONS), size=(9.0, 6.6), sharex=True)
+    for q, o in CASES:
+        for e, (name, (color, marker)) in enumerate(STYLES.items()):
+            style = {"color": color, "marker": marker, "markersize": 4, "linewidth": 1.1}
+            axes[q, o].loglog(percent, found.nrmse[:, e, o, q], label=name, **style)
+        axes[q, o].set(title=f"{OPERATIONS[o]}: {QUANTITIES[q]}")
+        axes[q, o].set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
+        axes[q, 0].set_ylabel(f"NRMSE of the {QUANTITIES[q]}")
+        axes[-1, o].set_xlabel("width of the parameter errors / %")
+    plot.legend_below(figure)
     return figure
 
 
 def worst_case(study: Study, found: Comparison, k: int) -> Figure:
     """Fig. 10: positions in the worst run of the ERTSS at width `k`, in both operations."""
     worst = found.worst[k]
+    title = (
+        f"Worst of {found.runs} runs at {100 * found.widths[k]:g} %: NRMSE of the ERTSS "
+        f"{worst.nrmse:.3f} in the {OPERATIONS[worst.operation]}"
+    )
     runs = trajectories(study, found.widths[k], found.tunings[k], worst)
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     z, t = positions(study.samples, study.model), 1e3 * study.samples.time
-    for o, axis in enumerate(figure.subplots(1, 2, sharey=True)):
+    figure, axes = plot.panels(title, 1, len(OPERATIONS), size=(9.0, 3.8), sharey=True)
+    for o, axis in enumerate(axes[0]):
         moving = np.array([k for k in _moving(study) if operation_of(study.samples, k) == o])
         shown = slice(max(0, moving[0] - 8), moving[-1] + 9)
         axis.plot(t[shown], z[shown], color=TRUE, linewidth=2.2, label="reference")
         for name, values in runs.items():
             axis.plot(t[moving], values[moving], color=STYLES[name][0], linewidth=1.1, label=name)
         axis.set(title=OPERATIONS[o], xlabel="time / ms")
-        _dress(axis)
-    figure.axes[0].set_ylabel("normalised position")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
-    figure.suptitle(
-        f"Worst of {found.runs} runs at {100 * found.widths[k]:g} %: NRMSE of the ERTSS "
-        f"{worst.nrmse:.3f} in the {OPERATIONS[worst.operation]}"
-    )
+    axes[0, 0].set_ylabel("normalised position")
+    plot.legend_below(figure)
     return figure
 
 
 def tables(found: Comparison) -> list[Table]:
     """NRMSE in percent: a table for each quantity and operation."""
     made = []
-    for q, quantity in enumerate(QUANTITIES):
-        for o, operation in enumerate(OPERATIONS):
-            table = new_table(
-                f"NRMSE of the {quantity} in the {operation} / %, {found.runs} runs",
-                (
-                    "width / %",
-                    *ESTIMATORS,
-                ),
-            )
-            for width, values in zip(found.widths, found.nrmse):
-                add_row(table, f"{100 * width:g}", *(f"{100 * value:.3g}" for value in values[:, o, q]))
-            made.append(table)
+    for q, o in CASES:
+        rows = (
+            [f"{100 * width:g}", *(f"{100 * value:.3g}" for value in values[:, o, q])]
+            for width, values in zip(found.widths, found.nrmse)
+        )
+        title = f"NRMSE of the {QUANTITIES[q]} in the {OPERATIONS[o]} / %, {found.runs} runs"
+        made.append(table(title, ["width / %", *ESTIMATORS], rows))
     return made
 
 
 def noises(found: Comparison) -> Table:
     """Process noise (60) of each width."""
-    table = new_table(
-        "Process noise (60), standard deviations per sample",
-        (
-            "width / %",
-            "lambda / uWb",
-            "e_i / mA",
-            "e_F / mN",
-        ),
-    )
+    rows = []
     for width, t in zip(found.widths, found.tunings):
         cells = (1e6 * t.process_flux_linkage, 1e3 * t.process_current_error, 1e3 * t.process_force_error)
-        add_row(table, f"{100 * width:g}", *(f"{value:.4g}" for value in cells))
-    return table
+        rows.append([f"{100 * width:g}", *(f"{value:.4g}" for value in cells)])
+    heads = ["width / %", "lambda / uWb", "e_i / mA", "e_F / mN"]
+    return table("Process noise (60), standard deviations per sample", heads, rows)
 
 
 def orderings(found: Comparison) -> list[str]:
@@ -139,8 +121,3 @@ def _moving(study: Study) -> list[int]:
 
 def _count(cases: Any) -> str:
     return f"{int(np.sum(cases))} of {np.size(cases)} cases"
-
-
-def _dress(axis: Any) -> None:
-    axis.grid(True, color="#d0d7de", linewidth=0.5)
-    axis.spines[["top", "right"]].set_visible(False)

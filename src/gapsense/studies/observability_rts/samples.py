@@ -16,9 +16,13 @@ import numpy.typing as npt
 
 from gapsense.derivative import linearise
 from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Model, is_moving, observation, transition
+from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.studies.smoother.reference import reference_states
+from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
 Vector = npt.NDArray[np.float64]
 TOLERANCE = 1e-12
+OTHERS = (1e-9, 1e-10, 1e-11, 1e-13, 1e-14)  # tolerances to compare with
 STATES = 5
 
 
@@ -34,6 +38,24 @@ class Window(NamedTuple):
 
     matrix: Vector  # (rows, 5), scaled (50)
     transition: Vector  # (5, 5), scaled: what later rows are made of
+
+
+class Observed(NamedTuple):
+    """Samples of a cycle and how many each needs, by tolerance."""
+
+    samples: Samples
+    needed: dict[float, Vector]  # (N,) each
+
+
+def along_reference_cycle(tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS)) -> Observed:
+    """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
+    m = nominal()
+    full = sampled(soft_landing(), m.T_s)
+    x = reference_states(full, own(m), m)
+    states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
+    s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period
+    found = {t: samples_needed(states[:-1], s.current, s.voltage, s.mode, m, t) for t in tolerances}
+    return Observed(s, found)
 
 
 def scales(states: Vector, current: Vector) -> Scales:

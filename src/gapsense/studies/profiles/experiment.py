@@ -7,6 +7,7 @@ sample, and against its velocity since the sample before, which is what a positi
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -147,12 +148,13 @@ def motion(first: int, landed: int, times: Vector, mode: Vector, published: npt.
 
 def errors(profiles: Sequence[Profile]) -> Errors:
     """Absolute errors over all samples in motion of all profiles."""
-    found = Errors({}, {})
-    for estimator in ESTIMATORS:
-        for operation in OPERATIONS:
-            key = (estimator, operation)
-            found.position[key], found.velocity[key] = (of(profiles, estimator, operation, k) for k in range(2))
-    return found
+    keys = [*product(ESTIMATORS, OPERATIONS)]
+    return Errors(*({key: of(profiles, *key, quantity) for key in keys} for quantity in range(2)))
+
+
+def moved(profile: Profile, operation: str) -> list[Motion]:
+    """The motions of one operation."""
+    return [m for m in profile.motions if m.operation == operation]
 
 
 def of(profiles: Sequence[Profile], estimator: str, operation: str, quantity: int) -> Vector:
@@ -160,7 +162,6 @@ def of(profiles: Sequence[Profile], estimator: str, operation: str, quantity: in
     parts = [
         np.abs(profile.estimates[estimator][quantity] - profile.true[quantity])[m.first : m.landed]
         for profile in profiles
-        for m in profile.motions
-        if m.operation == operation
+        for m in moved(profile, operation)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)

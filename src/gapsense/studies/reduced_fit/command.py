@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense import cosim
-from gapsense.cli.common import checkout, out, reported, study
-from gapsense.cosim.parameters import read_parameters
+from gapsense.cli.common import show, study
 
 
 @study("reduced-fit")
@@ -31,14 +29,10 @@ def reduced_fit(
     ] = False,
 ) -> None:
     """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
-    from gapsense.fmi.settings import kernel_parameters
-    from gapsense.studies.reduced_fit import show as report
+    from gapsense.studies.identification.transfer import parameters_of
+    from gapsense.studies.reduced_fit.fit import of_record, of_reference_cycle
+    from gapsense.studies.reduced_fit.show import cores
 
-    with reported():
-        problems: list[str] = []
-        values = read_parameters(parameters, problems) if parameters else {}
-        if problems:
-            raise cosim.ScenarioError(problems)
-        par = kernel_parameters(checkout() / "fmus" / "ekf", values)
-        fits = report.of_record(record, par, held) if record else report.of_reference_cycle(par)
-        out.print(report.text(fits, is_reference=record is None), markup=False)
+    par = parameters_of("ekf", parameters)
+    fits = of_record(record, par, held) if record else of_reference_cycle(par)
+    show(*cores(fits, is_reference=record is None))

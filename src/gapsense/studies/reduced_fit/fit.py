@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 
-from gapsense.estimators.reduced_model import Model, current, gap_law
+from gapsense.actuators.motion import MOVING
+from gapsense.actuators.parameters import RTS_VALVE
+from gapsense.estimators.reduced_model import Model, current, gap_law, normalised
+from gapsense.files import read_columns
+from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 Floats = NDArray[np.float64]
 FEWEST = 10  # samples
+PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II
+COLUMNS = ("time", "voltage", "current", "position")  # of a record
+SIMPLER = {
+    "complete model, as in the paper": {},
+    "  its samples in motion only": {},
+    "without hysteresis": {"hysteresis": 0.0},
+    "without eddy currents": {"eddy_currents": 0.0},
+    "without both": {"hysteresis": 0.0, "eddy_currents": 0.0},
+}
 
 
 class CoreFit(NamedTuple):
@@ -28,6 +42,40 @@ class CoreFit(NamedTuple):
     def model(self, m: Model) -> Model:
         """A model with this core."""
         return m._replace(R_c0=self.reluctance, lam_sat=self.saturation)
+
+
+class Fitted(NamedTuple):
+    """One fit, and what the published core leaves of the same currents."""
+
+    title: str
+    fit: CoreFit
+    published_rms: float
+
+
+def of_reference_cycle(par: Any) -> list[Fitted]:
+    """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
+    m, found = normalised(par), []
+    for title, changes in SIMPLER.items():
+        s = sampled(soft_landing(RTS_VALVE._replace(**changes)), par.sample_time)
+        chosen = s.mode == MOVING if "motion" in title else np.full(s.mode.shape, True)
+        given = s.position[chosen], s.flux_linkage[chosen], s.current[chosen]
+        found.append(Fitted(title, fit_core(*given, m), current_rms(*given, m._replace(**PUBLISHED))))
+    return found
+
+
+def of_record(file: Path, par: Any, held: bool) -> list[Fitted]:
+    """Fit to a measured record, with the flux linkage from voltage and current."""
+    columns = read_columns(file)
+    missing = [name for name in COLUMNS if name not in columns]
+    if missing:
+        raise ValueError(f"{file}: column {', '.join(missing)} is missing; it has {', '.join(columns)}. Add it.")
+    time, voltage, current, position = (columns[name] for name in COLUMNS)
+    late = np.flatnonzero(~(np.diff(time) > 0.0))
+    if late.size:
+        raise ValueError(f"{file}, line {late[0] + 3}: `time` does not rise. Correct the file.")
+    m = normalised(par)
+    given = position, integrated_flux(time, voltage, current, m.R, held), current
+    return [Fitted(file.name, fit_core(*given, m), current_rms(*given, m._replace(**PUBLISHED)))]
 
 
 def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> CoreFit:

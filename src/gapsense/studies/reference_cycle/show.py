@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gapsense.actuators.motion import MOVING
-from gapsense.report.plot import FIRST
-from gapsense.studies.soft_landing import Cycle
+from gapsense.report import plot
+from gapsense.studies.soft_landing.phases import Cycle
 
 PANELS = (  # label, field, factor
     ("position / mm", "position", 1e3),
@@ -40,11 +40,9 @@ def figure(cycle: Cycle) -> Figure:
 
 
 def _panel(axis: Any, label: str, x: Any, y: Any, is_moving: Any) -> None:
-    axis.plot(x, y, color=FIRST, linewidth=THIN)
+    axis.plot(x, y, color=plot.FIRST, linewidth=THIN)
     for rows in np.split(np.arange(x.size), np.flatnonzero(np.diff(is_moving)) + 1):
         if is_moving[rows[0]]:
-            axis.plot(x[rows], y[rows], color=FIRST, linewidth=WIDE, solid_capstyle="butt")
+            axis.plot(x[rows], y[rows], color=plot.FIRST, linewidth=WIDE, solid_capstyle="butt")
     axis.set_ylabel(label)
-    axis.grid(True, color="#d0d7de", linewidth=0.5)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.margins(x=0.01)
+    plot.dress(axis)

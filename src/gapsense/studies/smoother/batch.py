@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gapsense.emit import Numpy
+from gapsense import emit
 from gapsense.estimators import ertss
 from gapsense.estimators.ekf import forward
 from gapsense.estimators.kalman import Gaussian
@@ -196,10 +196,7 @@ def extracted(estimate: Gaussian, states: Sequence[int]) -> Any:
 
 def compiled(function: Callable[..., Any], **arguments: type) -> Code:
     """Numpy code of a function on records, for flat rows."""
-    space: dict[str, Any] = {}
-    source = f"{Numpy.head}\n\n{Numpy(trace(function, arguments)).source()}"
-    exec(compile(source, f"<{function.__name__} over runs>", "exec"), space)
-    made = space[function.__name__]
+    made = emit.compiled(trace(function, arguments), emit.Numpy)
     return lambda *rows: made(*rows, 0)
 
 

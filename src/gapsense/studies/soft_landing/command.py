@@ -1,20 +1,13 @@
-"""Soft landing: a drive voltage for an actuator, the reference cycle of [RTS], and observability along it."""
+"""Soft landing: a drive voltage for an actuator."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from gapsense.actuators.parameters import RTS_VALVE
-from gapsense.actuators.reluctance_actuator import Parameters
-from gapsense.cli.common import checkout, command, out, reported, study
-from gapsense.cosim import ScenarioError
-from gapsense.cosim.parameters import read_parameters
-from gapsense.fmi.package import load_component
-from gapsense.fmi.settings import fields_of, unknown
+from gapsense.cli.common import command, show
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
@@ -37,83 +30,20 @@ def soft_landing(
 
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
-    from gapsense.studies.soft_landing import run, table
-    from gapsense.studies.soft_landing import text as report
+    from gapsense.studies.identification.transfer import parameters_of
+    from gapsense.studies.soft_landing import table
+    from gapsense.studies.soft_landing.cycle import run
+    from gapsense.studies.soft_landing.show import phases
 
-    with reported():
-        actuator = _actuator(parameters) if parameters else RTS_VALVE
-        motions = making_start, making_duration, breaking_start, breaking_duration
-        trajectory = Trajectory(period, *motions, hold_voltage, lead)
-        cycles = run(actuator, trajectory, highest_voltage=highest_voltage)
-        times, voltages = table.voltage_table(cycles)
-        points, positions = table.played(actuator, times, voltages)
-        deviation = table.deviation(cycles, points, positions)
-        table.write(to, times, voltages)
-    out.print(report.text(cycles[-1]), markup=False)
-    out.print(f"\nSimulated with steps of 1 us, the actuator follows within {1e9 * deviation:.2g} nm.", markup=False)
-    out.print(
+    device = parameters_of("reluctance_actuator", parameters)
+    motions = making_start, making_duration, breaking_start, breaking_duration
+    cycles = run(device, Trajectory(period, *motions, hold_voltage, lead), highest_voltage=highest_voltage)
+    times, voltages = table.voltage_table(cycles)
+    deviation = table.deviation(cycles, *table.played(device, times, voltages))
+    table.write(to, times, voltages)
+    show(
+        phases(cycles[-1]),
+        f"Simulated with steps of 1 us, the actuator follows within {1e9 * deviation:.2g} nm.",
         f'{to}: {times.size} rows. In DriveVoltage set waveform = "soft_landing", soft_landing.file = "{to}", '
         f"soft_landing.period = {period:g}, soft_landing.repeat_from = {period:g}.",
-        markup=False,
     )
-
-
-@study("reference-cycle")
-def reference_cycle(
-    parameters: File = None,
-    to: Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")] = Path("results/reference_cycle.png"),
-) -> None:
-    """Figure 5 of [RTS]: the cycle with soft landing that its analyses take as the truth."""
-    from gapsense.report import plot as figures
-    from gapsense.studies.reference_cycle import show as reference_cycle
-    from gapsense.studies.soft_landing import soft_landing
-    from gapsense.studies.soft_landing import text as report
-
-    with reported():
-        figures.check_file(to)
-        cycle = soft_landing(_actuator(parameters) if parameters else RTS_VALVE)
-        figures.save(reference_cycle.figure(cycle), to)
-    out.print(report.text(cycle), markup=False)
-    out.print(f"{to} written.", markup=False)
-
-
-@study("observability-rts")
-def observability_rts(
-    to: Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")] = Path("results/observability_rts.png"),
-) -> None:
-    """Figure 6 of [RTS]: samples that make the state of the reduced model observable, along the reference cycle."""
-    from gapsense.report import plot as figures
-    from gapsense.studies.observability_rts import show as observability_rts
-    from gapsense.studies.observability_rts import text as report
-
-    with reported():
-        figures.check_file(to)
-        observed = report.along_reference_cycle()
-        figures.save(observability_rts.figure(observed), to)
-    out.print(report.text(observed), markup=False)
-    out.print(f"{to} written.", markup=False)
-
-
-def _actuator(path: Path) -> Parameters:
-    """Parameters of the actuator from a parameter set; what is not in the file is that of [RTS] Table I."""
-    folder = checkout() / "fmus" / "reluctance_actuator"
-    component = load_component(folder)
-    ports, problems = {p.name: p for p in component.of("parameter")}, list[str]()
-    values = read_parameters(path, problems)
-    fields: dict[str, Any] = {}
-    for name, value in values.items():
-        where = f"{path.name}, values.{name}: "
-        if name not in ports:
-            problems.append(where + unknown(name, component.name, ports))
-            continue
-        try:
-            fields |= fields_of(ports[name], value, folder)
-        except ValueError as error:
-            problems.append(f"{where}{value!r} found; {error}. Correct it.")
-    given = {name: ports[name].start for name in ports} | values
-    for limit in component.limits if not problems else ():
-        if not math.prod(given[name] ** power for name, power in limit.powers) < limit.below:
-            problems.append(f"{path.name}: {limit.text()} must be below {limit.below:g}: {limit.reason}.")
-    if problems:
-        raise ScenarioError(problems)
-    return RTS_VALVE._replace(**fields)

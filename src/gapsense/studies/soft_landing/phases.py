@@ -54,7 +54,7 @@ def balancing_voltage(run: Setup, state: State, m: Motion, lead: float) -> float
     par = _locked(run.par, state.mode)
 
     def lacking(voltage: float) -> float:
-        return float(_kernel().step(state, Inputs(m.start, lead, voltage), par)[0].flux - target)
+        return float(kernel().step(state, Inputs(m.start, lead, voltage), par)[0].flux - target)
 
     low, high = lacking(-run.highest), lacking(run.highest)
     if not low < 0.0 < high:
@@ -69,9 +69,9 @@ def balancing_voltage(run: Setup, state: State, m: Motion, lead: float) -> float
 def rest(run: Setup, state: State, begin: float, end: float, voltage: float) -> tuple[Cycle, State]:
     """Samples of the mover at rest under a constant voltage, and the state at the end."""
     par, times = _locked(run.par, state.mode), _grid(begin, end, run.par.micro_step)
-    rows = [_kernel().step(state, Inputs(begin, 0.0, voltage), par)]
+    rows = [kernel().step(state, Inputs(begin, 0.0, voltage), par)]
     for before, t in zip(times[:-1].tolist(), times[1:].tolist()):
-        rows.append(_kernel().step(rows[-1][0], Inputs(t, t - before, voltage), par))
+        rows.append(kernel().step(rows[-1][0], Inputs(t, t - before, voltage), par))
     flux = np.array([s.flux for s, _ in rows])
     _, slope, _ = smooth_gap_law(state.position, run.act.gap)
     spring = motion.spring_force(state.position, run.act.mover)
@@ -123,5 +123,6 @@ def _locked(par: Parameters, mode: float) -> Parameters:
 
 
 @cache
-def _kernel() -> Kernel:
+def kernel() -> Kernel:
+    """The actuator on floats."""
     return Kernel(reluctance_actuator)

@@ -1,4 +1,4 @@
-"""The soft-landing cycles with four estimators side by side; smoothed values at their own times."""
+"""A cycle with soft landing in numbers; four estimators side by side, smoothed values at their own times."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.table import Table
 
-from gapsense.actuators.motion import MOVING
+from gapsense.actuators.motion import CLOSED, MOVING, OPEN
 from gapsense.cosim import Result
 from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
+from gapsense.report.table import table
+from gapsense.studies.soft_landing.phases import Cycle
 
 SMOOTHERS = {
     "ertss": ("ERTSS", FIRST),
@@ -20,6 +23,13 @@ LABELS = ["voltage / V", "current / mA", "position / mm", "position\nerror / um"
 HEIGHTS = [1.0, 1.0, 1.5, 1.7, 1.7]
 QUANTITIES = (("position", 1e6), ("velocity", 1e3))
 LINTHRESH = 10.0  # errors are linear up to it, then logarithmic
+RANGES = (  # heading, field, factor
+    ("voltage / V", "voltage", 1.0),
+    ("current / mA", "current", 1e3),
+    ("flux / uWb", "flux", 1e6),
+    ("core field / (A/m)", "core_field", 1.0),
+)
+MODES = {CLOSED: "closed", MOVING: "moving", OPEN: "open"}
 
 
 class Smoothed(NamedTuple):
@@ -28,6 +38,17 @@ class Smoothed(NamedTuple):
     time: Vector
     values: Vector
     truth: Vector
+
+
+def phases(cycle: Cycle) -> Table:
+    """Range of voltage, current, flux and field in each phase."""
+    rows = []
+    for part in np.split(np.arange(cycle.time.size), np.flatnonzero(np.diff(cycle.time) == 0.0) + 1):
+        begin, end = 1e3 * cycle.time[part[[0, -1]]]
+        if end > begin:
+            cells = (_range(factor * getattr(cycle, field)[part]) for _, field, factor in RANGES)
+            rows.append([MODES[cycle.mode[part[0]]], f"{begin:.4g}", f"{end:.4g}", *cells])
+    return table("", ["phase", "from / ms", "to / ms", *(heading for heading, _, _ in RANGES)], rows)
 
 
 def run_figure(result: Result) -> Figure:
@@ -61,6 +82,11 @@ def smoothed(result: Result, name: str, quantity: str) -> Smoothed:
     nearest = np.clip(np.searchsorted(result.times, at[order] - 1e-9), 0, result.times.size - 1)
     values = result[f"{name}.smoothed_{quantity}"][rows][order]
     return Smoothed(at[order], values, result[f"actuator.{quantity}"][nearest])
+
+
+def _range(values: Vector) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:.4g}" if high - low < 1e-9 else f"{low:.4g} to {high:.4g}"
 
 
 def _motions(s: Smoothed) -> list[Smoothed]:

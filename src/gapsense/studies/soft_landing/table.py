@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters
-from gapsense.kernel import Kernel
-from gapsense.studies.soft_landing.phases import Cycle, Vector
+from gapsense.studies.soft_landing.phases import Cycle, Vector, kernel
 
 PIECES = 100  # per motion
 
@@ -60,10 +57,10 @@ def played(actuator: Parameters, times: Vector, voltages: Vector, step: float = 
     """Times k `step` and the positions there [m], of the actuator under the mean of the table over each step."""
     points = step * np.arange(round(times[-1] / step) + 1)
     means = np.diff(_integral(times, voltages, points)) / step
-    state, _ = _kernel().initial(Inputs(0.0, 0.0, 0.0), actuator)
+    state, _ = kernel().initial(Inputs(0.0, 0.0, 0.0), actuator)
     positions = [state.position]
     for t, mean in zip(points[1:].tolist(), means.tolist()):
-        state, _ = _kernel().step(state, Inputs(t, step, mean), actuator)
+        state, _ = kernel().step(state, Inputs(t, step, mean), actuator)
         positions.append(state.position)
     return points, np.array(positions)
 
@@ -100,8 +97,3 @@ def _integral(times: Vector, voltages: Vector, at: Vector) -> Vector:
     k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, times.size - 2)
     x, length = at - times[k], np.where(lengths[k] > 0.0, lengths[k], 1.0)
     return np.asarray(sums[k] + x * (voltages[k] + 0.5 * x * (voltages[k + 1] - voltages[k]) / length))
-
-
-@cache
-def _kernel() -> Kernel:
-    return Kernel(reluctance_actuator)

@@ -1,0 +1,66 @@
+"""Component folders: find them, load their port tables, make the records of their kernels."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gapsense
+from gapsense.fmi.ports import Component
+from gapsense.fmi.values import fields
+from gapsense.kernel import Kernel
+
+
+def find_checkout() -> Path:
+    """The checkout that holds fmus/ and build_fmus.py: the working folder or one above it."""
+    here = Path.cwd()
+    found = next((p for p in (here, *here.parents) if (p / "build_fmus.py").is_file() and (p / "fmus").is_dir()), None)
+    if found is None:
+        raise FileNotFoundError(
+            f"{here}: neither here nor above is a checkout of Gapsense (fmus/, build_fmus.py). Change there."
+        )
+    return found
+
+
+def own(name: str) -> Path:
+    """Folder of a component of the checkout that this package was installed from."""
+    return find_components(Path(gapsense.__file__).resolve().parents[2] / "fmus", [name])[0]
+
+
+def find_components(root: Path, names: Sequence[str] = ()) -> list[Path]:
+    """Component folders below `root`, all or those named (by folder or by FMU, in any case)."""
+    found = {p.parent.name: p.parent for p in sorted(root.glob("*/component.py"))}
+    if not found:
+        raise FileNotFoundError(f"{root}: no component in this folder. Run it in a checkout of Gapsense.")
+    known = {name.replace("_", "").lower(): folder for name, folder in found.items()}
+    unknown = [n for n in names if n.replace("_", "").lower() not in known]
+    if unknown:
+        raise FileNotFoundError(f"no component {', '.join(unknown)} in {root}. There are: {', '.join(found)}.")
+    return [known[n.replace("_", "").lower()] for n in names] if names else list(found.values())
+
+
+def load_component(folder: Path) -> Component:
+    """The `COMPONENT` of `folder/component.py`."""
+    spec = importlib.util.spec_from_file_location(f"{folder.name}_component", folder / "component.py")
+    if spec is None or spec.loader is None or not (folder / "component.py").is_file():
+        raise FileNotFoundError(
+            f"{folder}: no component.py. A component's folder holds component.py, page.md and reference.csv."
+        )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    component: Component = module.COMPONENT
+    return component
+
+
+def kernel_of(component: Component) -> Kernel:
+    """The kernel of a component."""
+    return Kernel(importlib.import_module(component.kernel))
+
+
+def kernel_parameters(folder: Path, given: Mapping[str, Any]) -> Any:
+    """The `Parameters` of the kernel of the component in `folder`; a ValuesError tells all values it does not take."""
+    component = load_component(folder)
+    return kernel_of(component).module.Parameters(**fields(component, given, folder))

@@ -1,0 +1,126 @@
+"""Parameter values: whether a component takes them, and what they are in the record of its kernel.
+
+Everybody who is given values asks here: the shell in the FMU, the packager, the commands, the studies.  Standard
+library only, because a copy travels in every FMU.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from .ports import Component, Limit, Port
+from .tables import column_name, read_table
+
+KINDS: dict[str, tuple[str, Any]] = {
+    "Real": ("a number", (int, float)),
+    "Integer": ("a whole number", int),
+    "Boolean": ("true or false", bool),
+    "String": ("a text", str),
+}
+
+
+class ValuesError(ValueError):
+    """A component does not take the values that it is given; `problems` are all reasons, one sentence each."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self.problems = list(problems)
+        super().__init__(" ".join(self.problems))
+
+
+def fields(component: Component, given: Mapping[str, Any], folder: str | Path) -> dict[str, Any]:
+    """Fields of the kernel's `Parameters`: numbers, the index of a choice, a list for each column of a table.
+
+    Parameters
+    ----------
+    component : Component
+        Its parameters have their start values where none is given.
+    given : mapping
+        Values by the names of parameters.
+    folder : str or Path
+        Where the component's own tables lie; others are found from the working folder on.
+
+    Raises
+    ------
+    ValuesError
+        With all `problems`, and those of the tables.
+    """
+    found = problems(component, given)
+    made: dict[str, Any] = {}
+    for port, value in _values(component, given):
+        if port.columns and isinstance(value, str):
+            try:
+                made.update(_tables(port, value, Path(folder)))
+            except (OSError, ValueError) as error:
+                found.append(f"`{port.name}`: {error}")
+        elif not found:
+            made[port.field] = float(port.choices.index(value) if port.choices else value)
+    if found:
+        raise ValuesError(found)
+    return made
+
+
+def problems(component: Component, given: Mapping[str, Any]) -> list[str]:
+    """Everything that is wrong with values of parameters, but for the content of tables; empty if they are taken."""
+    values = {port.name: value for port, value in _values(component, given)}
+    wrong = {port.name: text for port, value in _values(component, given) if (text := _wrong(port, value))}
+    found = [*(unknown(name, values) for name in given if name not in values), *wrong.values()]
+    falling = [p for p in component.rising if not wrong.keys() & set(p) and not values[p[0]] < values[p[1]]]
+    found += [f"`{a}` is {values[a]!r}; expected less than `{b}` = {values[b]!r}." for a, b in falling]
+    if not wrong and not falling:  # a limit is for parameters in their ranges
+        found += [text for limit in component.limits if (text := _excess(limit, values))]
+    return found
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """That there is no parameter of a name, and which may be meant."""
+    near = get_close_matches(name, known, n=1)
+    return f"there is no parameter `{name}`. " + (f"Did you mean `{near[0]}`?" if near else "Remove it.")
+
+
+def _values(component: Component, given: Mapping[str, Any]) -> list[tuple[Port, Any]]:
+    return [(port, given.get(port.name, port.start)) for port in component.of("parameter")]
+
+
+def _wrong(port: Port, value: Any) -> str:
+    """What is wrong with a value by itself, or nothing."""
+    kind, types = KINDS[port.kind]
+    if not isinstance(value, types) or isinstance(value, bool) != (port.kind == "Boolean"):
+        expected = kind
+    elif port.choices:
+        expected = "" if value in port.choices else f"one of {', '.join(port.choices)}"
+    else:
+        expected = "" if isinstance(value, (bool, str)) or _is_in_range(port, value) else _range(port)
+    shown = f"`{value}`" if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else repr(value)
+    return expected and f"`{port.name}` is {shown}; expected {expected}."
+
+
+def _is_in_range(port: Port, value: float) -> bool:
+    low, high = -math.inf if port.min is None else port.min, math.inf if port.max is None else port.max
+    return math.isfinite(value) and low <= value <= high
+
+
+def _range(port: Port) -> str:
+    """What a number may be, in few words: hosts cut long messages."""
+    unit = "" if port.unit == "1" else f" {port.unit}"
+    if port.max is None:
+        return "a finite number" if port.min is None else f"at least {port.min:g}{unit}"
+    return f"at most {port.max:g}{unit}" if port.min is None else f"{port.min:g} to {port.max:g}{unit}"
+
+
+def _excess(limit: Limit, values: Mapping[str, Any]) -> str:
+    factors = (
+        values[name] if power > 0 else 1.0 / values[name] for name, power in limit.powers for _ in range(abs(power))
+    )
+    value = math.prod(factors)
+    is_below = value < limit.below
+    return "" if is_below else f"{limit.text()} is {value:g}; expected less than {limit.below:g}: {limit.reason}."
+
+
+def _tables(port: Port, file: str, folder: Path) -> dict[str, list[float]]:
+    shipped = folder / file
+    tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
+    return {f"{port.field}_{column_name(c)}": t for c, t in zip(port.columns, tables)}

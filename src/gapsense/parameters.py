@@ -1,0 +1,42 @@
+"""Parameter sets: TOML files with a description, a source and a table of values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gapsense.tables import SCALAR, TEXT, Table, Value, read_toml
+
+
+def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
+    """Values of a parameter-set file by variable name; files named in it are relative to it."""
+    data = read_toml(path, problems)
+    if data is None:
+        return {}
+    table = Table(data, path.name, "", problems)
+    table.take("description", TEXT)
+    table.take("source", TEXT)
+    if "values" not in data:
+        table.note("values", "missing; a table of parameter values is expected. Add `[values]`.")
+    values = located_values(table.table("values"), path.parent)
+    table.finish()
+    return values
+
+
+def located_values(table: Table, folder: Path) -> dict[str, Value]:
+    """Values of a table by dotted name, with the files among them as absolute paths."""
+    return {name: located(name, value, folder, table) for name, value in table.flat(SCALAR).items()}
+
+
+def is_file(name: str, value: Value) -> bool:
+    """True for a parameter that names a file: its name is `file` or ends in `.file`, and it is not empty."""
+    return isinstance(value, str) and bool(value) and name.rpartition(".")[2] == "file"
+
+
+def located(name: str, value: Value, folder: Path, table: Table) -> Value:
+    """The value; a file becomes an absolute path, and must exist."""
+    if not is_file(name, value):
+        return value
+    path = (folder / str(value)).resolve()
+    if not path.is_file():
+        table.note(name, f"there is no file `{path}`. Correct the path; it is relative to {table.file}.")
+    return str(path)

@@ -1,0 +1,59 @@
+"""The key of what was computed: what changes it, and what does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gapsense import ledger
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package of two files, in place of ours."""
+    (tmp_path / "part").mkdir()
+    (tmp_path / "one.py").write_text("x = 1\n")
+    (tmp_path / "part" / "two.c").write_text("int y;\n")
+    monkeypatch.setattr(ledger, "PACKAGE", tmp_path)
+    return tmp_path
+
+
+def test_same_facts_and_sources_have_the_same_key(package):
+    assert ledger.key({"a": 1, "b": 2.0}) == ledger.key({"b": 2.0, "a": 1}) != ledger.key({"a": 1, "b": 3.0})
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("one.py", "x = 2\n"), ("part/two.c", "int z;\n"), ("part/new.py", ""), ("part/new.h", "")]
+)
+def test_changed_or_new_source_changes_the_key(package, name, text):
+    before = ledger.key("facts")
+    (package / name).write_text(text)
+    assert ledger.key("facts") != before
+
+
+def test_renamed_source_changes_the_key(package):
+    before = ledger.key("facts")
+    (package / "one.py").rename(package / "three.py")
+    assert ledger.key("facts") != before
+
+
+@pytest.mark.parametrize("name", ["__pycache__/one.cpython-310.pyc", "one.py~", "notes.txt"])
+def test_what_is_no_source_leaves_the_key(package, name):
+    before = ledger.key("facts")
+    (package / name).parent.mkdir(exist_ok=True)
+    (package / name).write_text("x")
+    assert ledger.key("facts") == before
+
+
+def test_other_numpy_changes_the_key(package, monkeypatch):
+    before = ledger.key("facts")
+    monkeypatch.setattr(np, "__version__", "0.0")
+    assert ledger.key("facts") != before
+
+
+def test_our_package_has_sources():
+    names = set(ledger.sources())
+    assert {"ledger.py", "cosim/metrics.py", "actuators/motion.py", "cosim/turn/turn.c"} <= names
+    assert not [name for name in names if "pycache" in name]
