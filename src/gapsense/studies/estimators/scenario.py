@@ -58,10 +58,10 @@ def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
 
 def parts() -> dict[str, str]:
     """The marked parts by name."""
-    wires = ((signal, f"{c.component}.{name}") for c in CONTENDERS for name, signal in c.wires.items())
+    wires = {f"{c.component}.{name}": source for c in CONTENDERS for name, source in c.wires.items()}
     return {
         "components": "\n".join(map(component, CONTENDERS)),
-        "connections": "\n".join(toml("[connections]", {"from": signal, "to": target}) for signal, target in wires),
+        "connections": "".join(f'"{target}" = "{source}"\n' for target, source in wires.items()),
         "signals": "".join(f'  "*.{name}",\n' for name in dict.fromkeys(s for c in CONTENDERS for s in c.signals())),
         "noise": "\n".join(map(noise, LEVELS)),
     }
