@@ -1,6 +1,7 @@
 """The benchmark of all estimators: its measures on constructed signals, what the estimators are told, and its runs."""
 
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -9,22 +10,25 @@ from typer.testing import CliRunner
 
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.cli import app
-from gapsense.cosim import load, run
+from gapsense.cosim import load, prepare, run
 from gapsense.cosim.record import Result, Run, Timing
+from gapsense.cosim.signals import recorded_signals
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
+from gapsense.report.table import text as plain_text
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
+from gapsense.studies.estimators import scenario
 from gapsense.studies.estimators import show as drawn
-from gapsense.studies.estimators import text as report
+from gapsense.studies.estimators.contenders import CONTENDERS, EKF, Contender
 from gapsense.studies.figures import draw
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"
 STEP, LOW, HIGH = 1e-3, 0.4e-3, 1.4e-3
-FILTER = benchmark.Contender("a filter", "it", {"position": "position", "velocity": "velocity"}, "")
-SMOOTHER = benchmark.Contender("a smoother", "it", {"position": "smoothed"}, "", "published", "about")
+FILTER = Contender("a filter", "it", {"position": "position", "velocity": "velocity"}, "")
+SMOOTHER = Contender("a smoother", "it", {"position": "smoothed"}, "", published="published", time="about")
 LIFT = FILTER._replace(is_lift=True)
 
 
@@ -126,20 +130,44 @@ def test_a_smoother_has_landed_where_its_last_estimate_of_the_motion_is():
 
 
 def test_files_of_the_scenario_are_what_the_functions_give(tmp_path):
-    known.write(tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["gap_19.csv", "rows_10.csv", "rows_5.csv"]
+    shipped = (FOLDER / "scenario.toml").read_text()
+    emptied = scenario.PART.sub(r"\1\3", shipped)
+    assert len(scenario.PART.findall(shipped)) == len(scenario.parts())
+    assert "ertss" not in emptied.partition("[baseline]")[0]
+    (tmp_path / "scenario.toml").write_text(emptied)
+    scenario.write(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["gap_19.csv", "rows_10.csv", "rows_5.csv", "scenario.toml"]
     for file in tmp_path.iterdir():
         assert file.read_text() == (FOLDER / file.name).read_text()
 
 
+def test_a_contender_that_joins_is_one_entry(monkeypatch, fmus, tmp_path):
+    wires = {**EKF.wires, "current": "hybrid_ekf.current_estimated"}  # what another contender gives
+    joins = EKF._replace(label="another", component="another", options={"process.flux_linkage": 1e-5}, wires=wires)
+    for module in (scenario, benchmark, drawn):
+        monkeypatch.setattr(module, "CONTENDERS", (*CONTENDERS, joins))
+    (tmp_path / "scenarios").mkdir()
+    folder = Path(copytree(FOLDER, tmp_path / "scenarios" / "estimators"))
+    copytree(ROOT / "scenarios" / "profiles", tmp_path / "scenarios" / "profiles")
+    scenario.write(folder)
+    read = load(folder, "together")
+    assert read.components["another"].values["process.flux_linkage"] == 1e-5
+    assert read.components["another"].values["noise.current"] == 0.02
+    assert "another.mover.mass" in map(str, read.rows[0])
+    benchmark.require(recorded_signals(*prepare(folder, None, fmus)), "made")
+    assert "| another | " in plain_text(*drawn.tables({None: runs(), "warm": runs()}))
+    assert len({(str(color), marker) for color, marker in map(drawn.look, drawn.CONTENDERS)}) == len(CONTENDERS) + 1
+    assert imread(figures.save(drawn.conditions({None: runs()}), tmp_path / "conditions.png")).std() > 0.01
+
+
 def test_estimators_of_the_plain_scenario_know_the_valve():
     components = load(FOLDER).components
-    for name, value in known.beliefs(known.VALVE).items():
+    for name, value in scenario.beliefs(known.VALVE).items():
         component, _, parameter = name.partition(".")
         assert components[component].values[parameter] == pytest.approx(value, rel=1e-9), name
     rows = load(FOLDER, "wrong_5").rows
-    assert {str(port) for port in rows[0]} == set(known.beliefs(known.VALVE))
-    assert len(rows) == known.DRAWS
+    assert {str(port) for port in rows[0]} == set(scenario.beliefs(known.VALVE))
+    assert len(rows) == scenario.DRAWS
     for row in rows:
         mass = {value for port, value in row.items() if port.variable == "mover.mass"}
         assert len(mass) == 1 and mass.pop() == pytest.approx(RTS_VALVE.mover_mass, rel=0.05)
@@ -182,17 +210,17 @@ def test_core_of_the_magnet_is_fitted_to_the_first_motions(plain):
 
 def test_plain_run(plain, tmp_path):
     found = benchmark.measure(plain)
-    position = {c.component: found[f"{c.component}.position"] for c in benchmark.CONTENDERS if "position" in c.gives}
+    position = {c.component: found[f"{c.component}.position"] for c in CONTENDERS if "position" in c.gives}
     assert max(position["ertss"], position["no_current_error"]) < 8e-6 < 15e-6 < position["ekf"] < 40e-6
     assert all(
         60e-6 < position[name] < 110e-6 for name in ("open_loop", "bounded_ukf", "bounded_ukf_tuned", "hybrid_ekf")
     )
-    for c in benchmark.CONTENDERS:
+    for c in CONTENDERS:
         assert found[f"{c.component}.landings"] == 5
         assert found[f"{c.component}.missed"] == 0 or "position" not in c.gives
         assert found[f"{c.component}.cost"] > 0
-        is_late = c.component in ("ertss", "no_current_error", "integral_offline")
-        assert (found[f"{c.component}.latency"] > 0) == is_late
+        assert (found[f"{c.component}.latency"] > 0) == bool(c.published)
+    assert {"ertss", "no_current_error", "integral_offline"} <= {c.component for c in CONTENDERS if c.published}
     assert found["integral_offline.latency"] == pytest.approx(20e-3, rel=1e-9)
     assert 4e-3 < found["ertss.latency"] < 7e-3 and 3.9e-3 < found["ertss.after_landing"] < 6e-3
     assert imread(figures.save(draw(plain, "estimators"), tmp_path / "run.png")).std() > 0.01
@@ -205,7 +233,7 @@ def test_what_is_not_recorded_is_told(plain):
 
 def runs(**changes):
     """Two runs in which every number is 1e-3, but for changes by `component__number`."""
-    both = {f"{c.component}.{n}": np.full(2, 1e-3) for c in benchmark.CONTENDERS for n in benchmark.NUMBERS}
+    both = {f"{c.component}.{n}": np.full(2, 1e-3) for c in drawn.CONTENDERS for n in benchmark.NUMBERS}
     return both | {name.replace("__", "."): np.array(values) for name, values in changes.items()}
 
 
@@ -213,7 +241,7 @@ def test_tables_show_median_worst_and_misses():
     none = [np.nan, np.nan]
     plain = runs(ekf__position=[10e-6, 30e-6], ekf__missed=[0.0, 1.0], ekf__landings=[5.0, 5.0], semera__missed=none)
     wrong = runs(ekf__position=[10e-6, 50e-6], ekf__missed=[2.0, 0.0], ekf__landings=[5.0, 5.0], ekf__resistance=none)
-    text = report.text({None: plain, "wrong_5": wrong})
+    text = plain_text(*drawn.tables({None: plain, "wrong_5": wrong}))
     lines = [line for line in text.splitlines() if line.startswith("  Ekf ")]
     assert "20.0 (30.0)" in lines[0] and lines[0].endswith("1 of 10")
     assert "30.0 (50.0)" in lines[1] and " - " in lines[1]
@@ -233,7 +261,7 @@ def test_figure_of_the_conditions(tmp_path):
 def test_table_of_the_readme_has_every_estimator():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     table = readme.partition("## Which estimator")[2].partition("\n## ")[0]
-    for contender in benchmark.CONTENDERS:
+    for contender in CONTENDERS:
         assert f"\n| {contender.label} | " in table, contender.label
         assert contender.needs in table, contender.label
 
@@ -244,6 +272,6 @@ def test_the_whole_family(fmus, tmp_path, monkeypatch):
     arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
     done = CliRunner().invoke(app, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
-    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(report.CONDITIONS)
+    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(drawn.CONDITIONS)
     assert imread(tmp_path / "estimators.png").std() > 0.01
-    assert set(load(FOLDER).variants) == {c.variant for c in report.CONDITIONS if c.variant}
+    assert set(load(FOLDER).variants) == {c for c in drawn.CONDITIONS if c}

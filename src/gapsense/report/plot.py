@@ -87,8 +87,9 @@ def display(unit: str) -> tuple[str, float]:
 
 
 def legend(axis: Any) -> None:
-    """A legend that stands beside the panel and hides nothing."""
-    axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize="small")
+    """A legend that stands beside the panel and hides nothing, in columns of at most ten."""
+    columns = max(1, -(-len(axis.get_legend_handles_labels()[1]) // 10))
+    axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize="small", ncols=columns)
 
 
 def legend_below(figure: Figure) -> None:

@@ -15,46 +15,13 @@ import numpy.typing as npt
 
 from gapsense.cosim import Result
 from gapsense.estimators.rts import motions
+from gapsense.studies.estimators.contenders import CONTENDERS, Contender
 
 Vector = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 QUANTITIES = ("position", "velocity", "flux_linkage", "resistance")
 NUMBERS = (*QUANTITIES, "landings", "missed", "latency", "after_landing", "cost")
 FAR = 0.1  # of the stroke: an estimate as far from the stop has missed the landing
-
-
-class Contender(NamedTuple):
-    """An estimator in the scenario, the signals that it gives, and what it needs beside voltage and current."""
-
-    label: str
-    component: str
-    gives: dict[str, str]  # signal by quantity
-    needs: str
-    published: str = ""  # 1 in samples that are about `time`
-    time: str = ""
-    is_lift: bool = False  # the position counts from the upper stop down
-
-
-REAL_TIME = {"position": "position", "velocity": "velocity", "flux_linkage": "flux_linkage"}
-SMOOTHED = {quantity: f"smoothed_{signal}" for quantity, signal in REAL_TIME.items()}
-ELECTRIC = {"flux_linkage": "flux_linkage", "resistance": "resistance"}
-MODEL = "all parameters"
-CONTACT = f"{MODEL}; contact sensor"
-LATE = ("smoothed_published", "smoothed_time")
-CONTENDERS = (
-    Contender("open loop", "open_loop", REAL_TIME, f"{MODEL}; no current"),
-    Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL),
-    Contender("BoundedUkf, tuned", "bounded_ukf_tuned", REAL_TIME, MODEL),
-    Contender("HybridEkf", "hybrid_ekf", {k: k for k in QUANTITIES[:2]}, MODEL, is_lift=True),
-    Contender("Ekf", "ekf", REAL_TIME, CONTACT),
-    Contender("Ertss", "ertss", SMOOTHED, CONTACT, *LATE),
-    Contender("Ertss without e_i", "no_current_error", SMOOTHED, CONTACT, *LATE),
-    Contender("Semera", "semera", ELECTRIC, "R, rest inductance"),
-    Contender("Integral", "integral", ELECTRIC, "R, periodic drive"),
-    Contender(
-        "Integral offline", "integral_offline", ELECTRIC, "periodic drive", published="published", time="published_time"
-    ),
-)
 
 
 class Samples(NamedTuple):
@@ -66,7 +33,7 @@ class Samples(NamedTuple):
 
 def signals() -> list[str]:
     """What a run must have recorded."""
-    own = [f"{c.component}.{s}" for c in CONTENDERS for s in (*c.gives.values(), c.published, c.time) if s]
+    own = [f"{c.component}.{signal}" for c in CONTENDERS for signal in c.signals()]
     return [*(f"actuator.{signal}" for signal in ("position", "flux_linkage", "mode")), *own]
 
 

@@ -8,8 +8,6 @@ that is the same everywhere.  It is given the magnet that is most like the valve
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from gapsense.actuators.magnetics import fringing
 from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.estimators.hybrid_ekf import MU_0
-from gapsense.studies.smoother.perturbation import errors
 
 Floats = NDArray[np.float64]
 KNOTS = 19  # of the gap table, as in [UKF]
 PERMEABILITY = 200.0  # of the magnet that stands for the valve; only its ratio to the core's length matters
 CORE_SHARE = 0.798  # by `core_share`, from the motions of the scenario's first cycle
-SEED, DRAWS = 1, 16
-WIDTHS = {"rows_5.csv": 0.1, "rows_10.csv": 0.2}  # intervals of +-5 % and +-10 %, (55)
 
 
 class Valve(NamedTuple):
@@ -147,39 +142,3 @@ def coil(v: Valve) -> dict[str, float]:
         "prior.resistance": v.resistance,
         "prior.inductance": v.turns**2 / (gap_law(v.upper, v)[0] + v.core),
     }
-
-
-def beliefs(v: Valve) -> dict[str, float]:
-    """Parameters of all estimators by `component.parameter`."""
-    of: Mapping[str, dict[str, float]] = {
-        "ekf": reduced(v),
-        "ertss": reduced(v),
-        "no_current_error": reduced(v),
-        "bounded_ukf": tabulated(v),
-        "bounded_ukf_tuned": tabulated(v),
-        "open_loop": tabulated(v),
-        "hybrid_ekf": magnet(v),
-        "semera": coil(v),
-        "integral": coil(v),
-        "integral_offline": coil(v),
-    }
-    return {f"{name}.{parameter}": value for name, values in of.items() for parameter, value in values.items()}
-
-
-def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
-    """Wrong beliefs, one row per draw: the first draws of the Monte Carlo of [RTS], uniform in an interval of `width`.
-
-    The same draws for every width, as there.
-    """
-    return [beliefs(wrong(e)) for e in width * errors(SEED, 0, draws).T]
-
-
-def write(folder: Path) -> None:
-    """Write the files of the scenario that follow from the numbers above: gap table and rows of wrong beliefs."""
-    np.savetxt(
-        folder / "gap_19.csv", np.transpose(gap_table()), "%.10g", ",", header="gap,reluctance,slope", comments=""
-    )
-    for name, width in WIDTHS.items():
-        table = rows(width)
-        lines = [",".join(table[0]), *(",".join(f"{value:.8g}" for value in row.values()) for row in table)]
-        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,84 +1,184 @@
-"""Figure of the benchmark of all estimators: errors by condition."""
+"""The benchmark of all estimators: a table for each condition, one that sums it up, as Markdown, and the figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
+from rich.table import Table
 
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line, recorded, stack
-from gapsense.studies.estimators.measures import CONTENDERS, Contender, estimate, learnt, lined_up, signals
-from gapsense.studies.estimators.text import CONDITIONS, Runs, values
+from gapsense.report import plot
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, line
+from gapsense.report.table import add_row, table
+from gapsense.studies.estimators.contenders import CONTENDERS, Contender
+from gapsense.studies.estimators.measures import estimate, learnt, lined_up, signals
 
-PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
-COLORS = dict(
-    zip(
-        (c.label for c in CONTENDERS),
-        (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83"),
-    )
+Runs = Mapping[str, npt.NDArray[np.float64]]  # values by `component.number`, one per run
+Found = Mapping[str | None, Runs]  # by variant; None is the scenario itself
+CONDITIONS = {  # title by variant
+    None: "plain",
+    "slow": "slowed",
+    "soft": "soft landing",
+    "quiet": "0.2 mA",
+    "noisy": "20 mA",
+    "wrong_5": "5 % wrong",
+    "wrong_10": "10 % wrong",
+    "warm": "warm coil",
+    "cold": "cold coil",
+    "together": "together",
+}
+COLUMNS = {  # number, factor and digits by title
+    "position / um": ("position", 1e6, 1),
+    "velocity / (mm/s)": ("velocity", 1e3, 0),
+    "flux linkage / uWb": ("flux_linkage", 1e6, 0),
+    "resistance / mOhm": ("resistance", 1e3, 0),
+}
+SUMMED_UP = (  # title, number, variant, factor, digits
+    ("z / um", "position", None, 1e6, 1),
+    ("20 mA", "position", "noisy", 1e6, 0),
+    ("5 % wrong", "position", "wrong_5", 1e6, 0),
+    ("warm coil", "position", "warm", 1e6, 0),
+    ("cold coil", "position", "cold", 1e6, 0),
+    ("v / (mm/s)", "velocity", None, 1e3, 0),
+    ("flux / uWb", "flux_linkage", None, 1e6, 0),
+    ("cold coil", "flux_linkage", "cold", 1e6, 0),
+    ("R / mOhm, warm coil", "resistance", "warm", 1e3, 0),
 )
-SHAPES = dict(zip(COLORS, "ospD^v<PX*"))
-SPACING = 0.11  # between the estimators of a condition
+PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
+SPACING, WIDTH = 0.11, 1.0  # between the estimators of a condition, and of all of them at most
+COLORS = (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83")
+MARKERS = "ospD^v<PX*>dH8h"
 
 
-def conditions(found: Mapping[str | None, Runs]) -> Figure:
+def tables(found: Found) -> list[Table | str]:
+    """Tables of the conditions that were run, then the summary.
+
+    Parameters
+    ----------
+    found : mapping
+        By variant, the plain scenario first, the metrics of its runs that `measures.measure` gives.
+    """
+    first = next(iter(found.values()))
+    return [*(condition(v, found[v]) for v in CONDITIONS if v in found), summary(found), *waits(first)]
+
+
+def condition(variant: str | None, runs: Runs) -> Table:
+    """Median over the runs of a condition, and the worst of them, by estimator."""
+    size = next(iter(runs.values())).size
+    title = f"{CONDITIONS[variant]} ({variant or 'the scenario itself'}), {size} runs: root mean square errors, "
+    made = table(f"{title}median (worst)", ["", *COLUMNS, "missed landings"])
+    for c in CONTENDERS:
+        cells = (spread(values(runs, c, number) * factor, digits) for number, factor, digits in COLUMNS.values())
+        add_row(made, c.label, *cells, misses([runs], c))
+    return made
+
+
+def values(runs: Runs, contender: Contender, number: str) -> npt.NDArray[np.float64]:
+    """A number of an estimator in all runs."""
+    return runs[f"{contender.component}.{number}"]
+
+
+def median(numbers: npt.NDArray[np.float64], digits: int) -> str:
+    """Median, or nothing where the estimator does not give the quantity."""
+    return "-" if np.all(np.isnan(numbers)) else f"{np.median(numbers):.{digits}f}"
+
+
+def spread(numbers: npt.NDArray[np.float64], digits: int) -> str:
+    """Median and largest, or nothing where the estimator does not give the quantity."""
+    return "-" if np.all(np.isnan(numbers)) else f"{median(numbers, digits)} ({np.max(numbers):.{digits}f})"
+
+
+def misses(of: Sequence[Runs], contender: Contender) -> str:
+    """Missed landings of all landings."""
+    lost, landings = (sum(float(values(runs, contender, n).sum()) for runs in of) for n in ("missed", "landings"))
+    return "-" if np.isnan(lost) else f"{lost:.0f} of {landings:.0f}"
+
+
+def summary(found: Found) -> str:
+    """The table of the README: medians (worst) of the runs; latency of the plain scenario, least cost of all runs."""
+    titles = [title for title, _, variant, _, _ in SUMMED_UP if variant in found]
+    head = ["", *titles, "missed", "latency / ms", "us per step", "needs beside u, i"]
+    rows = [head, ["---"] * len(head), *(summed_up(c, found) for c in CONTENDERS)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
+
+
+def summed_up(contender: Contender, found: Found) -> list[str]:
+    """The worst run is shown where the runs differ by wrong parameters, not where they differ by the noise only."""
+    cells = [
+        (spread if variant == "wrong_5" else median)(factor * values(found[variant], contender, number), digits)
+        for _, number, variant, factor, digits in SUMMED_UP
+        if variant in found
+    ]
+    late = median(1e3 * values(next(iter(found.values())), contender, "latency"), 1)
+    cost = f"{min(float(values(runs, contender, 'cost').min()) for runs in found.values()):.0f}"
+    return [contender.label, *cells, misses(list(found.values()), contender), late, cost, contender.needs]
+
+
+def waits(runs: Runs) -> Iterator[str]:
+    """How long after a landing those that are late have published its motion."""
+    for contender in CONTENDERS:
+        late = median(1e3 * values(runs, contender, "after_landing"), 1)
+        if contender.published and late != "-":
+            yield f"{contender.label}: a motion is published completely {late} ms after its landing."
+
+
+def look(contender: Contender) -> tuple[Any, str]:
+    """Colour and marker, by its place; after the colours above come hues, each far from those before."""
+    k = CONTENDERS.index(contender)
+    color = COLORS[k] if k < len(COLORS) else hsv_to_rgb((0.618 * k % 1.0, 0.9, 0.7))
+    return color, MARKERS[k % len(MARKERS)]
+
+
+def conditions(found: Found) -> Figure:
     """Root mean square errors: dots are medians over the runs, lines reach from the best to the worst run."""
-    figure = Figure(figsize=(11.5, 7.0), layout="constrained")
-    axes = figure.subplots(len(PANELS), 1, sharex=True)
-    shown = [c for c in CONDITIONS if c.variant in found]
-    for axis, (quantity, (title, factor)) in zip(axes, PANELS.items()):
+    title = "All estimators on the same actuator: median of the runs, from the best to the worst"
+    figure, axes = plot.panels(title, len(PANELS), size=(11.5, 7.0), sharex=True)
+    shown = [variant for variant in CONDITIONS if variant in found]
+    for axis, (quantity, (label, factor)) in zip(axes[:, 0], PANELS.items()):
         giving = [c for c in CONTENDERS if quantity in c.gives]
         for k, contender in enumerate(giving):
-            at = np.arange(len(shown)) + SPACING * (k - 0.5 * (len(giving) - 1))
-            errors = [factor * values(found[c.variant], contender, quantity) for c in shown]
-            dots(axis, at, errors, contender)
-        styled(axis, f"RMS error of the {title}", len(shown))
-    axes[-1].set_xticks(range(len(shown)), [c.title for c in shown], fontsize="small")
-    figure.suptitle("All estimators on the same actuator: median of the runs, from the best to the worst")
+            at = np.arange(len(shown)) + min(SPACING, WIDTH / len(giving)) * (k - 0.5 * (len(giving) - 1))
+            dots(axis, at, [factor * values(found[variant], contender, quantity) for variant in shown], contender)
+        bands(axis, f"RMS error of the {label}", len(shown))
+    axes[-1, 0].set_xticks(range(len(shown)), [CONDITIONS[variant] for variant in shown], fontsize="small")
     return figure
 
 
 def dots(axis: Any, at: Any, errors: list[Any], contender: Contender) -> None:
     """One estimator in all conditions."""
-    color = COLORS[contender.label]
+    color, marker = look(contender)
     axis.vlines(at, [e.min() for e in errors], [e.max() for e in errors], color=color, linewidth=1.5, alpha=0.6)
-    axis.plot(
-        at,
-        [np.median(e) for e in errors],
-        SHAPES[contender.label],
-        color=color,
-        markersize=6,
-        label=contender.label,
-        linestyle="none",
-    )
+    medians = [np.median(e) for e in errors]
+    axis.plot(at, medians, marker, color=color, markersize=6, label=contender.label, linestyle="none")
 
 
-def styled(axis: Any, title: str, count: int) -> None:
+def bands(axis: Any, title: str, count: int) -> None:
     """A logarithmic axis, bands that part the conditions, a legend beside."""
     axis.set_yscale("log")
     axis.set_ylabel(title)
-    axis.grid(True, axis="y", color="#d0d7de", linewidth=0.5)
-    axis.spines[["top", "right"]].set_visible(False)
+    axis.grid(False, axis="x")
     axis.set_xlim(-0.5, count - 0.5)
     for k in range(0, count, 2):
         axis.axvspan(k - 0.5, k + 0.5, color="#f6f8fa", zorder=-1)
-    legend(axis)
+    plot.legend(axis)
 
 
 def run_figure(result: Result) -> Figure:
     """The second cycle of a run: voltage, current, positions and flux linkages of all estimators against the truth."""
-    recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
+    plot.recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
     title = f"{result.run.scenario}: {result.run.title}"
     labels = ["voltage / V", "current / A", "position / mm", "flux linkage / mWb"]
-    figure, axes = stack(title, labels, [1.4, 1.4, 3.0, 3.0])
+    figure, axes = plot.stack(title, labels, [1.4, 1.4, 3.0, 3.0])
     line(axes[0], result.times, result["sensor.voltage_measured"], TRUE)
     line(axes[1], result.times, result["sensor.current_measured"], TRUE)
     for axis, quantity in zip(axes[2:], PANELS):
         estimates(axis, result, quantity)
-        legend(axis)
+        plot.legend(axis)
     axes[3].set_ylim(-3.0, 1.4e3 * float(np.max(result["actuator.flux_linkage"])))
     axes[3].set_xlim(1e3 * learnt(result), 2e3 * learnt(result))
     return figure
@@ -93,4 +193,4 @@ def estimates(axis: Any, result: Result, quantity: str) -> None:
             came, about = lined_up(result, contender)
             known = np.full(result.times.size, np.nan)
             known[about] = found[came]
-            line(axis, result.times, 1e3 * known, COLORS[contender.label], contender.label)
+            line(axis, result.times, 1e3 * known, look(contender)[0], contender.label)

@@ -1,0 +1,71 @@
+"""The contenders of the benchmark, one entry each.
+
+What is measured and shown follows from them, and so do the files of the scenario, which `scenario.write` writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from gapsense.studies.estimators.parameters import Valve, coil, magnet, reduced, tabulated
+from gapsense.tables import Value
+
+MOTION = {name: name for name in ("position", "velocity")}
+REAL_TIME = {**MOTION, "flux_linkage": "flux_linkage"}
+SMOOTHED = {quantity: f"smoothed_{signal}" for quantity, signal in REAL_TIME.items()}
+ELECTRIC = {name: name for name in ("flux_linkage", "resistance")}
+MEASURED = {"voltage": "sensor.voltage_measured", "current": "sensor.current_measured"}
+WITH_CONTACT = {**MEASURED, "mode": "sensor.mode_measured"}
+NOISES = ("noise.voltage", "noise.current")
+CURRENT = NOISES[1:]
+MODEL = "all parameters"
+CONTACT = f"{MODEL}; contact sensor"
+TUNED: dict[str, Value] = {"option.tuning": "own", "process.flux_linkage": 100e-6, "process.current_error": 2e-3}
+
+
+class Contender(NamedTuple):
+    """An estimator of the benchmark; several may be the same FMU with other options or other wires."""
+
+    label: str
+    component: str  # its name in the scenario
+    gives: Mapping[str, str]  # signal by quantity
+    needs: str  # beside voltage and current
+    fmu: str = ""
+    file: str = ""  # its parameter set, in the scenario's folder `parameters`
+    told: Callable[[Valve], Mapping[str, float]] = lambda valve: {}  # parameters by what is believed of the valve
+    noises: tuple[str, ...] = NOISES  # parameters that follow the noise of the sensor
+    wires: Mapping[str, str] = MEASURED  # signal by input, of the sensor or of another contender
+    options: Mapping[str, Value] = {}  # parameters beside those of its set
+    published: str = ""  # signal that is 1 in samples that are about `time`
+    time: str = ""
+    is_lift: bool = False  # the position counts from the upper stop down
+
+    def signals(self) -> list[str]:
+        """What it gives, and what says which sample that is about."""
+        return [signal for signal in (*self.gives.values(), self.published, self.time) if signal]
+
+
+BOUNDED_UKF = Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, "BoundedUkf", "bounded_ukf", tabulated)
+EKF = Contender("Ekf", "ekf", REAL_TIME, CONTACT, "Ekf", "reduced", reduced, CURRENT, WITH_CONTACT)
+ERTSS = EKF._replace(
+    label="Ertss", component="ertss", fmu="Ertss", gives=SMOOTHED, published="smoothed_published", time="smoothed_time"
+)
+INTEGRAL = Contender(
+    "Integral", "integral", ELECTRIC, "R, periodic drive", "IntegralEstimator", "integral", coil, CURRENT
+)
+OFFLINE = INTEGRAL._replace(options={"offline": True}, published="published", time="published_time")
+CONTENDERS = (
+    BOUNDED_UKF._replace(
+        label="open loop", component="open_loop", needs=f"{MODEL}; no current", options={"option.filter": "open_loop"}
+    ),
+    BOUNDED_UKF,
+    BOUNDED_UKF._replace(label="BoundedUkf, tuned", component="bounded_ukf_tuned", options=TUNED),
+    Contender("HybridEkf", "hybrid_ekf", MOTION, MODEL, "HybridEkf", "hybrid_ekf", magnet, (), is_lift=True),
+    EKF,
+    ERTSS,
+    ERTSS._replace(label="Ertss without e_i", component="no_current_error", options={"option.current_error": False}),
+    Contender("Semera", "semera", ELECTRIC, "R, rest inductance", "Semera", "semera", coil),
+    INTEGRAL,
+    OFFLINE._replace(label="Integral offline", component="integral_offline", needs="periodic drive"),
+)

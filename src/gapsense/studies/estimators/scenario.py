@@ -1,0 +1,96 @@
+"""The files of the scenario `estimators` that follow from the contenders and from what they believe of the valve.
+
+In `scenario.toml` these are the parts between `# >>> NAME` and `# <<<`; all else there is written by hand.
+`python -m gapsense.studies.estimators.scenario scenarios/estimators` writes them anew.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gapsense.studies.estimators.contenders import CONTENDERS, NOISES, Contender
+from gapsense.studies.estimators.parameters import Valve, gap_table, wrong
+from gapsense.studies.smoother.perturbation import errors
+
+SEED, DRAWS = 1, 16
+WIDTHS = {"rows_5.csv": 0.1, "rows_10.csv": 0.2}  # intervals of +-5 % and +-10 %, (55)
+QUIET, NOISY = (dict(zip(NOISES, sizes)) for sizes in ((0.003, 0.0002), (0.3, 0.02)))  # [V], [A]
+LEVELS = {"quiet": QUIET, "noisy": NOISY, "together": NOISY}  # noise by variant
+PART = re.compile(r"^( *# >>> (\w+).*?\n).*?^( *# <<<\n)", re.DOTALL | re.MULTILINE)
+
+
+def write(folder: Path) -> None:
+    """Write the marked parts of the scenario in a folder, its gap table and its rows of wrong beliefs."""
+    file, made = folder / "scenario.toml", parts()
+    filled = PART.sub(lambda part: part[1] + made[part[2]] + part[3], file.read_text(encoding="utf-8"))
+    file.write_text(filled, encoding="utf-8")
+    save(folder / "gap_19.csv", "gap,reluctance,slope", np.transpose(gap_table()), "%.10g")
+    for name, width in WIDTHS.items():
+        table = rows(width)
+        save(folder / name, ",".join(table[0]), [[*row.values()] for row in table], "%.8g")
+
+
+def save(file: Path, header: str, values: ArrayLike, form: str) -> None:
+    """Write a CSV file."""
+    np.savetxt(file, values, form, ",", header=header, comments="", encoding="utf-8")
+
+
+def beliefs(v: Valve) -> dict[str, float]:
+    """Parameters of all contenders by `component.parameter`."""
+    return {f"{c.component}.{parameter}": value for c in CONTENDERS for parameter, value in c.told(v).items()}
+
+
+def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
+    """Wrong beliefs, one row per draw: the first draws of the Monte Carlo of [RTS], uniform in an interval of `width`.
+
+    The same draws for every width, as there.
+    """
+    return [beliefs(wrong(e)) for e in width * errors(SEED, 0, draws).T]
+
+
+def parts() -> dict[str, str]:
+    """The marked parts by name."""
+    wires = {f"{c.component}.{name}": source for c in CONTENDERS for name, source in c.wires.items()}
+    return {
+        "components": "\n".join(map(component, CONTENDERS)),
+        "connections": "".join(f'"{target}" = "{source}"\n' for target, source in wires.items()),
+        "signals": "".join(f'  "*.{name}",\n' for name in dict.fromkeys(s for c in CONTENDERS for s in c.signals())),
+        "noise": "\n".join(map(noise, LEVELS)),
+    }
+
+
+def component(c: Contender) -> str:
+    """FMU and parameters of a contender."""
+    options = {"set": c.options} if c.options else {}
+    return toml(f"components.{c.component}", {"fmu": c.fmu, "parameters": [f"parameters/{c.file}.toml"], **options})
+
+
+def noise(variant: str) -> str:
+    """The noise of the sensor in a variant, as the contenders know it."""
+    told = {"sensor": NOISES, **{c.component: c.noises for c in CONTENDERS if c.noises}}
+    values = {f"{name}.set": {n: LEVELS[variant][n] for n in noises} for name, noises in told.items()}
+    return toml(f"variants.{variant}.components", values)
+
+
+def toml(header: str, values: Mapping[str, Any]) -> str:
+    """A table of TOML; tables in it are in one line."""
+    return "".join([f"[{header}]\n", *(f"{name} = {literal(value)}\n" for name, value in values.items())])
+
+
+def literal(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f'"{name}" = {literal(v)}' for name, v in value.items()) + " }"
+    return json.dumps(value)
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))
