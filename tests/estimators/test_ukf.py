@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import valve_model_textbook as textbook
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from table_i import defaults
 from valve_model_textbook import VALVE
@@ -306,6 +306,8 @@ SIZE = st.sampled_from([0.0, 1e-9, 1.0, 1e6])
 
 @settings(max_examples=80, deadline=None)
 @given(st.lists(SAMPLE, min_size=2, max_size=30), st.sampled_from([*FILTERS]), st.integers(0, 11), SIZE)
+@example([(0, 0), (0, 100), (0, 100), (18, 0), (0, 0)], "unbounded_ukf", 1, 1e6)
+@example([(-15.39, -53.5), (5, 5), (39.5, math.inf), (99.9, 0)], "bounded_ekf", 4, 1e6)
 def test_never_throws_and_the_covariance_stays_one(samples: Any, name: str, kind: int, size: float) -> None:
     options = {"option_noise": kind % 2, "option_tuning": kind // 2 % 2, "option_current_error": kind // 4 % 2}
     prior = {"prior_position_std": 1e-5 * size, "prior_flux_linkage_std": 1e-4 * size}

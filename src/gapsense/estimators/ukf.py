@@ -7,6 +7,8 @@ extended one and the open loop are there to compare with.
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import and_
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -28,7 +30,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.linalg import deviation, diagonal, matrix, nonnegative, total, vector
+from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, square, where
 
@@ -38,6 +40,7 @@ EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
+LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 FINE, SURPRISED, SKIPPED, RESTARTED = 1.0, 0.0, -1.0, -2.0  # health
 
 
@@ -288,11 +291,18 @@ def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tu
         stroke = par.stop_upper - par.stop_lower
         return Gaussian(vector(start), _at_rest(0.5 * stroke, 0.5 * par.core_saturation, par))
 
-    x, P = cond(is_sound, lambda: Gaussian(x, nonnegative(P)), restarted)
+    x, P = cond(is_sound, lambda: Gaussian(x, _positive(P, joint.cov)), restarted)
     largest = LARGEST_FLUX * par.core_saturation
     x = bounded(x, m)
     x[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -largest, largest)
     return Gaussian(x, P), is_sound
+
+
+def _positive(P: Array, prior: Array) -> Array:
+    """The covariance, made again from its columns if so little is left of a variance that rounding may spoil it."""
+    is_fine = reduce(and_, (P[k, k] >= LITTLE * prior[k, k] for k in range(len(P))))
+    P = nonnegative(P)
+    return cond(is_fine, lambda: P, lambda: total(outer(c, c) for c in columns(P, 1.0, ORDER)))
 
 
 def _start(par: Parameters) -> Array:
