@@ -6,11 +6,12 @@ import os
 import platform
 import signal
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -135,8 +136,8 @@ def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = No
     seeds = {name: seed + seed_shift for name, seed in scenario.seeds.items()}
     names = list(recorded_signals(scenario, master.descriptions))
     index = {str(port): place for port, place in master.places.index.items()}
-    with Interrupt() as interrupt:
-        recording = master.run([index[name] for name in names], seeds, progress, interrupt.happened, values)
+    with interruptible() as interrupted:
+        recording = master.run([index[name] for name in names], seeds, progress, interrupted, values)
     result = to_result(master, names, seeds, recording)
     if recording.error is not None:
         recording.error.result = replace(result, failure=str(recording.error))
@@ -221,32 +222,24 @@ def installed(package: str) -> str:
         return "not installed"
 
 
-class Interrupt:
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
     """Turns Ctrl-C into a question the master asks between steps; a second Ctrl-C interrupts at once.
 
     A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter. Outside the main
     thread Python delivers no signals, and nothing is changed.
     """
+    noted: list[int] = []
 
-    def __init__(self) -> None:
-        self.count = 0
-        self.previous: Any = None
-
-    def __enter__(self) -> Interrupt:
-        if threading.current_thread() is threading.main_thread():
-            self.previous = signal.signal(signal.SIGINT, self.note)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        if self.previous is not None:
-            signal.signal(signal.SIGINT, self.previous)
-
-    def note(self, number: int, frame: FrameType | None) -> None:
-        """Remember the first Ctrl-C, raise the second."""
-        self.count += 1
-        if self.count > 1:
+    def note(number: int, _: FrameType | None) -> None:
+        if noted:
             raise KeyboardInterrupt
+        noted.append(number)
 
-    def happened(self) -> bool:
-        """True after a Ctrl-C."""
-        return self.count > 0
+    is_main = threading.current_thread() is threading.main_thread()
+    previous = signal.signal(signal.SIGINT, note) if is_main else None
+    try:
+        yield lambda: bool(noted)
+    finally:
+        if previous is not None:
+            signal.signal(signal.SIGINT, previous)
