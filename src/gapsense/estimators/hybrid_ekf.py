@@ -201,7 +201,7 @@ def tuning(par: Any) -> Tuning:
         band=par.landing_band * par.stop_upper,
         is_open_loop=is_open_loop,
     )
-    return cond((par.tuning > 0.5) & not_(is_open_loop), lambda: PUBLISHED, lambda: own)  # type: ignore[no-any-return]
+    return cond((par.tuning > 0.5) & not_(is_open_loop), lambda: PUBLISHED, lambda: own)
 
 
 def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
@@ -244,7 +244,7 @@ def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
         return share * left, Hybrid(vector([i, s, 0.0]), diagonal([P_ii, *tun.release]), air)
 
     held = Hybrid(vector([end[0], s, 0.0]), diagonal([P_end, 0.0, 0.0]), q)
-    return cond(is_released, released, lambda: (left, held))  # type: ignore[no-any-return]
+    return cond(is_released, released, lambda: (left, held))
 
 
 def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tuple[Scalar, Any]:
@@ -303,7 +303,7 @@ def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
         i_stop = i / (mod.path + mod.slope * s) * (mod.path + mod.slope * stop)
         return Hybrid(vector([i_stop, stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
 
-    return cond(is_up | is_down, landed, lambda: estimate)  # type: ignore[no-any-return]
+    return cond(is_up | is_down, landed, lambda: estimate)
 
 
 def resting(x: Array, held: Held, mod: Model) -> Array:
@@ -349,7 +349,7 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
         posterior = condition(Gaussian(x, P), vector([innovation]), matrix([H]), vector([tun.R]))
         return _landed(Hybrid(*project(posterior, POSITION, 0.0, mod.s_max), q), mod, tun)
 
-    return cond(is_resting(q), on_a_stop, in_the_air)  # type: ignore[no-any-return]
+    return cond(is_resting(q), on_a_stop, in_the_air)
 
 
 def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:

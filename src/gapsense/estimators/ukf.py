@@ -175,7 +175,7 @@ def _model(par: Parameters) -> Model:
 def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> Gaussian:
     """State and current together, before the current is measured: mean (5,) and covariance (5, 5)."""
     noise = _process_noise(par)
-    return cond(  # type: ignore[no-any-return]
+    return cond(
         par.option_filter > 1.5,
         lambda: _linearised(before, voltage, m, noise, par),
         lambda: cond(
@@ -188,7 +188,7 @@ def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> 
 
 def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
     """The state given the current, or as predicted."""
-    return cond(  # type: ignore[no-any-return]
+    return cond(
         is_measured,
         lambda: condition_on_last(joint, innovation, square(par.noise_current)),
         lambda: Gaussian(joint.mean[:-1], joint.cov[:-1, :-1]),
@@ -266,7 +266,7 @@ def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: 
 def _tuning(par: Parameters) -> Tuning:
     own = Tuning(*(getattr(par, f"process_{name}") for name in Tuning._fields))
     given = cond(par.option_tuning > 1.5, lambda: own, lambda: PAPER)
-    return cond(par.option_tuning < 0.5, lambda: ROBUST, lambda: given)  # type: ignore[no-any-return]
+    return cond(par.option_tuning < 0.5, lambda: ROBUST, lambda: given)
 
 
 def _process_noise(par: Parameters) -> Array:
