@@ -16,6 +16,7 @@ from gapsense.estimators.reduced_model import (
     FORCE_ERROR,
     POSITION,
     POSITION_PREV,
+    GapLaw,
     Held,
     Model,
     is_moving,
@@ -45,7 +46,7 @@ class Parameters(NamedTuple):
     stop_upper: Scalar  # z_max [m]
     core_reluctance: Scalar  # R_c0 [1/H]
     core_saturation: Scalar  # lambda_sat [Wb]
-    gap_law: Scalar  # 0: formula with fringing, 1: table
+    gap_law: Annotated[Scalar, GapLaw]
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_g0' [1/(H m)]
     gap_fringing: Scalar  # k_f [1/m]

@@ -23,7 +23,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.start_values import with_start_values
 from gapsense.fmi.tables import column_name
 from gapsense.kernel import Kernel
-from gapsense.records import fields
+from gapsense.records import choices, fields
 
 HERE = Path(__file__).parent
 SHELL = ("ports.py", "slave.py", "tables.py")  # travel in every FMU
@@ -126,6 +126,13 @@ def check_records(component: Component, kernel: Kernel) -> None:
             odd = sorted(set(have) ^ set(ports)) or "their order"
             raise ValueError(
                 f"{component.name}: {record} of {component.kernel} and the port table differ in {odd}. Make them equal."
+            )
+    known = choices(kernel.module.Parameters)
+    for port in component.of("parameter"):
+        if port.choices != known.get(port.field, ()):
+            raise ValueError(
+                f"{component.name}: `{port.name}` has the choices {list(port.choices)}, its field in {component.kernel}"
+                f" {list(known.get(port.field, ()))}. Make them equal."
             )
 
 
