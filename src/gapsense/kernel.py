@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gapsense.emit import C, Graph, Numpy, Python, namespace, split
-from gapsense.records import fields, flat, names, record, zeros
+from gapsense.records import fields, flat, leaves, names, record, zeros
 from gapsense.trace import Expr, Tape, TraceError
 
 STEP = """def step(state, inputs, par):
@@ -57,12 +57,12 @@ def _check_classes(function: Callable[..., Any], found: list[type], expected: li
 
 def _check_memory(name: str, result: Any) -> None:
     """Array memory starts as zeros, and stays in its field."""
-    for (entry, field), item in zip(fields(type(result)).items(), result):
+    for entry, field, item in leaves(result):
         if field.kind != "memory" or isinstance(item, Expr):
             continue
         if any(isinstance(value, Expr) for value in item) or item != zeros(field.size):
             raise TraceError(f"`{name}`: array memory `{entry}` must start as zeros({field.size}).")
-    memory = [root for item in result if (root := _memory(item)) is not None]
+    memory = [root for _, _, item in leaves(result) if (root := _memory(item)) is not None]
     if [root.id for root in memory] != sorted({root.id for root in memory}):
         raise TraceError(f"`{name}`: array memory must be returned in the field that it came from.")
 

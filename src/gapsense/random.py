@@ -27,7 +27,7 @@ def seeded(seed: Scalar) -> Array:
     for every n, however long the warm-up, because the generator is linear as well.  Runs over the seeds 1, 2, 3, ...
     would then not be independent.
     """
-    words = loop(6, lambda *w: ((*w[1:], _scrambled(w[-1])), False), [seed + 1.0] * 6)
+    words = loop(6, lambda *w: ((*w[1:], _scrambled(w[-1])), False), (seed + 1.0,) * 6)
     return vector([*words[:3], *(where(w >= M2, w - M2, w) for w in words[3:])])
 
 
@@ -50,11 +50,10 @@ def normal(state: Array) -> tuple[Array, Scalar]:
     sides agree to 1e-16, so that the bits do not depend on the platform's math library.  How many uniforms are used up
     varies (2.74 on average).
     """
-    *after, z = loop(CANDIDATES, lambda *s: _candidate(s[:6]), [*state, 0.0])
-    return vector(after), z
+    return loop(CANDIDATES, lambda state, _: _candidate(state), (state, 0.0))
 
 
-def _candidate(state: tuple[Scalar, ...]) -> tuple[tuple[Scalar, ...], Scalar]:
+def _candidate(state: Array) -> tuple[tuple[Array, Scalar], Scalar]:
     """Next state with a candidate v/u, and whether (u, v) lies in the region v^2 <= -4 u^2 log u."""
     middle, u = uniform(state)
     after, w = uniform(middle)
@@ -63,7 +62,7 @@ def _candidate(state: tuple[Scalar, ...]) -> tuple[tuple[Scalar, ...], Scalar]:
     q = square(x) + y * (0.196 * y - 0.25472 * x)
     is_near = (q >= 0.27597) & (q <= 0.27846)  # between the inner and the outer bound
     is_inside = cond(is_near, lambda: square(v) <= -4.0 * square(u) * log(u), lambda: q < 0.27597)
-    return (*after, v / u), is_inside
+    return (after, v / u), is_inside
 
 
 def _modulo(p: Scalar, m: float) -> Scalar:

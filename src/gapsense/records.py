@@ -1,15 +1,17 @@
 """Layout of the records that kernels take and return: named tuples of scalars, vectors, covariances, memory and tables.
 
-A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`.
+A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`, or
+with the class of a record that it holds; `Annotated[Scalar, Law]` says that a parameter is one of the choices `Law`.
 `flat` and `record` turn a record into the flat sequence that generated code works on and back; of a covariance it holds
-the upper triangle.
+the upper triangle.  The fields of a record within a record keep their names, which must differ from all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
+from enum import EnumMeta, IntEnum
 from functools import cache, partial
-from typing import Any, NamedTuple, TypeAlias, get_type_hints
+from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -28,26 +30,55 @@ Vector = partial(Field, "vector")  # (n,)
 Covariance = partial(Field, "covariance")  # (n, n), symmetric
 Memory = partial(Field, "memory")  # n values, zero at the start, that `load` and `store` reach by index
 Table = partial(Field, "table")  # a parameter of any length
+T = TypeVar("T")
 ARRAYS = ("memory", "table")
 
 
+class Choice(IntEnum):
+    """Choices of a parameter: the names are those of its port, the values their places there."""
+
+
 def fields(cls: type) -> dict[str, Field]:
-    """Name and layout of every field of a record class, in order."""
-    return _fields(cls)
+    """Name and layout of every field of a record class, in order; in place of a record, its fields."""
+    return dict(_leaves(cls))
+
+
+def choices(cls: type) -> dict[str, tuple[str, ...]]:
+    """Names of the choices of every field that has them."""
+    return {name: tuple(note.__members__) for name, note in _notes(cls).items() if isinstance(note, EnumMeta)}
 
 
 @cache
-def _fields(cls: Any) -> dict[str, Field]:
+def _notes(cls: Any) -> dict[str, Any]:
+    """Of every field the note in its annotation, or the class of the record that it is."""
     hints = get_type_hints(cls, include_extras=True)
-    return {name: next(iter(getattr(hints[name], "__metadata__", ())), Field()) for name in cls._fields}
+    return {name: next(iter(getattr(hints[name], "__metadata__", ())), hints[name]) for name in cls._fields}
+
+
+@cache
+def _layout(cls: Any) -> dict[str, Any]:
+    """Of every field its layout, or the class of the record that it is."""
+    return {
+        name: note if _is_record(note) or isinstance(note, Field) else Field() for name, note in _notes(cls).items()
+    }
+
+
+def _is_record(note: Any) -> bool:
+    return isinstance(note, type) and hasattr(note, "_fields")
+
+
+@cache
+def _leaves(cls: Any) -> list[tuple[str, Field]]:
+    parts = [_leaves(at) if _is_record(at) else [(name, at)] for name, at in _layout(cls).items()]
+    return [leaf for part in parts for leaf in part]
 
 
 def names(cls: type) -> list[str]:
     """Names of the flat entries of a record class: `r`, `x_0`, `P_01`, ..."""
-    entries = [entry for name, field in fields(cls).items() for entry in _entries(name, field)]
+    entries = [entry for name, field in _leaves(cls) for entry in _entries(name, field)]
     if len(entries) != len(set(entries)):
         raise ValueError(
-            f"`{cls.__name__}`: a scalar field is called like an entry of a vector or covariance; rename it."
+            f"`{cls.__name__}`: a field is called like another, or like an entry of a vector or covariance; rename it."
         )
     return entries
 
@@ -65,10 +96,17 @@ def triangle(n: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(n) for j in range(i, n)]
 
 
+def leaves(value: Any) -> Iterator[tuple[str, Field, Any]]:
+    """Name, layout and value of every field of a record; in place of a record, those of its fields."""
+    cls: Any = type(value)
+    for (name, at), item in zip(_layout(cls).items(), value):
+        yield from leaves(item) if _is_record(at) else [(name, at, item)]
+
+
 def flat(value: Any) -> list[Any]:
     """Flat entries of a record."""
     entries: list[Any] = []
-    for (_, field), item in zip(fields(type(value)).items(), value):
+    for _, field, item in leaves(value):
         if field.kind == "vector":
             entries += list(item)
         elif field.kind == "covariance":
@@ -78,10 +116,10 @@ def flat(value: Any) -> list[Any]:
     return entries
 
 
-def record(cls: type, entries: Sequence[Any]) -> Any:
+def record(cls: Any, entries: Iterable[Any]) -> Any:
     """Record of class `cls` from its flat entries."""
     rest = iter(entries)
-    return cls(*(_take(field, rest) for field in fields(cls).values()))
+    return cls(*(record(at, rest) if _is_record(at) else _take(at, rest) for at in _layout(cls).values()))
 
 
 def _take(field: Field, rest: Iterator[Any]) -> Any:
@@ -107,11 +145,15 @@ def flatten(value: Any) -> list[Any]:
     return [value]
 
 
-def rebuild(like: Any, scalars: Iterator[Any]) -> Any:
+def rebuild(like: T, scalars: Iterator[Any]) -> T:
     """The structure of `like` filled with `scalars`."""
+    return _rebuilt(like, scalars)  # type: ignore[no-any-return]
+
+
+def _rebuilt(like: Any, scalars: Iterator[Any]) -> Any:
     if isinstance(like, np.ndarray):
-        return np.array([*(rebuild(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
+        return np.array([*(_rebuilt(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
     if isinstance(like, (tuple, list)):
-        items = [rebuild(item, scalars) for item in like]
+        items = [_rebuilt(item, scalars) for item in like]
         return like._make(items) if hasattr(like, "_make") else type(like)(items)
     return next(scalars)

@@ -19,13 +19,13 @@ import sys
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense.records import flatten, rebuild
-from gapsense.records import zeros as zeros
+from gapsense.records import T, flatten, rebuild
 
+S = TypeVar("S", bound=Sequence[Any])
 BOOLEAN = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "not")
 UNARY = ("sqrt", "log", "exp", "fabs", "floor", "sin", "cos", "tanh")
 ARITHMETIC = ("+", "-", "*", "/", "neg")
@@ -252,13 +252,13 @@ def locate(table: Any, x: Any) -> Any:
     return min(max(bisect_left(table, x) - 1, 0), len(table) - 2)
 
 
-def cond(c: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
+def cond(c: Any, then: Callable[[], T], otherwise: Callable[[], T]) -> T:
     """`then()` if `c` else `otherwise()`, a real branch; both return the same structure of scalars."""
     if not isinstance(c, Expr):
         return then() if c else otherwise()
     tape = c.tape
     regions = Region(tape.region), Region(tape.region)
-    results = [tape.inside(region, branch) for region, branch in zip(regions, (then, otherwise))]
+    results: list[T] = [tape.inside(region, branch) for region, branch in zip(regions, (then, otherwise))]
     a, b = ([_scalar(value) for value in flatten(result)] for result in results)
     if len(a) != len(b):
         raise _error(f"the branches of cond() return {len(a)} and {len(b)} values; they must match.")
@@ -276,25 +276,25 @@ def select(node: Expr, a: Any, b: Any) -> Any:
     return node.tape.shared("get", (node,), [*node.extra[2]].index(key))
 
 
-def loop(limit: int, body: Callable[..., tuple[Any, Any]], state: Sequence[Any]) -> tuple[Any, ...]:
-    """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` is a flat row of scalars."""
-    state = tuple(state)
+def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
+    """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` holds scalars, or records."""
     for done in range(limit):
-        new, stop = (state, False) if is_traced(*state) else body(*state)
-        if is_traced(*state, *new, stop):
-            return _traced_loop(_tape(*state, *new, stop), limit - done, body, state)
-        state = tuple(new)
+        new, stop = (state, False) if is_traced(*flatten(state)) else body(*state)
+        if is_traced(*(values := flatten((state, new, stop)))):
+            return _traced_loop(_tape(*values), limit - done, body, state)
+        state = new
         if stop:
             break
     return state
 
 
-def _traced_loop(tape: Tape, limit: int, body: Callable[..., Any], start: tuple[Any, ...]) -> tuple[Any, ...]:
-    region = Region(tape.region)
-    variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in start))
-    new, stop = tape.inside(region, lambda: body(*variables))
-    if len(new) != len(start):
-        raise _error(f"the body of loop() returns {len(new)} values for a state of {len(start)}; they must match.")
-    inner = (region, variables, tuple(map(_scalar, new)), _scalar(stop), limit)
-    node = tape.node("loop", tuple(map(_scalar, start)), inner)
-    return tuple(tape.node("get", (node,), k) for k in range(len(start)))
+def _traced_loop(tape: Tape, limit: int, body: Callable[..., tuple[S, Any]], start: S) -> S:
+    region, values = Region(tape.region), flatten(start)
+    variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in values))
+    new, stop = tape.inside(region, lambda: body(*rebuild(start, iter(variables))))
+    ends = flatten(new)
+    if len(ends) != len(values):
+        raise _error(f"the body of loop() returns {len(ends)} values for a state of {len(values)}; they must match.")
+    inner = (region, variables, tuple(map(_scalar, ends)), _scalar(stop), limit)
+    node = tape.node("loop", tuple(map(_scalar, values)), inner)
+    return rebuild(start, iter([tape.node("get", (node,), k) for k in range(len(values))]))

@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gapsense.drive import drive_voltage as drive
-from gapsense.drive.drive_voltage import PROFILE, PWM, SOFT_LANDING, SQUARE, STEP, TABLE, Inputs, Parameters, State
+from gapsense.drive.drive_voltage import Inputs, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
 from gapsense.kernel import Kernel
 from gapsense.records import flat
@@ -23,7 +23,7 @@ VOLTAGES = [0.0, 0.0, 30.0, 30.0, -5.0, 8.0, 8.0]
 CYCLES = [0.0, 1e-3, 1e-3, 4e-3, 4e-3, 7e-3, 7e-3, 9.5e-3]
 CYCLE_VOLTAGES = [0.0, 0.0, 24.0, 20.0, -1.0, 15.0, 0.5, 0.5]
 BASE = Parameters(
-    waveform=SQUARE,
+    waveform=Waveform.square,
     square_amplitude=30.0,
     square_low=0.0,
     square_period=20e-3,
@@ -52,7 +52,14 @@ BASE = Parameters(
     soft_landing_period=6e-3,
     soft_landing_repeat_from=4e-3,
 )
-WAVEFORMS = {"square": SQUARE, "step": STEP, "table": TABLE, "pwm": PWM, "profile": PROFILE, "cycles": SOFT_LANDING}
+WAVEFORMS = {
+    "square": Waveform.square,
+    "step": Waveform.step,
+    "table": Waveform.table,
+    "pwm": Waveform.pwm,
+    "profile": Waveform.profile,
+    "cycles": Waveform.soft_landing,
+}
 REFERENCE = 12.0  # V, duty 0.7 of the PWM
 
 
@@ -75,17 +82,17 @@ def wave_integral(p, duty):
 def exact_integral(t, par):
     """Exact integral of the voltage from time 0 to `t`, any sign, as a rational number."""
     t = Fraction(t)
-    if par.waveform == STEP:
+    if par.waveform == Waveform.step:
         low, high = Fraction(par.step_initial), Fraction(par.step_final)
         edge = Fraction(par.step_time)
         return low * t + (high - low) * (max(t - edge, 0) - max(-edge, 0))
-    if par.waveform == TABLE:
+    if par.waveform == Waveform.table:
         columns = par.table_file_time, par.table_file_voltage
         return curve_integral(t, *columns, Fraction(par.table_period), Fraction(par.table_repeat_from))
-    if par.waveform == SOFT_LANDING:
+    if par.waveform == Waveform.soft_landing:
         columns = par.soft_landing_file_time, par.soft_landing_file_voltage
         return curve_integral(t, *columns, Fraction(par.soft_landing_period), Fraction(par.soft_landing_repeat_from))
-    if par.waveform == PROFILE:
+    if par.waveform == Waveform.profile:
         half, first, second = (
             Fraction(par.profile_half_period),
             Fraction(par.profile_first),
@@ -96,7 +103,7 @@ def exact_integral(t, par):
         whole, rest = divmod(since, 2 * half)
         high = whole * half + sum(min(max(rest - a, 0), b - a) for a, b in zip(ends[::2], ends[1::2]))
         return Fraction(par.profile_low) * t + Fraction(par.profile_amplitude) * high
-    if par.waveform == PWM:
+    if par.waveform == Waveform.pwm:
         low, high, period = Fraction(par.pwm_low), Fraction(par.pwm_high), 1 / Fraction(par.pwm_frequency)
         duty = min(max((Fraction(REFERENCE) - low) / (high - low), Fraction(0)), Fraction(1))
         return low * t + (high - low) * period * wave_integral(t / period, duty)
@@ -126,18 +133,18 @@ def exact_mean(t0, t1, par):
 
 def edges(par, stop):
     """Times of the edges from 0 to `stop`."""
-    if par.waveform == STEP:
+    if par.waveform == Waveform.step:
         return [par.step_time]
-    if par.waveform == TABLE:
+    if par.waveform == Waveform.table:
         return sorted({a for a, b in zip(par.table_file_time, par.table_file_time[1:]) if a == b})
-    if par.waveform == SOFT_LANDING:
+    if par.waveform == Waveform.soft_landing:
         repeated = [n * 6e-3 + t for n in range(int(stop / 6e-3) + 1) for t in (4e-3, 7e-3, 10e-3)]
         return [1e-3, *repeated]
-    if par.waveform == PROFILE:
+    if par.waveform == Waveform.profile:
         first, second, half = par.profile_first, par.profile_second, par.profile_half_period
         ends = [n * half + t for n in range(int(stop / half) + 2) for t in (0.0, first, first + second)]
         return [par.profile_delay + t for t in ends]
-    if par.waveform == PWM:
+    if par.waveform == Waveform.pwm:
         period, duty, delay = 1.0 / par.pwm_frequency, 0.7, 0.0
     else:
         period, duty, delay = par.square_period, par.square_duty, par.square_delay
@@ -157,7 +164,7 @@ squares = st.builds(
 )
 profiles = st.builds(
     lambda low, first, second, half, delay: BASE._replace(
-        waveform=PROFILE,
+        waveform=Waveform.profile,
         profile_low=low,
         profile_first=first * half,
         profile_second=min(second, 1.0 - first) * half,
@@ -171,7 +178,7 @@ profiles = st.builds(
     st.floats(-0.01, 0.05),
 )
 cycles = st.builds(
-    lambda period, start: BASE._replace(waveform=TABLE, table_period=period, table_repeat_from=start),
+    lambda period, start: BASE._replace(waveform=Waveform.table, table_period=period, table_repeat_from=start),
     st.floats(1e-3, 0.05),
     st.floats(-5e-3, 40e-3),
 )
@@ -238,7 +245,7 @@ def test_jump_on_a_summed_communication_point(is_table, k):
     jump = k * 1e-4 / 3.0
     table = [0.0, jump, jump, 2.0 * jump]
     par = BASE._replace(
-        waveform=TABLE if is_table else STEP,
+        waveform=Waveform.table if is_table else Waveform.step,
         step_initial=1.5,
         step_final=30.1,
         step_time=jump,
@@ -270,13 +277,13 @@ def test_duty_0_and_1_have_no_edges(duty, level, points):
 @pytest.mark.parametrize("reference", [-100.0, -30.0, 0.0, 12.3, 30.0, 100.0])
 @pytest.mark.parametrize("periods", [1, 7, 1000])
 def test_pwm_gives_its_reference_over_whole_periods(reference, periods):
-    par = BASE._replace(waveform=PWM)
+    par = BASE._replace(waveform=Waveform.pwm)
     _, means = run([0.25e-3, 0.25e-3 + periods * 1e-3], par, reference)
     assert means[1] == pytest.approx(min(max(reference, -30.0), 30.0), abs=1e-9)
 
 
 def test_pwm_carrier_starts_high_at_time_zero():
-    voltages, means = run([0.0, 1e-4, 7e-4, 8e-4, 1e-3, 1.1e-3], BASE._replace(waveform=PWM))
+    voltages, means = run([0.0, 1e-4, 7e-4, 8e-4, 1e-3, 1.1e-3], BASE._replace(waveform=Waveform.pwm))
     assert [*voltages] == [-30.0, 30.0, 30.0, -30.0, -30.0, 30.0]
     assert [*means[1:]] == [30.0, 30.0, -30.0, -30.0, 30.0]
 
@@ -284,7 +291,7 @@ def test_pwm_carrier_starts_high_at_time_zero():
 def test_table_holds_its_ends_and_takes_jumps_in_its_first_and_last_row():
     times, voltages = [0.0, 0.0, 1.0, 1.0], [5.0, 10.0, 20.0, -3.0]
     par = BASE._replace(
-        waveform=TABLE,
+        waveform=Waveform.table,
         table_file_time=times,
         table_file_voltage=voltages,
         table_file_integral=running_integral(times, voltages),
@@ -297,7 +304,7 @@ def test_table_holds_its_ends_and_takes_jumps_in_its_first_and_last_row():
 
 def test_profile_is_that_of_the_paper():
     par = BASE._replace(
-        waveform=PROFILE, profile_amplitude=30.0, profile_low=0.0, profile_delay=0.0, profile_half_period=20e-3
+        waveform=Waveform.profile, profile_amplitude=30.0, profile_low=0.0, profile_delay=0.0, profile_half_period=20e-3
     )
     ends = [3.5e-3, 4.75e-3, 20e-3, 23.5e-3, 24.75e-3, 40e-3, 43.5e-3]
     voltages, means = run([0.0, *ends], par)
@@ -305,14 +312,16 @@ def test_profile_is_that_of_the_paper():
 
 
 def test_profile_breaking_mirrors_its_making():
-    par = BASE._replace(waveform=PROFILE, profile_low=0.0, profile_delay=0.0)
+    par = BASE._replace(waveform=Waveform.profile, profile_low=0.0, profile_delay=0.0)
     points = [k * 1e-4 + 3e-5 for k in range(101)]
     making, breaking = run(points, par)[1], run([t + 10e-3 for t in points], par)[1]
     assert making[1:] + breaking[1:] == pytest.approx(np.full(100, par.profile_amplitude), abs=1e-9)
 
 
 def test_profile_pulses_longer_than_the_half_period_are_cut_off():
-    par = BASE._replace(waveform=PROFILE, profile_low=0.0, profile_delay=0.0, profile_first=8e-3, profile_second=5e-3)
+    par = BASE._replace(
+        waveform=Waveform.profile, profile_low=0.0, profile_delay=0.0, profile_first=8e-3, profile_second=5e-3
+    )
     voltages, _ = run([0.0, 7.9e-3, 8.1e-3, 10e-3, 10.1e-3, 18e-3, 18.1e-3, 20e-3, 20.1e-3], par)
     assert [*voltages[1:]] == [32.0, 0.0, 0.0, 0.0, 0.0, 32.0, 32.0, 32.0]
     alone, _ = run([0.0, 9.9e-3, 10.1e-3], par._replace(profile_first=1.0))
@@ -320,7 +329,7 @@ def test_profile_pulses_longer_than_the_half_period_are_cut_off():
 
 
 def test_table_repeats_its_end_and_plays_its_beginning_once():
-    par = BASE._replace(waveform=SOFT_LANDING)
+    par = BASE._replace(waveform=Waveform.soft_landing)
     voltages, means = run([0.0, 1e-3, 4e-3, 7e-3, 10e-3, 13e-3, 16e-3, 19e-3], par)
     assert [*voltages] == pytest.approx([0.0, 0.0, 20.0, 15.0, 0.5, 15.0, 0.5, 15.0])
     assert [*means[1:]] == pytest.approx([0.0, 22.0, 7.0, 0.5, 7.0, 0.5, 7.0])
@@ -333,7 +342,7 @@ def test_repeated_jumps_on_communication_points_are_clean(is_summed):
     dt = 1e-4 / 3.0
     table = [0.0, 100 * dt, 100 * dt, 300 * dt]
     par = BASE._replace(
-        waveform=TABLE,
+        waveform=Waveform.table,
         table_file_time=table,
         table_file_voltage=[1.5, 1.5, 30.1, 30.1],
         table_file_integral=running_integral(table, [1.5, 1.5, 30.1, 30.1]),

@@ -18,6 +18,7 @@ from gapsense.estimators.ekf import process_noise
 from gapsense.estimators.reduced_model import Held, normalised, observation, transition
 from gapsense.estimators.rts import Operation, Posterior, motions, smooth_record
 from gapsense.kernel import Kernel
+from gapsense.records import names, record
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 WRONG = {"spring_stiffness": 40.0, "coil_resistance": 78.0, "core_saturation": 0.0235}
@@ -136,7 +137,7 @@ def run_component(cycles: int, par: Any) -> dict[str, np.ndarray]:
     for inputs in given[1:]:
         state, outputs = step(state, inputs, tuple(par))
         rows.append(outputs)
-    return dict(zip(ertss.Outputs._fields, np.array(rows, float).T))
+    return dict(zip(names(ertss.Outputs), np.array(rows, float).T))
 
 
 @pytest.mark.parametrize("options", [{}, {"option_force_error": 0.0}, WRONG], ids=str)
@@ -172,6 +173,9 @@ def test_motion_that_is_too_long_is_not_smoothed() -> None:
     for k in range(1, ertss.LENGTH + 40):
         mode = 3.0 if k < 5 else 2.0 if k < ertss.LENGTH + 10 else 1.0
         state, outputs = step(state, (k * T_S, 0.0, 0.0, mode), par)
-    last = ertss.Outputs(*outputs)
-    assert last.smoothed_published == 0.0 and last.landing_time == 0.0
-    assert last.smoothed_position == last.position and last.smoothed_time == (ertss.LENGTH + 39) * T_S
+    last = record(ertss.Outputs, outputs)
+    assert last.smoothed_published == 0.0 and last.last.landing_time == 0.0
+    assert (
+        last.smoothed.smoothed_position == last.filter.estimates.position
+        and last.smoothed_time == (ertss.LENGTH + 39) * T_S
+    )

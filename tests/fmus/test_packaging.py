@@ -41,12 +41,16 @@ COMPONENT = Component(
 KERNEL = """
 from typing import Annotated, NamedTuple
 
-from gapsense.records import Array, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table
+
+
+class Law(Choice):
+    linear, table = range(2)
 
 
 class Parameters(NamedTuple):
     gain: Scalar
-    law: Scalar
+    law: Annotated[Scalar, Law]
     curve_file_x: Annotated[Array, Table()]
     curve_file_y: Annotated[Array, Table()]
 
@@ -167,6 +171,13 @@ def test_other_order_of_outputs_is_told(component: Component, kernel: Kernel) ->
     assert "their order" in refusal(component, kernel)
 
 
+@pytest.mark.parametrize("found", [(), ("table", "linear"), ("linear",), ("linear", "spline")])
+def test_choices_must_be_those_of_the_kernel(component: Component, kernel: Kernel, found: tuple[str, ...]) -> None:
+    ports = tuple(p._replace(choices=found) if p.name == "law" else p for p in component.ports)
+    text = refusal(component._replace(ports=ports), kernel)
+    assert f"`law` has the choices {list(found)}, its field in amplifier_kernel ['linear', 'table']" in text
+
+
 # Folders --------------------------------------------------------------------------------------------------------------
 
 
@@ -246,7 +257,7 @@ def test_archive_has_the_resources_and_no_times(folder: Path) -> None:
             "amplifier_kernel.py",
             "return State(inputs",
             "if state.last > 0: pass\n    return State(inputs",
-            ["kernel.py:32"],
+            ["kernel.py:36"],
         ),
     ],
 )

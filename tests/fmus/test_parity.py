@@ -14,6 +14,7 @@ from gapsense.fmi.components import load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
+from gapsense.records import flat
 
 Function = Callable[..., tuple[Any, Any]]
 
@@ -65,7 +66,7 @@ def direct(
         for m in reversed(range(round(h / dt))):
             state, outputs = step(state, inputs(k, end - m * dt, dt), par[k >= STEPS // 2])
         trace.append(outputs)
-    return [[float(value) for value in outputs] for outputs in trace]
+    return [[float(value) for value in flat(outputs)] for outputs in trace]
 
 
 def bits(trace: list[list[float]]) -> list[list[str]]:

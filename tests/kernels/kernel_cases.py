@@ -19,7 +19,7 @@ import numpy as np
 
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
-from gapsense.records import fields
+from gapsense.records import fields, leaves, record, triangle
 
 PACKAGES = ("gapsense.actuators", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
 CONTRACT = ("Parameters", "State", "Inputs", "Outputs", "initial", "step")
@@ -119,12 +119,15 @@ def input_sequence(name: str, rng: random.Random, count: int, degenerate: bool =
 
 def disturbed(state: Any, rng: random.Random) -> Any:
     """The state with its estimate or its covariance made degenerate: zero, tiny or huge."""
-    changed = {}
-    for key, field in fields(type(state)).items():
-        value = getattr(state, key)
+    entries: list[Any] = []
+    for _, field, value in leaves(state):
         if field.kind in ("vector", "covariance") and rng.random() < 0.5:
-            changed[key] = value * rng.choice((0.0, 1e-150, 1e-8, 1e8))
-    return state._replace(**changed)
+            value = value * rng.choice((0.0, 1e-150, 1e-8, 1e8))
+        if field.kind == "covariance":
+            entries += [value[i, j] for i, j in triangle(field.size)]
+        else:
+            entries += [*value] if field.kind == "vector" else [value]
+    return record(type(state), entries)
 
 
 def is_estimator(name: str) -> bool:

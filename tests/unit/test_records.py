@@ -9,14 +9,17 @@ import pytest
 
 from gapsense.records import (
     Array,
+    Choice,
     Covariance,
     Memory,
     Scalar,
     Table,
     Vector,
+    choices,
     fields,
     flat,
     flatten,
+    leaves,
     names,
     rebuild,
     record,
@@ -41,6 +44,31 @@ class Clashing(NamedTuple):
     x: Annotated[Array, Vector(2)]
 
 
+class Law(Choice):
+    linear, table = range(2)
+
+
+class Inner(NamedTuple):
+    y: Annotated[Array, Vector(2)]
+    law: Annotated[Scalar, Law]
+
+
+class Middle(NamedTuple):
+    inner: Inner
+    last: Scalar
+
+
+class Outer(NamedTuple):
+    r: Scalar
+    middle: Middle
+    log: Annotated[Array, Memory(4)]
+
+
+class Twice(NamedTuple):
+    inner: Inner
+    law: Scalar
+
+
 def test_names_and_layout() -> None:
     assert names(Mixed) == ["r", "x_0", "x_1", "P_00", "P_01", "P_11", "log", "table"]
     assert [f.kind for f in fields(Mixed).values()] == ["scalar", "vector", "covariance", "memory", "table"]
@@ -63,6 +91,26 @@ def test_empty_record() -> None:
 def test_clashing_names_are_refused() -> None:
     with pytest.raises(ValueError, match="rename"):
         names(Clashing)
+
+
+def test_records_within_records_are_laid_out_depth_first_under_their_own_names() -> None:
+    assert names(Outer) == ["r", "y_0", "y_1", "law", "last", "log"]
+    assert [*fields(Outer)] == ["r", "y", "law", "last", "log"] and fields(Outer)["log"].kind == "memory"
+    entries = [1.0, 2.0, 3.0, 4.0, 5.0, [0.0] * 4]
+    value = record(Outer, entries)
+    assert value.middle.inner.y[1] == 3.0 and value.middle.last == 5.0
+    assert flat(value) == entries
+    assert [name for name, _, _ in leaves(value)] == [*fields(Outer)]
+
+
+def test_a_name_that_two_records_use_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"`Twice`: .*rename"):
+        names(Twice)
+
+
+def test_choices_are_numbered_by_their_place() -> None:
+    assert choices(Inner) == {"law": ("linear", "table")} and choices(Outer) == {}
+    assert Law.table == 1.0 and fields(Inner)["law"].kind == "scalar"
 
 
 def test_nested_structures_are_flattened_and_rebuilt() -> None:

@@ -6,7 +6,7 @@ import inspect
 import math
 import random
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from traced import Outputs, Pair, Parameters, State, compiled, graph, python_tex
 
 from gapsense.emit import C, Numpy, Python
 from gapsense.kernel import trace
+from gapsense.records import zeros
 from gapsense.trace import (
     Tape,
     TraceError,
@@ -34,8 +35,12 @@ from gapsense.trace import (
     store,
     tanh,
     where,
-    zeros,
 )
+
+
+class Point(NamedTuple):
+    x: Any
+    ahead: Any
 
 
 def line_of(function: Any, text: str) -> int:
@@ -275,6 +280,18 @@ def test_loop_with_truth_value_as_state(tmp_path: Path) -> None:
         expected = function(*values)
         assert run_python(function, *values) == run_c(function, tmp_path / str(values), *values) == expected
         assert run_numpy(function, *values) == expected
+
+
+def test_loop_over_records_reads_them_by_name() -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        def body(left: Any, at: Point) -> Any:
+            return (left - 1.0, at._replace(x=at.x + b, ahead=at.ahead * at.x)), left <= 1.0
+
+        left, at = loop(9, body, (c, Point(a, np.array([1.0, b], dtype=object))))
+        return at.x + left * at.ahead[0] + at.ahead[1]
+
+    assert run_python(function, 1.5, 0.3, 4.0) == function(1.5, 0.3, 4.0)
+    assert "for" in python_text(function)
 
 
 def test_what_was_computed_before_the_loop_is_not_computed_in_it() -> None:

@@ -6,7 +6,7 @@ import math
 
 from gapsense.actuators import pot_magnet, reluctance_actuator
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 
 GAP_AREA = 1.75e-5  # A of the fringing law [m^2], papers.md on [UKF]
 GAP_WINDOW = 10e-3  # G [m]
@@ -30,7 +30,7 @@ _GAPS, _RELUCTANCES, _SLOPES = fringing_table()
 VALVE = Parameters(
     coil_resistance=76.0,
     coil_turns=1200.0,
-    gap_law=0.0,
+    gap_law=GapLaw.linear,
     gap_slope=2.7e10,
     gap_area=GAP_AREA,
     gap_window=GAP_WINDOW,
@@ -90,12 +90,12 @@ RTS_VALVE = reluctance_actuator.Parameters(
     core_pinning=942.0,
     core_reversibility=0.736,
     core_eddy_conductance=1630.0,
-    gap_law=0.0,
+    gap_law=reluctance_actuator.GapLaw.fringing,
     gap_reluctance=0.0,
     gap_slope=4.7e10,
     gap_fringing=300.0,
     gap_window=9.73e-3,
-    gap_file_gap=[0.0, 1.0],  # of no importance with gap_law=0.0
+    gap_file_gap=[0.0, 1.0],  # of no importance with this law
     gap_file_reluctance=[0.0, 4.7e10],
     gap_file_spline=[0.0, 0.0],
     mover_mass=1.6e-3,
@@ -110,7 +110,7 @@ RTS_VALVE = reluctance_actuator.Parameters(
 
 # The pot magnet of [HEKF] Table 1.  mu_0 and l_1 are misprinted there; see papers.md.
 POT_MAGNET_PRINTED = pot_magnet.Parameters(
-    orientation=1.0,
+    orientation=pot_magnet.Orientation.printed,
     coil_turns=964.0,
     coil_resistance=114.3,
     coil_resistance_upper=120.0,
@@ -129,4 +129,4 @@ POT_MAGNET_PRINTED = pot_magnet.Parameters(
 # The same with a force that acts where the inductance rises.  With the printed stroke of 0.5 mm it never lifts at 24 V:
 # at 0.21 A the force is 3.19 N, the weight 3.34 N.  With 0.2 mm i_on and i_off are what the model says: it can lift
 # from 0.099 A on and holds down to 0.021 A.
-POT_MAGNET = POT_MAGNET_PRINTED._replace(orientation=0.0, stop_upper=0.2e-3)
+POT_MAGNET = POT_MAGNET_PRINTED._replace(orientation=pot_magnet.Orientation.consistent, stop_upper=0.2e-3)

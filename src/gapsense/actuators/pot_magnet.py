@@ -19,10 +19,10 @@ inductance falls, which creates energy; `consistent` has gap = s_max - s and doe
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.integrate import equal_parts, least, next_part, rk4_until
-from gapsense.records import Scalar
+from gapsense.records import Choice, Scalar
 from gapsense.trace import clip, cond, fabs, loop, not_, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
@@ -31,10 +31,16 @@ FINENESS = 0.025  # longest micro-step in the smallest time constant of the coil
 LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
 
 
+class Orientation(Choice):
+    """Where the gap is: under the upper stop, or above the lower one as in the paper."""
+
+    consistent, printed = range(2)
+
+
 class Parameters(NamedTuple):
     """Table 1, the orientation and the micro-step."""
 
-    orientation: Scalar  # 0: consistent, 1: printed
+    orientation: Annotated[Scalar, Orientation]
     coil_turns: Scalar  # N [1]
     coil_resistance: Scalar  # K6 = R_i + R_m, modes 0 to 2 [ohm]
     coil_resistance_upper: Scalar  # K7 = R_d + R_m, modes 3 and 4 [ohm]
@@ -143,7 +149,7 @@ def _magnet(inputs: Inputs, par: Parameters) -> Magnet:
         s_max=par.stop_upper,
         i_on=par.current_on,
         i_off=par.current_off,
-        is_printed=par.orientation > 0.5,
+        is_printed=par.orientation == Orientation.printed,
         micro_step=equal_parts(inputs.dt, least(par.micro_step, FINENESS / fastest)),
     )
 

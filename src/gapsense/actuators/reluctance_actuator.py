@@ -16,13 +16,19 @@ from gapsense.actuators.magnetics import SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
 from gapsense.actuators.reluctance_steps import Actuator, circuit_at, micro_step
 from gapsense.integrate import equal_parts
-from gapsense.records import Array, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, fabs, loop, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FLUX_FINENESS = 0.05  # micro-step at most, in time constants of the flux
 FIELD_FINENESS = 0.2  # and change of the effective field in it at most, in units of kappa or a
 HIGHEST_INDUCTANCE = 10.0  # |flux linkage / current| at most, in inductances of the unmagnetized actuator
+
+
+class GapLaw(Choice):
+    """Where the reluctance of the gap comes from: a formula with fringing, or a table."""
+
+    fringing, table = range(2)
 
 
 class Parameters(NamedTuple):
@@ -41,7 +47,7 @@ class Parameters(NamedTuple):
     core_pinning: Scalar  # kappa [A/m]
     core_reversibility: Scalar  # c [1]
     core_eddy_conductance: Scalar  # k_eddy [S]
-    gap_law: Scalar  # 0: formula with fringing, 1: table
+    gap_law: Annotated[Scalar, GapLaw]
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_gp [1/(H m)]
     gap_fringing: Scalar  # k_f [1/m]
@@ -137,7 +143,7 @@ def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
     micro_step = equal_parts(inputs.dt, par.micro_step)
     gap = SmoothGap(
-        is_table=par.gap_law > 0.5,
+        is_table=par.gap_law == GapLaw.table,
         closed=par.gap_reluctance,
         unfringed=par.gap_slope,
         fringing=par.gap_fringing,

@@ -16,7 +16,7 @@ from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
 from gapsense.integrate import crossing, equal_parts, next_part, rk4, rk4_until
-from gapsense.records import Array, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, loop, not_, sqrt, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
@@ -24,12 +24,18 @@ FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux erro
 REFINEMENT = 256.0  # a micro-step is shortened at most so many times, enough for tenfold overvoltage
 
 
+class GapLaw(Choice):
+    """Reluctance of the gap: linear, with fringing, or from a table."""
+
+    linear, fringing, table = range(3)
+
+
 class Parameters(NamedTuple):
     """Table I, the other gap laws and the micro-step."""
 
     coil_resistance: Scalar  # r [ohm]
     coil_turns: Scalar  # N [1]
-    gap_law: Scalar  # 0: linear, 1: fringing, 2: table
+    gap_law: Annotated[Scalar, GapLaw]
     gap_slope: Scalar  # k_air, linear law [1/(H m)]
     gap_area: Scalar  # A, fringing law [m^2]
     gap_window: Scalar  # G, fringing law [m]
@@ -119,8 +125,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 def _valve(inputs: Inputs, par: Parameters) -> Valve:
     circuit = Circuit(
         turns=par.coil_turns,
-        is_table=par.gap_law > 1.5,
-        is_fringing=par.gap_law > 0.5,
+        is_table=par.gap_law == GapLaw.table,
+        is_fringing=par.gap_law == GapLaw.fringing,
         slope=par.gap_slope,
         unfringed=1.0 / (MU_0 * par.gap_area),
         fringing=1.0 / sqrt(par.gap_area),

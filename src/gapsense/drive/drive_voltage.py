@@ -14,17 +14,22 @@ from typing import Annotated, NamedTuple
 
 from gapsense.drive.curve import Curve, positive, tabulated
 from gapsense.drive.pulses import Pulse, levels, pulsed
-from gapsense.records import Array, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, fabs, not_, where
 
-SQUARE, STEP, TABLE, PWM, PROFILE, SOFT_LANDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 ALWAYS = -1e30  # phase at which a wave without a beginning begins
+
+
+class Waveform(Choice):
+    """What is generated."""
+
+    square, step, table, pwm, profile, soft_landing = range(6)
 
 
 class Parameters(NamedTuple):
     """The waveform and the numbers of each; only those of the chosen one matter."""
 
-    waveform: Scalar  # 0 square, 1 step, 2 table, 3 PWM, 4 profile, 5 soft landing
+    waveform: Annotated[Scalar, Waveform]
     square_amplitude: Scalar  # height above `square_low` [V]
     square_low: Scalar  # low level, also before the delay [V]
     square_period: Scalar  # positive [s]
@@ -85,14 +90,14 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """Outputs of one communication step."""
     tolerance = 1e-9 * inputs.dt + 1e-11 * fabs(inputs.time)
     voltage, mean = cond(
-        (par.waveform == TABLE) | (par.waveform == SOFT_LANDING),
+        (par.waveform == Waveform.table) | (par.waveform == Waveform.soft_landing),
         lambda: cond(
-            par.waveform == TABLE,
+            par.waveform == Waveform.table,
             lambda: tabulated(inputs.time, inputs.dt, tolerance, _table(par)),
             lambda: tabulated(inputs.time, inputs.dt, tolerance, _soft_landing(par)),
         ),
         lambda: cond(
-            par.waveform == PROFILE,
+            par.waveform == Waveform.profile,
             lambda: _profile(inputs, tolerance, par),
             lambda: _one_pulse(inputs, tolerance, par),
         ),
@@ -111,7 +116,7 @@ def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scal
     edge = (par.step_initial, par.step_final, *Pulse(positive(inputs.dt), 1.0, par.step_time, 0.0))
     duty = clip((inputs.reference - par.pwm_low) / positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
     pwm = (par.pwm_low, par.pwm_high, *Pulse(1.0 / par.pwm_frequency, duty, 0.0, ALWAYS))
-    is_pwm, is_step = par.waveform == PWM, par.waveform == STEP
+    is_pwm, is_step = par.waveform == Waveform.pwm, par.waveform == Waveform.step
     low, high, *pulse = (where(is_pwm, p, where(is_step, e, s)) for p, e, s in zip(pwm, edge, square))
     return levels(low, high, *pulsed(inputs.time, inputs.dt, tolerance, Pulse(*pulse)))
 

@@ -16,6 +16,7 @@ from gapsense.estimators.reduced_model import (
     FORCE_ERROR,
     POSITION,
     POSITION_PREV,
+    GapLaw,
     Held,
     Model,
     is_moving,
@@ -45,7 +46,7 @@ class Parameters(NamedTuple):
     stop_upper: Scalar  # z_max [m]
     core_reluctance: Scalar  # R_c0 [1/H]
     core_saturation: Scalar  # lambda_sat [Wb]
-    gap_law: Scalar  # 0: formula with fringing, 1: table
+    gap_law: Annotated[Scalar, GapLaw]
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_g0' [1/(H m)]
     gap_fringing: Scalar  # k_f [1/m]
@@ -84,8 +85,8 @@ class Inputs(NamedTuple):
     mode: Scalar  # 1: lower stop, 2: moving, 3: upper stop
 
 
-class Outputs(NamedTuple):
-    """Estimates at the sample."""
+class Estimates(NamedTuple):
+    """An estimate in SI units, and its standard deviations."""
 
     position: Scalar
     velocity: Scalar
@@ -97,6 +98,12 @@ class Outputs(NamedTuple):
     flux_linkage_std: Scalar
     current_error_std: Scalar
     force_error_std: Scalar
+
+
+class Outputs(NamedTuple):
+    """Estimates at the sample."""
+
+    estimates: Estimates
     innovation: Scalar
     innovation_std: Scalar
     health: Scalar  # 1 while the innovations are as large as expected, else 0
@@ -117,7 +124,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
     state = State(x, P, inputs.voltage, inputs.mode, 1.0)
-    return state, Outputs(*(*physical(Gaussian(x, P), m), 0.0, par.noise_current, 1.0))
+    return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=1.0)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -127,7 +134,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     surprised = surprise(state.surprise, new.innovation, new.innovation_std, par.health_samples)
     health = where(surprised < par.health_limit, 1.0, 0.0)
     x, P = new.filtered
-    outputs = Outputs(*(*physical(new.filtered, m), new.innovation, new.innovation_std, health))
+    outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
     return State(x, P, inputs.voltage, inputs.mode, surprised), outputs
 
 
@@ -147,7 +154,7 @@ def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pa
         x, F = linearise(stay, known.mean, held, m)
         return _updated(Gaussian(x, predict(known.cov, F, Q)), inputs, m, par)
 
-    return cond(is_moving(held.mode), moved, stayed)  # type: ignore[no-any-return]
+    return cond(is_moving(held.mode), moved, stayed)
 
 
 def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
@@ -183,20 +190,20 @@ def process_noise(m: Model, par: Any) -> Array:
     return diagonal([0.0, 0.0, square(par.process_flux_linkage), current_error, force_error])
 
 
-def physical(estimate: Gaussian, m: Model) -> tuple[Scalar, ...]:
-    """Position, velocity (23), flux linkage, current and force error in SI units, then their standard deviations."""
+def physical(estimate: Gaussian, m: Model) -> Estimates:
+    """The estimate in SI units; velocity by (23)."""
     x, P = estimate
     v_var = P[POSITION, POSITION] - 2.0 * P[POSITION, POSITION_PREV] + P[POSITION_PREV, POSITION_PREV]
     speed = m.l_z / m.T_s
-    return (
-        m.z_min + m.l_z * x[POSITION],
-        (x[POSITION] - x[POSITION_PREV]) * speed,
-        x[FLUX_LINKAGE],
-        x[CURRENT_ERROR],
-        x[FORCE_ERROR] / m.l_z,
-        m.l_z * deviation(P[POSITION, POSITION]),
-        speed * deviation(v_var),
-        deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
-        deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
-        deviation(P[FORCE_ERROR, FORCE_ERROR]) / m.l_z,
+    return Estimates(
+        position=m.z_min + m.l_z * x[POSITION],
+        velocity=(x[POSITION] - x[POSITION_PREV]) * speed,
+        flux_linkage=x[FLUX_LINKAGE],
+        current_error=x[CURRENT_ERROR],
+        force_error=x[FORCE_ERROR] / m.l_z,
+        position_std=m.l_z * deviation(P[POSITION, POSITION]),
+        velocity_std=speed * deviation(v_var),
+        flux_linkage_std=deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
+        current_error_std=deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
+        force_error_std=deviation(P[FORCE_ERROR, FORCE_ERROR]) / m.l_z,
     )

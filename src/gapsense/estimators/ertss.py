@@ -30,7 +30,7 @@ from gapsense.estimators.reduced_model import (
     transition,
 )
 from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Covariance, Memory, Scalar, Vector, triangle, zeros
+from gapsense.records import Array, Covariance, Memory, Scalar, Vector, record, triangle, zeros
 from gapsense.trace import clip, cond, fabs, load, not_, store, where
 
 LENGTH = 1024  # samples of one motion
@@ -42,27 +42,54 @@ SIZE = (2 * LENGTH + 1) * WIDTH
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 
 
-class State(NamedTuple):
-    """The filter, the motion being recorded, the motion being smoothed and published."""
+class Estimate(NamedTuple):
+    """State and covariance of one sample, normalised."""
 
     x: Annotated[Array, Vector(5)]
     P: Annotated[Array, Covariance(5)]
-    voltage: Scalar
-    mode: Scalar
-    surprise: Scalar
+
+
+class Motion(NamedTuple):
+    """The motion being recorded, or the last one."""
+
     half: Scalar  # half of the memory that is written: 0 or 1
     count: Scalar  # samples of the motion so far
     start: Scalar  # time of the last sample before it [s]
+
+
+class Smoothed(NamedTuple):
+    """The motion being smoothed and published."""
+
     smoothed_half: Scalar  # half of the memory that is smoothed
     length: Scalar  # samples of the motion there
     left: Scalar  # how many of them are not smoothed yet
     published: Scalar  # how many of them were published
     first: Scalar  # time of the last sample before it [s]
-    later_mean: Annotated[Array, Vector(5)]  # smoothed estimate of the sample after the next one to smooth
-    later_cov: Annotated[Array, Covariance(5)]
+
+
+class Later(NamedTuple):
+    """Smoothed estimate of the sample after the next one to smooth."""
+
+    mean: Annotated[Array, Vector(5)]
+    cov: Annotated[Array, Covariance(5)]
+
+
+class Operation(NamedTuple):
+    """The last complete operation."""
+
     takeoff_time: Scalar
     landing_time: Scalar
     impact_speed: Scalar
+
+
+class State(NamedTuple):
+    """The filter, the motion being recorded, the motion being smoothed and published."""
+
+    filter: ekf.State
+    motion: Motion
+    smoothed: Smoothed
+    later: Later
+    last: Operation
     samples: Annotated[Array, Memory(SIZE)]
 
 
@@ -75,24 +102,9 @@ class Inputs(NamedTuple):
     mode: Scalar
 
 
-class Outputs(NamedTuple):
-    """The filter's estimates at the sample, the smoothed ones at `smoothed_time`, the last complete operation."""
+class Shown(NamedTuple):
+    """The smoothed estimates at `smoothed_time`."""
 
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    current_error: Scalar
-    force_error: Scalar
-    position_std: Scalar
-    velocity_std: Scalar
-    flux_linkage_std: Scalar
-    current_error_std: Scalar
-    force_error_std: Scalar
-    innovation: Scalar
-    innovation_std: Scalar
-    health: Scalar
-    smoothed_published: Scalar  # 1: values of a sample in motion; 0: there is none, they are the filter's
-    smoothed_time: Scalar
     smoothed_position: Scalar
     smoothed_velocity: Scalar
     smoothed_flux_linkage: Scalar
@@ -100,105 +112,97 @@ class Outputs(NamedTuple):
     smoothed_force_error: Scalar
     smoothed_position_std: Scalar
     smoothed_velocity_std: Scalar
-    takeoff_time: Scalar
-    landing_time: Scalar
-    impact_speed: Scalar
+
+
+class Outputs(NamedTuple):
+    """The filter's estimates at the sample, the smoothed ones at `smoothed_time`, the last complete operation."""
+
+    filter: ekf.Outputs
+    smoothed_published: Scalar  # 1: values of a sample in motion; 0: there is none, they are the filter's
+    smoothed_time: Scalar
+    smoothed: Shown
+    last: Operation
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
-    filtered, outputs = ekf.initial(ekf.Inputs(inputs.voltage, inputs.current, inputs.mode), par)
-    none = (0.0, 0.0, inputs.time, 0.0, 0.0, 0.0, 0.0, inputs.time)
-    nowhere = (vector([0.0] * 5), matrix([[0.0] * 5] * 5))
-    times = (inputs.time, inputs.time, 0.0)
-    rest = (outputs.position, 0.0, outputs.flux_linkage, 0.0, outputs.force_error, 0.0, 0.0)
-    return State(*(*filtered, *none, *nowhere, *times, zeros(SIZE))), Outputs(
-        *(*outputs, 0.0, inputs.time, *rest, *times)
-    )
-
-
-class _Motion(NamedTuple):
-    """Counters of the motion that is recorded and of the one that is smoothed, after this sample."""
-
-    half: Scalar
-    count: Scalar
-    start: Scalar
-    lands: Scalar  # truth value: a motion ends with this sample
-    smoothed_half: Scalar
-    length: Scalar
-    left: Scalar
-    first: Scalar
-    samples: Array
+    filtered, outputs = ekf.initial(_measured(inputs), par)
+    now = outputs.estimates
+    rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
+    last = Operation(inputs.time, inputs.time, 0.0)
+    motion, smoothed = Motion(0.0, 0.0, inputs.time), Smoothed(0.0, 0.0, 0.0, 0.0, inputs.time)
+    nowhere = Later(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
+    return State(filtered, motion, smoothed, nowhere, last, zeros(SIZE)), Outputs(outputs, 0.0, inputs.time, rest, last)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published."""
     m = normalised(par)
-    before = ekf.State(state.x, state.P, state.voltage, state.mode, state.surprise)
-    now, outputs = ekf.step(before, ekf.Inputs(inputs.voltage, inputs.current, inputs.mode), par)
-    motion = _recorded(state, inputs, now, par)
-    left, samples, later, landing = _smoothed(state, inputs, now, outputs, motion, m, par)
-
-    published = where(motion.lands, 0.0, state.published)
-    is_published = (left <= 0.0) & (published < motion.length)
-    shown = _shown(samples, where(is_published, motion.smoothed_half * LENGTH + published, SPARE), m)
-    published = where(is_published, published + 1.0, published)
+    now, outputs = ekf.step(state.filter, _measured(inputs), par)
+    state, lands = _recorded(state, inputs, now, par)
+    state = _smoothed(state, inputs, lands, outputs.estimates, m, par)
+    motion = state.smoothed
+    is_published = (motion.left <= 0.0) & (motion.published < motion.length)
+    shown = _shown(state.samples, where(is_published, motion.smoothed_half * LENGTH + motion.published, SPARE), m)
+    published = where(is_published, motion.published + 1.0, motion.published)
     time = where(is_published, motion.first + published * par.sample_time, inputs.time)
-    counters = (motion.half, motion.count, motion.start, motion.smoothed_half, motion.length, left)
-    new = State(*(*now, *counters, published, motion.first, *later, *landing, samples))
-    return new, Outputs(*(*outputs, where(is_published, 1.0, 0.0), time, *shown, *landing))
+    state = state._replace(smoothed=motion._replace(published=published))
+    return state, Outputs(outputs, where(is_published, 1.0, 0.0), time, shown, state.last)
 
 
-def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> _Motion:
-    """The filtered sample kept, if the mover moves; at a landing the motion becomes the one to be smoothed."""
-    moves, moved = is_moving(inputs.mode), is_moving(state.mode)
+def _measured(inputs: Inputs) -> ekf.Inputs:
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode)
+
+
+def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> tuple[State, Scalar]:
+    """The filtered sample kept, if the mover moves; at a landing the motion becomes the one to be smoothed.
+
+    The second value says whether a motion ends with this sample.
+    """
+    motion, smoothed = state.motion, state.smoothed
+    moves, moved = is_moving(inputs.mode), is_moving(state.filter.mode)
     takes_off = moves & not_(moved)
-    half = where(takes_off, 1.0 - state.half, state.half)
-    count = where(takes_off, 1.0, where(moves, state.count + 1.0, state.count))
-    start = where(takes_off, inputs.time - par.sample_time, state.start)
+    half = where(takes_off, 1.0 - motion.half, motion.half)
+    count = where(takes_off, 1.0, where(moves, motion.count + 1.0, motion.count))
+    start = where(takes_off, inputs.time - par.sample_time, motion.start)
     slot = where(moves & (count <= LENGTH), half * LENGTH + count - 1.0, SPARE)
     entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), inputs.voltage]
     lands = moved & not_(moves) & (count > 0.0) & (count <= LENGTH)
-    return _Motion(
-        half,
-        count,
-        start,
-        lands,
-        smoothed_half=where(lands, half, state.smoothed_half),
-        length=where(lands, count, state.length),
-        left=where(lands, count, state.left),
-        first=where(lands, start, state.first),
-        samples=_stored(state.samples, slot, 0, entries),
+    smoothed = Smoothed(
+        smoothed_half=where(lands, half, smoothed.smoothed_half),
+        length=where(lands, count, smoothed.length),
+        left=where(lands, count, smoothed.left),
+        published=where(lands, 0.0, smoothed.published),
+        first=where(lands, start, smoothed.first),
     )
+    samples = _stored(state.samples, slot, 0, entries)
+    return State(now, Motion(half, count, start), smoothed, state.later, state.last, samples), lands
 
 
-def _smoothed(
-    state: State, inputs: Inputs, now: ekf.State, outputs: ekf.Outputs, motion: _Motion, m: Model, par: Parameters
-) -> tuple[Scalar, Array, Any, Any]:
-    """One sample of the backward pass, if one is left: samples left, the memory, the later estimate, the landing."""
-    is_busy = motion.left > 0.0
-    slot = where(is_busy, motion.smoothed_half * LENGTH + motion.left - 1.0, SPARE)
-    last_landing = (state.takeoff_time, state.landing_time, state.impact_speed)
-    last = (state.later_mean, state.later_cov)
+def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m: Model, par: Parameters) -> State:
+    """One sample of the backward pass, if one is left."""
+    smoothed, x = state.smoothed, state.filter.x
+    is_busy = smoothed.left > 0.0
+    slot = where(is_busy, smoothed.smoothed_half * LENGTH + smoothed.left - 1.0, SPARE)
 
-    def back() -> Any:
-        x, P, voltage = _loaded(motion.samples, slot)
-        later = Gaussian(*cond(motion.lands, lambda: (now.x, now.P), lambda: last))
-        found = backward(Gaussian(x, P), Held(voltage, 2.0), later, m, par)
-        landing = cond(
-            motion.lands,
-            lambda: (motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
-            lambda: last_landing,
+    def back() -> tuple[Later, Operation, Array, tuple[Scalar, Scalar]]:
+        filtered, voltage = _loaded(state.samples, slot)
+        later = cond(lands, lambda: Later(x, state.filter.P), lambda: state.later)
+        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, par)
+        last = cond(
+            lands,
+            lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
+            lambda: state.last,
         )
-        return (found.mean, found.cov), landing, (*found.mean, *physical(found, m)[5:7])
+        shown = physical(found, m)
+        return Later(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
 
-    def idle() -> Any:
-        return last, last_landing, (*now.x, outputs.position_std, outputs.velocity_std)
-
-    later, landing, entries = cond(is_busy, back, idle)
-    samples = _stored(motion.samples, slot, 0, entries[:5])
-    samples = _stored(samples, slot, STD, entries[5:])
-    return where(is_busy, motion.left - 1.0, motion.left), samples, later, landing
+    later, last, mean, stds = cond(
+        is_busy, back, lambda: (state.later, state.last, x, (now.position_std, now.velocity_std))
+    )
+    samples = _stored(_stored(state.samples, slot, 0, mean), slot, STD, stds)
+    smoothed = smoothed._replace(left=where(is_busy, smoothed.left - 1.0, smoothed.left))
+    return state._replace(smoothed=smoothed, later=later, last=last, samples=samples)
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, par: Any) -> Gaussian:
@@ -226,17 +230,16 @@ def _stored(samples: Array, slot: Scalar, place: int, entries: Any) -> Array:
     return samples
 
 
-def _loaded(samples: Array, slot: Scalar) -> tuple[Array, Array, Scalar]:
+def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar]:
     """Filtered estimate and voltage of a sample."""
     values = [load(samples, slot * WIDTH, k) for k in range(STD)]
-    place = {pair: 5 + k for k, pair in enumerate(triangle(5))}
-    P = matrix([[values[place[min(i, j), max(i, j)]] for j in range(5)] for i in range(5)])
-    return vector(values[:5]), P, values[STD - 1]
+    estimate = record(Estimate, values)
+    return Gaussian(estimate.x, estimate.P), values[-1]
 
 
-def _shown(samples: Array, slot: Scalar, m: Model) -> tuple[Scalar, ...]:
+def _shown(samples: Array, slot: Scalar, m: Model) -> Shown:
     """Smoothed values of a sample in SI units."""
     x = [load(samples, slot * WIDTH, k) for k in range(5)]
     stds = [load(samples, slot * WIDTH, STD + k) for k in range(2)]
-    nothing = matrix([[0.0] * 5] * 5)
-    return (*physical(Gaussian(vector(x), nothing), m)[:5], *stds)
+    at = physical(Gaussian(vector(x), matrix([[0.0] * 5] * 5)), m)
+    return Shown(at.position, at.velocity, at.flux_linkage, at.current_error, at.force_error, *stds)

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple
 from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
 from gapsense.linalg import deviation, diagonal, matrix, vector
-from gapsense.records import Array, Covariance, Scalar, Vector, flat, record
+from gapsense.records import Array, Choice, Covariance, Scalar, Vector, flat, record
 from gapsense.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
@@ -27,12 +27,24 @@ BEYOND_REASON = 1e6  # amperes and volts from which a measurement counts as lost
 H = (1.0, 0.0, 0.0)  # (3)
 
 
+class Orientation(Choice):
+    """Where the gap is: under the upper stop, or above the lower one as in the paper."""
+
+    consistent, printed = range(2)
+
+
+class Tuned(Choice):
+    """Noise of the parameters, that of the paper, or no correction: the open loop."""
+
+    robust, paper, none = range(3)
+
+
 class Parameters(NamedTuple):
     """The magnet as the filter believes it to be, and the tuning."""
 
     sample_time: Scalar  # T_s [s]
-    orientation: Scalar  # 0: consistent, 1: printed
-    tuning: Scalar  # 0: robust, 1: paper, 2: none, the open loop
+    orientation: Annotated[Scalar, Orientation]
+    tuning: Annotated[Scalar, Tuned]
     coil_turns: Scalar  # N [1]
     coil_resistance: Scalar  # K6, modes 0 to 2 [ohm]
     coil_resistance_upper: Scalar  # K7, modes 3 and 4 [ohm]
@@ -173,7 +185,7 @@ def is_number(value: Scalar) -> Any:
 def model(par: Any) -> Model:
     """Constants from physical parameters, a record with the fields of `Parameters`."""
     K3, K5 = 2.0 * par.core_permeability, square(par.coil_turns) * par.core_permeability * MU_0 * par.pole_area
-    is_printed = par.orientation > 0.5
+    is_printed = par.orientation == Orientation.printed
     return Model(
         path=where(is_printed, par.core_length, par.core_length + K3 * par.stop_upper),
         slope=where(is_printed, K3, -K3),
@@ -191,7 +203,6 @@ def model(par: Any) -> Model:
 
 def tuning(par: Any) -> Tuning:
     """That of the parameters, or the published one, (21): P(0) = 0, no band, no sub-steps."""
-    is_open_loop = par.tuning > 1.5
     own = Tuning(
         R=square(par.noise_current),
         rest=square(par.process_current),
@@ -199,9 +210,9 @@ def tuning(par: Any) -> Tuning:
         release=(square(par.release_position_std), square(par.release_velocity_std)),
         sub_steps=where(par.sub_steps > 1.0, floor(par.sub_steps), 1.0),
         band=par.landing_band * par.stop_upper,
-        is_open_loop=is_open_loop,
+        is_open_loop=par.tuning == Tuned.none,
     )
-    return cond((par.tuning > 0.5) & not_(is_open_loop), lambda: PUBLISHED, lambda: own)  # type: ignore[no-any-return]
+    return cond(par.tuning == Tuned.paper, lambda: PUBLISHED, lambda: own)
 
 
 def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
@@ -244,7 +255,7 @@ def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
         return share * left, Hybrid(vector([i, s, 0.0]), diagonal([P_ii, *tun.release]), air)
 
     held = Hybrid(vector([end[0], s, 0.0]), diagonal([P_end, 0.0, 0.0]), q)
-    return cond(is_released, released, lambda: (left, held))  # type: ignore[no-any-return]
+    return cond(is_released, released, lambda: (left, held))
 
 
 def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tuple[Scalar, Any]:
@@ -303,7 +314,7 @@ def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
         i_stop = i / (mod.path + mod.slope * s) * (mod.path + mod.slope * stop)
         return Hybrid(vector([i_stop, stop, 0.0]), diagonal([P[CURRENT, CURRENT], 0.0, 0.0]), mode)
 
-    return cond(is_up | is_down, landed, lambda: estimate)  # type: ignore[no-any-return]
+    return cond(is_up | is_down, landed, lambda: estimate)
 
 
 def resting(x: Array, held: Held, mod: Model) -> Array:
@@ -349,7 +360,7 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
         posterior = condition(Gaussian(x, P), vector([innovation]), matrix([H]), vector([tun.R]))
         return _landed(Hybrid(*project(posterior, POSITION, 0.0, mod.s_max), q), mod, tun)
 
-    return cond(is_resting(q), on_a_stop, in_the_air)  # type: ignore[no-any-return]
+    return cond(is_resting(q), on_a_stop, in_the_air)
 
 
 def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.records import Array, Memory, Scalar
-from gapsense.trace import fabs, load, sqrt, store, where, zeros
+from gapsense.records import Array, Memory, Scalar, zeros
+from gapsense.trace import fabs, load, sqrt, store, where
 
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
 SPARE = 2 * LENGTH  # element that takes the writes after that

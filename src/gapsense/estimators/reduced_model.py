@@ -11,13 +11,19 @@ from typing import Annotated, Any, NamedTuple
 
 from gapsense.interpolate import spline
 from gapsense.linalg import vector
-from gapsense.records import Array, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, fabs, is_traced, log, square, where
 
 SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
 FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable beyond
 POSITION, POSITION_PREV, FLUX_LINKAGE, CURRENT_ERROR, FORCE_ERROR = range(5)
+
+
+class GapLaw(Choice):
+    """Where the reluctance of the gap comes from: a formula with fringing, or a table."""
+
+    fringing, table = range(2)
 
 
 class Model(NamedTuple):
@@ -68,7 +74,7 @@ def normalised(par: Any) -> Model:
         lam_sat=par.core_saturation,
         l_z=l_z,
         z_min=par.stop_lower,
-        gap_is_table=par.gap_law > 0.5,
+        gap_is_table=par.gap_law == GapLaw.table,
         gap_knots=_constant(par.gap_file_gap),
         gap_reluctance=_constant(par.gap_file_reluctance),
         gap_curvature=_constant(par.gap_file_spline),

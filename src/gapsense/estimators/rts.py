@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,21 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from gapsense.emit import compiled
 from gapsense.estimators import ekf
 from gapsense.estimators.ekf import Parameters, physical
-from gapsense.estimators.ertss import backward, impact
+from gapsense.estimators.ertss import Estimate, backward, impact
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.reduced_model import Held, limit, normalised
 from gapsense.kernel import Kernel, trace
 from gapsense.linalg import vector
-from gapsense.records import Array, Covariance, Vector, record, triangle
+from gapsense.records import names, record, triangle
 
 Floats = NDArray[np.float64]
-
-
-class Estimate(NamedTuple):
-    """State and covariance of one sample, normalised."""
-
-    x: Annotated[Array, Vector(5)]
-    P: Annotated[Array, Covariance(5)]
 
 
 class Estimates(NamedTuple):
@@ -108,10 +101,11 @@ def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[t
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
-    found = [state[:20]]
+    width = len(names(Estimate))  # of what the state begins with
+    found = [state[:width]]
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
-        found.append(state[:20])
+        found.append(state[:width])
     return found
 
 
@@ -138,4 +132,4 @@ def _estimates(entries: list[tuple[float, ...]], par: Parameters) -> Estimates:
         cov[:, i, j] = cov[:, j, i] = values[:, 5 + k]
     m = normalised(par)
     rows = [physical(Gaussian(*record(Estimate, entry)), m) for entry in entries]
-    return Estimates(mean, cov, *np.array(rows, float).T)
+    return Estimates(mean, cov, **dict(zip(ekf.Estimates._fields, np.array(rows, float).T)))

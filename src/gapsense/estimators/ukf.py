@@ -31,7 +31,7 @@ from gapsense.estimators.valve_model import (
     transition,
 )
 from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
-from gapsense.records import Array, Covariance, Scalar, Table, Vector
+from gapsense.records import Array, Choice, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, square, where
 
 ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table is costly: few points differ in it
@@ -42,6 +42,30 @@ FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 FINE, SURPRISED, SKIPPED, RESTARTED = 1.0, 0.0, -1.0, -2.0  # health
+
+
+class Filter(Choice):
+    """Which filter."""
+
+    bounded_ukf, unbounded_ukf, bounded_ekf, open_loop = range(4)
+
+
+class Noise(Choice):
+    """How process noise reaches the sigma points: they are drawn again, or have dimensions for it."""
+
+    additive, augmented = range(2)
+
+
+class Interval(Choice):
+    """Which sample of the voltage stands for an interval."""
+
+    at_start, mean, at_end = range(3)
+
+
+class Tuned(Choice):
+    """Process noise: one of ours, or the parameters process_*."""
+
+    robust, paper, own = range(3)
 
 
 class Parameters(NamedTuple):
@@ -61,10 +85,10 @@ class Parameters(NamedTuple):
     damping: Scalar  # c_f [N s/m]
     stop_lower: Scalar  # [m]
     stop_upper: Scalar  # z_max [m]
-    option_filter: Scalar  # 0: bounded UKF, 1: unbounded UKF, 2: bounded EKF, 3: open loop
-    option_noise: Scalar  # 0: additive, with redrawn sigma points, 1: augmented
-    option_voltage: Scalar  # which sample stands for an interval, 0: the one at its start, 1: the mean, 2: at its end
-    option_tuning: Scalar  # 0: robust, 1: paper, 2: the parameters process_*
+    option_filter: Annotated[Scalar, Filter]
+    option_noise: Annotated[Scalar, Noise]
+    option_voltage: Annotated[Scalar, Interval]
+    option_tuning: Annotated[Scalar, Tuned]
     option_current_error: Scalar  # 1: with epsilon_i
     sigma_spread: Scalar  # n + kappa [1]
     process_flux_linkage: Scalar  # standard deviation of w_phi but for the voltage noise, per sample [Wb]
@@ -156,7 +180,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     S = deviation(joint.cov[-1, -1] + square(par.noise_current))
     most = _tuning(par).limit * S
     limited = clip(innovation, -most, most)
-    estimate, is_sound = _sound(_corrected(joint, limited, has_current & (par.option_filter < 2.5), par), joint, m, par)
+    estimate, is_sound = _sound(
+        _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
+    )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
     seen = clip(innovation, -FAR * S, FAR * S)
     surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
@@ -167,7 +193,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _model(par: Parameters) -> Model:
-    is_unbounded = (par.option_filter > 0.5) & (par.option_filter < 1.5)
+    is_unbounded = par.option_filter == Filter.unbounded_ukf
     low, high = where(is_unbounded, -EVERYWHERE, par.stop_lower), where(is_unbounded, EVERYWHERE, par.stop_upper)
     return model(par, _tuning(par).memory, low, high)
 
@@ -175,11 +201,11 @@ def _model(par: Parameters) -> Model:
 def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> Gaussian:
     """State and current together, before the current is measured: mean (5,) and covariance (5, 5)."""
     noise = _process_noise(par)
-    return cond(  # type: ignore[no-any-return]
-        par.option_filter > 1.5,
+    return cond(
+        (par.option_filter == Filter.bounded_ekf) | (par.option_filter == Filter.open_loop),
         lambda: _linearised(before, voltage, m, noise, par),
         lambda: cond(
-            par.option_noise > 0.5,
+            par.option_noise == Noise.augmented,
             lambda: _augmented(before, voltage, m, noise, par),
             lambda: _additive(before, voltage, m, noise, par),
         ),
@@ -188,7 +214,7 @@ def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> 
 
 def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
     """The state given the current, or as predicted."""
-    return cond(  # type: ignore[no-any-return]
+    return cond(
         is_measured,
         lambda: condition_on_last(joint, innovation, square(par.noise_current)),
         lambda: Gaussian(joint.mean[:-1], joint.cov[:-1, :-1]),
@@ -265,8 +291,8 @@ def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: 
 
 def _tuning(par: Parameters) -> Tuning:
     own = Tuning(*(getattr(par, f"process_{name}") for name in Tuning._fields))
-    given = cond(par.option_tuning > 1.5, lambda: own, lambda: PAPER)
-    return cond(par.option_tuning < 0.5, lambda: ROBUST, lambda: given)  # type: ignore[no-any-return]
+    given = cond(par.option_tuning == Tuned.own, lambda: own, lambda: PAPER)
+    return cond(par.option_tuning == Tuned.robust, lambda: ROBUST, lambda: given)
 
 
 def _process_noise(par: Parameters) -> Array:

@@ -23,7 +23,7 @@ from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.problems import code
-from gapsense.records import fields
+from gapsense.records import choices, fields
 
 HERE = Path(__file__).parent
 SHELL = ("ports.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
@@ -122,6 +122,13 @@ def check_records(component: Component, kernel: Kernel) -> None:
             odd = sorted(set(have) ^ set(ports)) or "their order"
             raise ValueError(
                 f"{component.name}: {record} of {component.kernel} and the port table differ in {odd}. Make them equal."
+            )
+    known = choices(kernel.module.Parameters)
+    for port in component.of("parameter"):
+        if port.choices != known.get(port.field, ()):
+            raise ValueError(
+                f"{component.name}: `{port.name}` has the choices {list(port.choices)}, its field in {component.kernel}"
+                f" {list(known.get(port.field, ()))}. Make them equal."
             )
 
 

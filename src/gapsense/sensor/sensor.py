@@ -14,10 +14,16 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.random import normal, seeded, uniform
-from gapsense.records import Array, Scalar, Vector
+from gapsense.records import Array, Choice, Scalar, Vector
 from gapsense.trace import clip, floor, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
+
+
+class ContactSource(Choice):
+    """Where the measured mode comes from: the input, or thresholds of the position."""
+
+    mode, position = range(2)
 
 
 class Parameters(NamedTuple):
@@ -36,7 +42,7 @@ class Parameters(NamedTuple):
     range_voltage: Scalar  # readings saturate at +- this; 0: never [V]
     range_current: Scalar  # readings saturate at +- this; 0: never [A]
     dropout_probability: Scalar  # of losing a sample [1]
-    contact_source: Scalar  # 0: the mode is the input; 1: it is found from the position
+    contact_source: Annotated[Scalar, ContactSource]
     contact_lower: Scalar  # below this position the armature counts as at its lower stop [m]
     contact_upper: Scalar  # above this position it counts as at its upper stop [m]
     contact_hysteresis: Scalar  # way back past a threshold before the contact opens [m]
@@ -94,7 +100,7 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
         generator,
         _converted(voltage, par.range_voltage, par.resolution_voltage),
         _converted(current, par.range_current, par.resolution_current),
-        where(par.contact_source > 0.5, _mode(inputs.position, state.mode, par), inputs.mode),
+        where(par.contact_source == ContactSource.position, _mode(inputs.position, state.mode, par), inputs.mode),
     )
 
 

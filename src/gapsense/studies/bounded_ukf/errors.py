@@ -33,7 +33,7 @@ ERRORS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05)  # relative, of the parameters
 RESISTANCES = (-0.05, -0.02, 0.02, 0.05)  # relative
 NOISE = 0.01  # sigma_n of Fig. 9
 WRONG = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
-PLANT = VALVE._replace(coil_resistance=77.5, gap_law=2.0)
+PLANT = VALVE._replace(coil_resistance=77.5, gap_law=solenoid_valve.GapLaw.table)
 SETTINGS = {  # start values of the component where the valve does not say
     "sample_time": T_S,
     "sigma_spread": 8.0,
@@ -46,10 +46,10 @@ SETTINGS = {  # start values of the component where the valve does not say
 }
 FILTERS: Mapping[str, Mapping[str, float]] = {
     "bounded UKF, robust": {},
-    "bounded UKF, paper": {"option_tuning": 1.0},
-    "bounded EKF": {"option_filter": 2.0},
-    "unbounded UKF": {"option_filter": 1.0, "option_tuning": 1.0},
-    "open loop": {"option_filter": 3.0},
+    "bounded UKF, paper": {"option_tuning": ukf.Tuned.paper},
+    "bounded EKF": {"option_filter": ukf.Filter.bounded_ekf},
+    "unbounded UKF": {"option_filter": ukf.Filter.unbounded_ukf, "option_tuning": ukf.Tuned.paper},
+    "open loop": {"option_filter": ukf.Filter.open_loop},
 }
 
 

@@ -26,7 +26,7 @@ EDGE, SAMPLES = 1000, 2000  # of the voltage; the paper's edge at 0.5 s follows 
 HIGH = 24.0  # [V]
 LEVELS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)  # noise of the current [A]
 ERRORS, NOISE = 11, 12  # streams of random numbers; the tuning was chosen on others, 1 and 2
-TUNINGS = ("robust", "paper", "none")  # as the kernel numbers them
+TUNINGS = tuple(choice.name for choice in hybrid_ekf.Tuned)
 STEPS = ("0 to 24 V", "24 to 0 V")
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
 WRONG = ("coil_resistance", "pole_area", "core_length", "mover_mass", "current_on", "current_off")
@@ -116,7 +116,7 @@ def believed(plant: pot_magnet.Parameters, errors: Array, noise: Array, tuning: 
     for name, factor in zip(WRONG, 1.0 + errors.T):
         known[name] = known[name] * factor
     known["coil_resistance_upper"] = known["coil_resistance_upper"] * (1.0 + errors[:, 0])
-    chosen = {"sample_time": T_S, "tuning": float(TUNINGS.index(tuning)), "noise_current": noise}
+    chosen = {"sample_time": T_S, "tuning": hybrid_ekf.Tuned[tuning], "noise_current": noise}
     return flat(hybrid_ekf.Parameters(**{**known, **TUNING, **chosen}))
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gapsense.cosim import Result
 from gapsense.estimators.ekf import Parameters
+from gapsense.estimators.reduced_model import GapLaw
 from gapsense.estimators.rts import Estimates, motions, smooth_record
 
 Vector = npt.NDArray[np.float64]
@@ -29,7 +30,7 @@ SIGNALS = (
 HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
 LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)  # of the box plots [%]
 GAP_LAW: Any = {  # the formula; the table is of no importance then
-    "gap_law": 0.0,
+    "gap_law": GapLaw.fringing,
     "gap_file_gap": [0.0, 1.0],
     "gap_file_reluctance": [0.0, 1.0],
     "gap_file_spline": [0.0, 0.0],
