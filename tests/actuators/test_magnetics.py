@@ -10,10 +10,10 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import magnetics
-from gapsense.actuators.parameters import GAP_AREA, RTS_VALVE, VALVE, fringing_table
 from gapsense.actuators.reluctance_actuator import Inputs as ActuatorInputs
 from gapsense.actuators.reluctance_actuator import make_actuator
 from gapsense.actuators.solenoid_valve import Inputs, _valve
+from gapsense.studies.devices import RTS_VALVE, VALVE
 
 LAWS = [0.0, 1.0, 2.0]
 FLUXES = st.floats(-1.0, 1.0)
@@ -32,20 +32,28 @@ def test_slope_is_the_derivative_of_the_reluctance(law, h):
 
 
 def test_fringing_vanishes_at_the_closed_gap():
-    r0 = 1 / (magnetics.MU_0 * GAP_AREA)
+    r0 = 1 / (magnetics.MU_0 * VALVE.gap_area)
     assert magnetics.gap_law(0.0, circuit(1.0)) == (0.0, r0)
     assert magnetics.gap_law(1e-9, circuit(1.0))[0] == pytest.approx(r0 * 1e-9, rel=1e-4)
 
 
 def test_table_interpolates_both_columns_and_extrapolates():
     c = circuit(2.0)
-    gaps, reluctances, slopes = fringing_table(19)
+    gaps, reluctances, slopes = VALVE.gap_file_gap, VALVE.gap_file_reluctance, VALVE.gap_file_slope
     assert len(gaps) == 19
     assert magnetics.gap_law(gaps[7], c) == pytest.approx((reluctances[7], slopes[7]))
     middle = magnetics.gap_law(0.5 * (gaps[7] + gaps[8]), c)
     assert middle == pytest.approx((0.5 * (reluctances[7] + reluctances[8]), 0.5 * (slopes[7] + slopes[8])))
     outside = magnetics.gap_law(2 * gaps[18] - gaps[17], c)
     assert outside == pytest.approx((2 * reluctances[18] - reluctances[17], 2 * slopes[18] - slopes[17]))
+
+
+def test_shipped_table_is_the_fringing_law():
+    """[UKF] has 19 points, from a finite-element model that is not printed; this law stands in for it."""
+    r0, k = 1 / (magnetics.MU_0 * VALVE.gap_area), 1 / math.sqrt(VALVE.gap_area)
+    assert VALVE.gap_file_gap == pytest.approx([0.05e-3 * n for n in range(19)])
+    for h, reluctance, slope in zip(VALVE.gap_file_gap, VALVE.gap_file_reluctance, VALVE.gap_file_slope):
+        assert magnetics.fringing(h, r0, k, 2 * VALVE.gap_window)[:2] == pytest.approx((reluctance, slope), rel=1e-12)
 
 
 SMOOTH = {

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.actuators import pot_magnet
-from gapsense.actuators.parameters import POT_MAGNET, POT_MAGNET_PRINTED
 from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 KERNEL = Kernel(pot_magnet)
 REST = pot_magnet.Inputs(0.0, 0.0, 0.0)

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gapsense.actuators import pot_magnet
-from gapsense.actuators.parameters import POT_MAGNET, POT_MAGNET_PRINTED
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 MU_0 = 1.257e-6
 TIME = 1e-7  # of a change of mode [s]

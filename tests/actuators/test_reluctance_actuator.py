@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from gapsense.actuators import hysteresis, solenoid_valve
 from gapsense.actuators import reluctance_actuator as actuator
 from gapsense.actuators.magnetics import MU_0
-from gapsense.actuators.parameters import RTS_VALVE, VALVE
 from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.devices import RTS_VALVE, VALVE
 
 STEP = 0.1e-3
 VOLTAGES = st.lists(st.floats(-60.0, 60.0), min_size=1, max_size=30)

@@ -7,9 +7,9 @@ import pytest
 from reluctance_dop853 import Oracle
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.fmi.tables import read_table
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import RTS_VALVE
 
 TIME = 1e-7  # contact and release [s]
 LEVELS = [30.0, 12.0, 20.0, 8.0, 0.0, -6.0, 3.0, 0.0, 40.0, 0.0]

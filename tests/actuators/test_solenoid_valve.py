@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
-from gapsense.actuators.parameters import RELAY, VALVE
 from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.devices import VALVE
 
 REST = valve.Inputs(0.0, 0.0, 0.0)
 VOLTAGES = st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=30)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from relay import RELAY
 from scipy.integrate import solve_ivp
 
-from gapsense.actuators.parameters import RELAY, VALVE
+from gapsense.studies.devices import VALVE
 
 MU_0 = 4e-7 * np.pi
 TIME = 1e-7  # contact and release [s]

@@ -14,9 +14,9 @@ import fmpy
 import numpy as np
 import pytest
 
-from gapsense.actuators.parameters import VALVE
 from gapsense.cosim import run
 from gapsense.files import read_columns
+from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.model import simulate
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,8 +10,8 @@ import numpy as np
 from kernel_cases import kernel
 from table_i import defaults
 
-from gapsense.actuators.parameters import POT_MAGNET, POT_MAGNET_PRINTED
 from gapsense.estimators import hybrid_ekf
+from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 T_S = 1e-4
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}

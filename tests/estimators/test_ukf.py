@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from table_i import defaults
 from valve_model_textbook import VALVE
 
-from gapsense.actuators import parameters as actuators
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators import ukf
 from gapsense.estimators.kalman import Gaussian
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import VALVE as SOLENOID_VALVE
 
 KERNEL, PLANT = Kernel(ukf), Kernel(solenoid_valve)
 FIELDS = ukf.Outputs._fields
@@ -31,7 +31,7 @@ SCALE = np.array([0.02, 1e-3, 1e-3, 0.1])
 @cache
 def record(volts: float = 30.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Voltage held after each sample, and the valve's outputs: 10 samples of rest, 10 ms on, 10 ms off."""
-    par = actuators.VALVE._replace(coil_resistance=77.5, gap_law=2.0)
+    par = SOLENOID_VALVE._replace(coil_resistance=77.5, gap_law=2.0)
     voltage = np.where((np.arange(END) >= ON) & (np.arange(END) < OFF), volts, 0.0)
     state, outputs = PLANT.initial(solenoid_valve.Inputs(0.0, 0.0, 0.0), par)
     rows = [outputs]

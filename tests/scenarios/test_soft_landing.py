@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gapsense import cosim
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.fmi.tables import read_table
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.figures import draw
 from gapsense.studies.smoother.nominal import nominal, own
 from gapsense.studies.smoother.reference import process_noise

@@ -8,7 +8,6 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.cli import app
 from gapsense.cosim import load, prepare, run
 from gapsense.cosim.record import Result, Run, Timing
@@ -17,6 +16,7 @@ from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
 from gapsense.studies.estimators import scenario

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from valve_records import GUESS, record
 
-from gapsense.actuators.parameters import VALVE
+from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.errors import long_run, uncertainty
 from gapsense.studies.identification.fit import POOR, Fit, identify
 from gapsense.studies.identification.model import (

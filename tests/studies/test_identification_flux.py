@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from valve_records import PERIOD, record
 
-from gapsense.actuators.parameters import VALVE
+from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.flux import edges, estimate, operations
 from gapsense.studies.identification.model import simulate
 from gapsense.studies.identification.record import Columns, to_record

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gapsense.actuators import solenoid_valve
-from gapsense.actuators.parameters import VALVE
 from gapsense.estimators.reduced_model import current, gap_law, normalised
 from gapsense.fmi.components import kernel_parameters
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import VALVE
 from gapsense.studies.reduced_fit.fit import PUBLISHED, fit_core, integrated_flux, of_reference_cycle, standard_errors
 
 FMUS = Path(__file__).parents[2] / "fmus"

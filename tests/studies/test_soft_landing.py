@@ -7,9 +7,9 @@ import pytest
 from reluctance_dop853 import Oracle
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import run, sampled, soft_landing
 from gapsense.studies.soft_landing.inverse import SoftLandingError
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.actuators.parameters import GAP_AREA, GAP_WINDOW, fringing_table
 from gapsense.files import read_columns
 from gapsense.problems import InputError
+from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
 
+GAP_AREA, GAP_WINDOW = VALVE.gap_area, VALVE.gap_window
 LINEAR = {"gap.law": "linear", "gap.slope": 2.7e10, "coil.resistance": 76.0, "coil.turns": 1200.0}
 REDUCED = ("gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "coil.turns")
 GAPS = np.linspace(0.05e-3, 0.9e-3, 7)
@@ -74,12 +75,14 @@ def test_component_that_takes_a_table_only_gets_one(law):
 
 
 def test_table_serves_both(tmp_path):
-    rows = [",".join(map(repr, row)) for row in zip(*fringing_table())]
+    rows = [
+        ",".join(map(repr, row)) for row in zip(VALVE.gap_file_gap, VALVE.gap_file_reluctance, VALVE.gap_file_slope)
+    ]
     (tmp_path / "gap.csv").write_text("\n".join(["gap,reluctance,slope", *rows]) + "\n", encoding="utf-8")
     table = {"gap.law": "table", "gap.file": str(tmp_path / "gap.csv")}
     assert values_for(("gap.law", "gap.file", "gap.fringing"), table) == table
     rest = {"coil.turns": 1200.0, "core.reluctance": 3.25e6, "stop.upper": 0.9e-3}
-    inductance = 1200.0**2 / (fringing_table()[1][-1] + 3.25e6)
+    inductance = 1200.0**2 / (VALVE.gap_file_reluctance[-1] + 3.25e6)
     assert values_for(("prior.inductance",), {**table, **rest})["prior.inductance"] == pytest.approx(inductance)
 
 

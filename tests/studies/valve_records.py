@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gapsense.actuators.parameters import VALVE
+from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.model import simulate
 from gapsense.studies.identification.record import Columns, Record, to_record
 

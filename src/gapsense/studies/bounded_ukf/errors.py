@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators import solenoid_valve
-from gapsense.actuators.parameters import VALVE
 from gapsense.estimators import ukf
 from gapsense.kernel import Kernel
+from gapsense.studies.devices import VALVE
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapsense.actuators.magnetics import fringing
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.estimators.hybrid_ekf import MU_0
+from gapsense.studies.devices import RTS_VALVE
 
 Floats = NDArray[np.float64]
 KNOTS = 19  # of the gap table, as in [UKF]

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators import pot_magnet
-from gapsense.actuators.parameters import POT_MAGNET, POT_MAGNET_PRINTED
 from gapsense.estimators import hybrid_ekf
 from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 Array = npt.NDArray[np.float64]
 

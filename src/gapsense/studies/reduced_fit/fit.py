@@ -11,9 +11,9 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 
 from gapsense.actuators.motion import MOVING
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.estimators.reduced_model import Model, current, gap_law, normalised
 from gapsense.files import read_columns
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 Floats = NDArray[np.float64]

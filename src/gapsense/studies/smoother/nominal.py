@@ -5,9 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.estimators.reduced_model import Model, normalised
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.reduced_fit.fit import fit_core
 from gapsense.studies.smoother.batch import Varied
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.motion import MOVING, OPEN
-from gapsense.actuators.parameters import RTS_VALVE
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.inverse import SoftLandingError
 from gapsense.studies.soft_landing.phases import Cycle, Setup, Vector, balancing_voltage, move, rest
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory
