@@ -11,6 +11,8 @@ import pytest
 import typer
 
 from gapsense.cli import app
+from gapsense.cli.common import reported
+from gapsense.trace import TraceError
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = sorted(typer.main.get_command(app).commands)
@@ -44,6 +46,13 @@ def test_without_a_command_the_help_is_shown(gapsense):
 )
 def test_wrong_usage_is_wrong_input(gapsense, arguments):
     assert gapsense(*arguments).exit_code == 2
+
+
+def test_kernel_that_cannot_be_traced_is_wrong_input(capsys):
+    with pytest.raises(typer.Exit) as end, reported():
+        raise TraceError("kernel.py:3, in step: `if` on a traced value. Use where().")
+    assert end.value.exit_code == 2
+    assert capsys.readouterr().err == "kernel.py:3, in step: `if` on a traced value. Use where().\n"
 
 
 # Checkout -------------------------------------------------------------------------------------------------------------

@@ -369,6 +369,17 @@ def test_mistake_of_an_author_is_told_in_one_sentence(author: Path, mistake: str
     assert [word for word in words if word not in text] == [], text
 
 
+def test_mistake_in_a_table_that_another_takes_is_told_at_its_own_line(author: Path) -> None:
+    other = author.parent / "other"
+    other.mkdir()
+    (other / "component.py").write_text(
+        "from pathlib import Path\nfrom gapsense.fmi.components import load_component\n"
+        "COMPONENT = load_component(Path(__file__).parents[1] / 'amplifier')\n"
+    )
+    changed(author / "component.py", 'input_("volt', 'inptu("volt')
+    assert told(other).startswith(f"{author / 'component.py'}:10: NameError")
+
+
 def test_missing_page_is_told(author: Path) -> None:
     (author / "page.md").unlink()
     assert "amplifier: no page.md. A component's folder holds" in told(author)
