@@ -1,4 +1,4 @@
-"""Square-wave runs of the generated scalar code of the valve; the oracles can be imported here."""
+"""Square-wave runs of the generated scalar code of the valve; helpers and oracles can be imported."""
 
 import sys
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from gapsense.actuators import solenoid_valve
 from gapsense.kernel import Kernel
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "oracles")]
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "oracles")]
 
 
 def square_wave(period, cycles, high=30.0):
