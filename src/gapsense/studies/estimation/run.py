@@ -122,7 +122,7 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
     signals = offered(record)
     inputs = {v.name: signals[v.name] for v in description.inputs}
-    return Estimate(fmu.stem, feed(description, own, float(record.times[0]), record.dt, inputs), own)
+    return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
 
 
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
