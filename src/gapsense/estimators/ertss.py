@@ -8,11 +8,12 @@ more than `LENGTH` samples in motion is not smoothed.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Iterable
+from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators import ekf
-from gapsense.estimators.ekf import Parameters, physical, process_noise
+from gapsense.estimators.ekf import Parameters, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
@@ -188,7 +189,7 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     def back() -> tuple[Later, Operation, Array, tuple[Scalar, Scalar]]:
         filtered, voltage = _loaded(state.samples, slot)
         later = cond(lands, lambda: Later(x, state.filter.P), lambda: state.later)
-        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, par)
+        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
         last = cond(
             lands,
             lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
@@ -205,10 +206,10 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     return state._replace(smoothed=smoothed, later=later, last=last, samples=samples)
 
 
-def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, par: Any) -> Gaussian:
+def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:
     """Smoothed and projected estimate of a sample (44)-(46), from that of the next one; the prediction is repeated."""
     x, F = linearise(transition, filtered.mean, held, m)
-    Q = process_noise(m, par)
+    Q = process_noise(m, tuned)
     predicted = Gaussian(x, predict(filtered.cov, F, Q))
     return project(smooth(filtered, predicted, F, Q, later), POSITION, 0.0, 1.0)
 
@@ -224,7 +225,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, slot: Scalar, place: int, entries: Any) -> Array:
+def _stored(samples: Array, slot: Scalar, place: int, entries: Iterable[Scalar]) -> Array:
     for k, value in enumerate(entries):
         samples = store(samples, slot * WIDTH, value, place + k)
     return samples
