@@ -46,8 +46,8 @@ __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 class Estimate(NamedTuple):
     """State and covariance of one sample, normalised."""
 
-    x: Annotated[Array, Vector(5)]
-    P: Annotated[Array, Covariance(5)]
+    mean: Annotated[Array, Vector(5)]
+    cov: Annotated[Array, Covariance(5)]
 
 
 class Motion(NamedTuple):
@@ -68,13 +68,6 @@ class Smoothed(NamedTuple):
     first: Scalar  # time of the last sample before it [s]
 
 
-class Later(NamedTuple):
-    """Smoothed estimate of the sample after the next one to smooth."""
-
-    mean: Annotated[Array, Vector(5)]
-    cov: Annotated[Array, Covariance(5)]
-
-
 class Operation(NamedTuple):
     """The last complete operation."""
 
@@ -89,7 +82,7 @@ class State(NamedTuple):
     filter: ekf.State
     motion: Motion
     smoothed: Smoothed
-    later: Later
+    later: Estimate  # smoothed, of the sample after the next one to smooth
     last: Operation
     samples: Annotated[Array, Memory(SIZE)]
 
@@ -132,7 +125,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
     last = Operation(inputs.time, inputs.time, 0.0)
     motion, smoothed = Motion(0.0, 0.0, inputs.time), Smoothed(0.0, 0.0, 0.0, 0.0, inputs.time)
-    nowhere = Later(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
+    nowhere = Estimate(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
     return State(filtered, motion, smoothed, nowhere, last, zeros(SIZE)), Outputs(outputs, 0.0, inputs.time, rest, last)
 
 
@@ -186,9 +179,9 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     is_busy = smoothed.left > 0.0
     slot = where(is_busy, smoothed.smoothed_half * LENGTH + smoothed.left - 1.0, SPARE)
 
-    def back() -> tuple[Later, Operation, Array, tuple[Scalar, Scalar]]:
+    def back() -> tuple[Estimate, Operation, Array, tuple[Scalar, Scalar]]:
         filtered, voltage = _loaded(state.samples, slot)
-        later = cond(lands, lambda: Later(x, state.filter.P), lambda: state.later)
+        later = cond(lands, lambda: Estimate(x, state.filter.P), lambda: state.later)
         found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
         last = cond(
             lands,
@@ -196,7 +189,7 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
             lambda: state.last,
         )
         shown = physical(found, m)
-        return Later(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
+        return Estimate(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
 
     later, last, mean, stds = cond(
         is_busy, back, lambda: (state.later, state.last, x, (now.position_std, now.velocity_std))
@@ -235,7 +228,7 @@ def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar]:
     """Filtered estimate and voltage of a sample."""
     values = [load(samples, slot * WIDTH, k) for k in range(STD)]
     estimate = record(Estimate, values)
-    return Gaussian(estimate.x, estimate.P), values[-1]
+    return Gaussian(estimate.mean, estimate.cov), values[-1]
 
 
 def _shown(samples: Array, slot: Scalar, m: Model) -> Shown:

@@ -119,9 +119,9 @@ def _backward() -> Callable[..., tuple[float, ...]]:
     """`ertss.backward` as scalar Python on flat tuples."""
 
     def smoothed(before: Estimate, held: Held, after: Estimate, par: Parameters) -> Estimate:
-        filtered, later = (Gaussian(mean=e.x, cov=e.P) for e in (before, after))
+        filtered, later = (Gaussian(e.mean, e.cov) for e in (before, after))
         found = backward(filtered, held, later, normalised(par), tuning(par))
-        return Estimate(x=found.mean, P=found.cov)
+        return Estimate(found.mean, found.cov)
 
     arguments = {"before": Estimate, "held": Held, "after": Estimate, "par": Parameters}
     space: dict[str, Any] = {}
