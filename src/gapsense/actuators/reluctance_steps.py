@@ -79,13 +79,6 @@ class Losses(NamedTuple):
     work: Scalar  # on the walls, by volume
 
 
-class Watched(NamedTuple):
-    """What a switch of the walls shows in."""
-
-    rate: Scalar  # of the flux
-    excess: Scalar
-
-
 class Switches(NamedTuple):
     """Direction of the flux, and that of the walls, 0 while they are frozen."""
 
@@ -156,19 +149,19 @@ def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scal
     return cond(need * dt > 1.0, shortened, lambda: dt)
 
 
-def _magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Watched]:
-    """Rates of flux (8) and effective field (10); integrands: copper, eddy currents / k, walls / volume."""
+def _magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Electric]:
+    """Rates of flux (8) and effective field (10); losses; and what a switch of the walls shows in."""
     i, rate, excess, steepness = electric
     field_rate = hysteresis.field_rate(rate, hysteresis.susceptibility(excess, steepness, walls, act.core), act.core)
     losses = Losses(heat=act.resistance * (i * i), eddy=rate * rate, work=excess * field_rate)
-    return Resting(rate, field_rate), losses, Watched(rate, excess)
+    return Resting(rate, field_rate), losses, electric
 
 
-def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Moving) -> tuple[Moving, Losses, Watched]:
+def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Moving) -> tuple[Moving, Losses, Electric]:
     return _rates_from(act, walls, y, _circuit(act, gap, y.flux, y.H_e, y.h))
 
 
-def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Watched]:
+def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Electric]:
     """As `_magnetic_rates`, with velocity and acceleration (11), and with the loss in the damper."""
     rates, losses, watched = _magnetic_rates(act, walls, circuit.electric)
     drag = act.mover.damping * y.v
@@ -177,14 +170,14 @@ def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tu
     return change, losses._replace(heat=losses.heat + drag * y.v), watched
 
 
-def _resting_rates(act: Actuator, walls: Scalar, reluctance: Scalar, y: Resting) -> tuple[Resting, Losses, Watched]:
+def _resting_rates(act: Actuator, walls: Scalar, reluctance: Scalar, y: Resting) -> tuple[Resting, Losses, Electric]:
     return _magnetic_rates(act, walls, _electric(act, y.flux, y.H_e, reluctance))
 
 
-def _switch(act: Actuator, switches: Switches, watched: Watched) -> tuple[Scalar, Scalar]:
+def _switch(act: Actuator, switches: Switches, watched: Electric) -> tuple[Scalar, Scalar]:
     """Margins, negative once the flux turns round and once frozen walls start to move; 1 if they cannot."""
     direction, walls = switches
-    turning = where(act.core.is_hysteretic, UNSEEN + direction * watched.rate * act.flux_weight, 1.0)
+    turning = where(act.core.is_hysteretic, UNSEEN + direction * watched.flux_rate * act.flux_weight, 1.0)
     thawing = where(walls == direction, 1.0, UNSEEN - direction * watched.excess * act.excess_weight)
     return turning, thawing
 
@@ -195,7 +188,7 @@ def _move(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     first = _rates_from(act, switches.walls, at, circuit)
     after = partial(rk4, partial(_moving_rates, act, circuit.gap, switches.walls), at, first=first)
 
-    def margin(y: Moving, watched: Watched) -> Scalar:
+    def margin(y: Moving, watched: Electric) -> Scalar:
         clearance = least(y.h - mover.lower, mover.upper - y.h) / act.stroke
         return least(clearance, least(*_switch(act, switches, watched)))
 
@@ -239,7 +232,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     def hold(flux: Scalar) -> Scalar:
         return -motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
 
-    def margin(y: Resting, watched: Watched) -> Scalar:
+    def margin(y: Resting, watched: Electric) -> Scalar:
         return least(hold(y.flux), least(*_switch(act, switches, watched)))
 
     y, losses, watched = after(dt)
