@@ -6,16 +6,15 @@ states but is never fed back into them, so it costs no more than its integrand.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
 from gapsense.records import Scalar
 from gapsense.trace import clip, cond, floor, loop, where
 
 Scalars: TypeAlias = Sequence[Any]
-Rate: TypeAlias = Callable[[Scalars], tuple[Scalars, ...]]  # y -> dy/dt, integrands, and what is watched, if anything
-
-Margin: TypeAlias = Callable[[Scalars], Scalar]  # y -> what an event makes negative
+Rate: TypeAlias = Callable[[Any], tuple[Any, ...]]  # y -> dy/dt, integrands, and what is watched, if anything
+Margin: TypeAlias = Callable[[Any], Scalar]  # y -> what an event makes negative
 
 TRIALS = 60  # about 10 are needed
 CLOSENESS = 1e-10  # width of the final bracket, relative to the first
@@ -37,7 +36,7 @@ def least(a: Scalar, b: Scalar) -> Scalar:
     return where(a < b, a, b)
 
 
-def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = None) -> tuple[tuple[Any, ...], ...]:
+def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
     """States after `dt`, and the integrals of the integrands over `dt`; classical Runge-Kutta method of order 4.
 
     Parameters
@@ -46,7 +45,7 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = 
         What more it returns than rates and integrands is returned as of the last stage, which lies at the end of the
         step with an error of order 3: good enough to see a switch coming, at no cost.
     y : sequence of scalars
-        States at the start.
+        States at the start.  A record stays one, and so do the integrands.
     dt : scalar
         Step.
     first : tuple, optional
@@ -62,13 +61,13 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Scalars, ...] | None = 
     k3, q3, *_ = rate(_along(y, k2, half))
     k4, q4, *watched = rate(_along(y, k3, dt))
     sixth = dt / 6.0
-    integrals = tuple(_weighted(*stages) * sixth for stages in zip(q1, q2, q3, q4))
-    return _along(y, [_weighted(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals, *map(tuple, watched)
+    integrals = _as(q1, (_weighted(*stages) * sixth for stages in zip(q1, q2, q3, q4)))
+    return _along(y, [_weighted(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals, *watched
 
 
 def rk4_until(
     rate: Rate, y: Scalars, dt: Scalar, margin: Margin, is_live: Scalar = True
-) -> tuple[Scalar, tuple[Any, ...], tuple[Any, ...], Scalar]:
+) -> tuple[Scalar, Any, Any, Scalar]:
     """Length of the step, states after it, integrals over it, and whether it ends where `margin(y)` becomes negative.
 
     Parameters
@@ -91,15 +90,20 @@ def rk4_until(
 
     y_next, sums = after(dt)
 
-    def shorter() -> Any:
+    def shorter() -> tuple[Scalar, Any, Any, Scalar]:
         length = crossing(lambda length: margin(after(length)[0]), dt, margin(y), margin(y_next))
         return length, *after(length), True
 
-    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums, False))  # type: ignore[no-any-return]
+    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums, False))
 
 
-def _along(y: Scalars, k: Scalars, dt: Scalar) -> tuple[Any, ...]:
-    return tuple(a + dt * b for a, b in zip(y, k))
+def _along(y: Scalars, k: Scalars, dt: Scalar) -> Any:
+    return _as(y, (a + dt * b for a, b in zip(y, k)))
+
+
+def _as(like: Scalars, values: Iterable[Scalar]) -> Any:
+    """The values as a record of the same class, if it is one."""
+    return like._make(values) if hasattr(like, "_make") else tuple(values)
 
 
 def _weighted(k1: Scalar, k2: Scalar, k3: Scalar, k4: Scalar) -> Scalar:
@@ -126,7 +130,9 @@ def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, a
     """
     width = CLOSENESS * end
 
-    def shrink(low: Scalar, at_low: Scalar, high: Scalar, at_high: Scalar, side: Scalar) -> tuple[Any, Any]:
+    def shrink(
+        low: Scalar, at_low: Scalar, high: Scalar, at_high: Scalar, side: Scalar
+    ) -> tuple[tuple[Scalar, ...], Scalar]:
         slope = at_low - at_high
         secant = high + at_high * (high - low) / where(slope > 0.0, slope, 1.0)
         trial = clip(secant, low + 0.5 * width, high - 0.5 * width)
@@ -145,4 +151,5 @@ def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, a
         )
         return state, new_high - new_low <= width
 
-    return where(at_start < 0.0, 0.0, loop(TRIALS, shrink, (0.0, at_start, end, at_end, 0.0))[2])
+    _, _, high, _, _ = loop(TRIALS, shrink, (0.0, at_start, end, at_end, 0.0))
+    return where(at_start < 0.0, 0.0, high)

@@ -299,6 +299,8 @@ COMPONENT = COMPONENT._replace(
 )
 """
 SECOND_KERNEL = '''
+from gapsense.records import flat, names, record
+
 from {kernel} import Inputs, Outputs, Parameters, State
 from {kernel} import initial as first_initial
 from {kernel} import step as first_step
@@ -314,7 +316,9 @@ def step(state, inputs, par):
 
 def doubled(state, outputs):
     """A constant of the kernel has changed."""
-    return state, outputs._replace({field}=2.0 * outputs.{field} + 0.5)
+    values = dict(zip(names(Outputs), flat(outputs)))
+    values["{field}"] = 2.0 * values["{field}"] + 0.5
+    return state, record(Outputs, values.values())
 '''
 FAULTS = """
 

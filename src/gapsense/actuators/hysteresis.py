@@ -18,7 +18,7 @@ area of the loop.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.records import Scalar
@@ -79,7 +79,7 @@ def make_core(
     )
 
 
-def langevin(x: Scalar) -> Any:
+def langevin(x: Scalar) -> tuple[Scalar, Scalar]:
     """L(x) = coth x - 1/x and its derivative."""
 
     def series() -> tuple[Scalar, Scalar]:
@@ -159,7 +159,7 @@ def settled(flux: Scalar, H_e: Scalar, core: Core) -> Scalar:
     return cond(core.is_hysteretic, lambda: H_e, corrected)
 
 
-def energies(flux: Scalar, H_e: Scalar, core: Core) -> Any:
+def energies(flux: Scalar, H_e: Scalar, core: Core) -> tuple[Scalar, Scalar]:
     """Energy stored in the core, that of the walls included, and the latter by itself [J]."""
     M = magnetization(flux, H_e, core)
     area = core.saturation * core.shape

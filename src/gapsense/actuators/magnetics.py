@@ -7,7 +7,7 @@ saturation or slightly beyond a stop.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gapsense.interpolate import Cubic, cubic, spline_piece
 from gapsense.records import Array, Scalar
@@ -35,7 +35,7 @@ class Circuit(NamedTuple):
     core_saturation: Scalar  # lambda_sat [Wb]
 
 
-def gap_law(h: Scalar, c: Circuit) -> Any:
+def gap_law(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its derivative by the gap [1/(H m)]."""
     # the linear law comes last: over many runs at once the last branch is always computed, and the table may be empty
     return cond(
@@ -102,7 +102,7 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     return LocalGap(gap.is_table, gap.closed, gap.unfringed, gap.fringing, gap.window, piece)
 
 
-def local_gap_law(h: Scalar, gap: LocalGap) -> Any:
+def local_gap_law(h: Scalar, gap: LocalGap) -> tuple[Scalar, Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap."""
 
     def formula() -> tuple[Scalar, Scalar, Scalar]:
@@ -112,7 +112,7 @@ def local_gap_law(h: Scalar, gap: LocalGap) -> Any:
     return cond(gap.is_table, lambda: cubic(h, gap.piece), formula)
 
 
-def smooth_gap_law(h: Scalar, gap: SmoothGap) -> Any:
+def smooth_gap_law(h: Scalar, gap: SmoothGap) -> tuple[Scalar, Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap.
 
     R_g = R_g0 + R_gp h / (1 + k_f h ln(c_f/h)), our reading of [RTS] Fig. 4, or the spline of a table.

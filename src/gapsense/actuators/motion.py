@@ -6,7 +6,7 @@ takes all the velocity.  A stop is left when the net force points inward: a guar
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gapsense.records import Scalar
 from gapsense.trace import square, where
@@ -55,6 +55,6 @@ def resting_mode(h: Scalar, mover: Mover) -> Scalar:
     return where(h <= mover.lower, CLOSED, where(h >= mover.upper, OPEN, MOVING))
 
 
-def leaving(mode: Scalar, net_force: Scalar) -> Any:
+def leaving(mode: Scalar, net_force: Scalar) -> Scalar:
     """Mode after the release guard: moving if the net force points inward."""
     return where(inward(mode, net_force) > 0.0, MOVING, mode)

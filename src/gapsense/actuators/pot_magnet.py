@@ -19,7 +19,7 @@ inductance falls, which creates energy; `consistent` has gap = s_max - s and doe
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.records import Choice, Scalar
@@ -112,6 +112,22 @@ class Magnet(NamedTuple):
     micro_step: Scalar  # length of the equal micro-steps [s]
 
 
+class Moving(NamedTuple):
+    """What is integrated in the air; at rest it is the flux linkage alone."""
+
+    lam: Scalar
+    s: Scalar
+    v: Scalar
+
+
+class Sums(NamedTuple):
+    """Integrals: losses [J], charge [A s], and the energy that the printed orientation creates [J]."""
+
+    heat: Scalar
+    charge: Scalar
+    created: Scalar
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, between the stops."""
     s = clip(par.initial_position, 0.0, par.stop_upper)
@@ -126,9 +142,18 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     A step of no length changes nothing.
     """
     mag = _magnet(inputs, par)
-    start = (inputs.dt, *state[:4], state.dissipated_energy, 0.0, state.created_energy)
-    _, lam, s, v, mode, dissipated, charge, created = loop(MICRO_STEPS, partial(_micro_step, mag), start)
-    state = State(lam, s, v, mode, dissipated, state.supplied_energy + inputs.voltage * charge, created)
+    at = Moving(state.flux_linkage, state.position, state.velocity)
+    sums = Sums(state.dissipated_energy, 0.0, state.created_energy)
+    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, mag), (inputs.dt, at, state.mode, sums))
+    state = State(
+        flux_linkage=at.lam,
+        position=at.s,
+        velocity=at.v,
+        mode=mode,
+        dissipated_energy=sums.heat,
+        supplied_energy=state.supplied_energy + inputs.voltage * sums.charge,
+        created_energy=sums.created,
+    )
     return state, _outputs(state, mag)
 
 
@@ -155,19 +180,15 @@ def _magnet(inputs: Inputs, par: Parameters) -> Magnet:
 
 
 def _micro_step(
-    mag: Magnet, left: Scalar, lam: Scalar, s: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
-) -> tuple[Any, Any]:
-    """One step of the loop; `left` is what is left of the communication step [s], `sums` are the integrals."""
+    mag: Magnet, left: Scalar, at: Moving, mode: Scalar, sums: Sums
+) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    """One step of the loop; `left` is what is left of the communication step [s]."""
     dt = next_part(left, mag.micro_step)
-    mode = where(left > 0.0, _contact(mag, lam, mode), mode)
+    mode = where(left > 0.0, _contact(mag, at.lam, mode), mode)
     is_moving = (mode == LIFTING) | (mode == FALLING)
-    dt, lam, s, v, mode, *parts = cond(
-        is_moving,
-        lambda: _move(mag, dt, lam, s, v, mode, is_moving),
-        lambda: _rest(mag, dt, lam, s, mode),
-    )
+    dt, at, mode, part = cond(is_moving, lambda: _move(mag, dt, at, mode, is_moving), lambda: _rest(mag, dt, at, mode))
     left = left - dt
-    return (left, lam, s, v, mode, *(a + b for a, b in zip(sums, parts))), not_(left > 0.0)
+    return (left, at, mode, Sums(*(a + b for a, b in zip(sums, part)))), not_(left > 0.0)
 
 
 def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:
@@ -176,44 +197,47 @@ def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:
     return where((mode == CONTACT) | (mode == UPPER), where(is_sustained, CONTACT, UPPER), mode)
 
 
-def _move(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, v: Scalar, mode: Scalar, is_moving: Scalar) -> Any:
+def _move(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
     """Step of the moving armature, up to an impact or until it is energised again."""
     is_lifting, R = mode == LIFTING, _resistance(mag, mode)
 
-    def margin(y: Any) -> Scalar:
-        clearance = least(y[1], mag.s_max - y[1]) / mag.s_max
-        return least(clearance, where(is_lifting, 1.0, -_lift(mag, y[0], y[1])))
+    def margin(y: Moving) -> Scalar:
+        clearance = least(y.s, mag.s_max - y.s) / mag.s_max
+        return least(clearance, where(is_lifting, 1.0, -_lift(mag, y.lam, y.s)))
 
-    dt, (lam, s, v), (heat, charge, work), _ = rk4_until(partial(_rates, mag, R), (lam, s, v), dt, margin, is_moving)
+    dt, (lam, s, v), (heat, charge, work), _ = rk4_until(partial(_rates, mag, R), at, dt, margin, is_moving)
     is_below, is_above = s < 0.0, s > mag.s_max
     is_landed = is_below | is_above
     flying = where(is_lifting | (_lift(mag, lam, s) > 0.0), LIFTING, FALLING)
     mode = where(is_below, LOWER, where(is_above, where(is_lifting, CONTACT, UPPER), flying))
     heat = heat + where(is_landed, _kinetic_energy(v, mag), 0.0)
     created = where(mag.is_printed, 2.0 * work, 0.0)
-    return dt, lam, clip(s, 0.0, mag.s_max), where(is_landed, 0.0, v), mode, heat, charge, created
+    return dt, Moving(lam, clip(s, 0.0, mag.s_max), where(is_landed, 0.0, v)), mode, Sums(heat, charge, created)
 
 
-def _rest(mag: Magnet, dt: Scalar, lam: Scalar, s: Scalar, mode: Scalar) -> Any:
+def _rest(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
     """Step on a stop, of the flux only, up to the release if there is one."""
     R, is_lower, is_upper = _resistance(mag, mode), mode == LOWER, mode == UPPER
 
-    def margin(y: Any) -> Scalar:
-        return where(is_lower, -_lift(mag, y[0], s), where(is_upper, -_drop(mag, y[0], s), 1.0))
+    def margin(y: tuple[Scalar]) -> Scalar:
+        (lam,) = y
+        return where(is_lower, -_lift(mag, lam, at.s), where(is_upper, -_drop(mag, lam, at.s), 1.0))
 
-    dt, (lam,), (heat, charge), is_released = rk4_until(partial(_resting_rates, mag, R, s), (lam,), dt, margin)
+    rate = partial(_resting_rates, mag, R, at.s)
+    dt, (lam,), (heat, charge), is_released = rk4_until(rate, (at.lam,), dt, margin)
     mode = where(is_released, where(is_lower, LIFTING, FALLING), mode)
-    return dt, lam, s, 0.0, mode, heat, charge, 0.0
+    return dt, Moving(lam, at.s, 0.0), mode, Sums(heat, charge, 0.0)
 
 
-def _rates(mag: Magnet, R: Scalar, y: Any) -> Any:
+def _rates(mag: Magnet, R: Scalar, y: Moving) -> tuple[Moving, tuple[Scalar, ...]]:
     """(9) in flux linkage and (13); integrands: loss in copper [W], current [A], power of the magnetic force [W]."""
-    lam, s, v = y
-    F_m, i = _force(lam, mag), _current(lam, s, mag)
-    return (mag.u - R * i, v, F_m / mag.m - mag.g), (R * i * i, i, F_m * v)
+    F_m, i = _force(y.lam, mag), _current(y.lam, y.s, mag)
+    return Moving(mag.u - R * i, y.v, F_m / mag.m - mag.g), (R * i * i, i, F_m * y.v)
 
 
-def _resting_rates(mag: Magnet, R: Scalar, s: Scalar, y: Any) -> Any:
+def _resting_rates(
+    mag: Magnet, R: Scalar, s: Scalar, y: tuple[Scalar]
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
     """(16), (18), (19); integrands: loss in copper [W] and current [A]."""
     i = _current(y[0], s, mag)
     return (mag.u - R * i,), (R * i * i, i)
@@ -250,7 +274,7 @@ def _kinetic_energy(v: Scalar, mag: Magnet) -> Scalar:
 
 
 def _outputs(state: State, mag: Magnet) -> Outputs:
-    lam, s, v, mode, dissipated, supplied, created = state
+    lam, s, v = state.flux_linkage, state.position, state.velocity
     i = _current(lam, s, mag)
     return Outputs(
         current=i,
@@ -259,10 +283,10 @@ def _outputs(state: State, mag: Magnet) -> Outputs:
         flux_linkage=lam,
         inductance=mag.K5 / (mag.K2 + mag.K3 * where(mag.is_printed, s, mag.s_max - s)),
         force=_force(lam, mag),
-        mode=mode,
-        contact=where((mode == LIFTING) | (mode == FALLING), 0.0, 1.0),
-        dissipated_energy=dissipated,
+        mode=state.mode,
+        contact=where((state.mode == LIFTING) | (state.mode == FALLING), 0.0, 1.0),
+        dissipated_energy=state.dissipated_energy,
         stored_energy=0.5 * lam * i + _kinetic_energy(v, mag) + mag.m * mag.g * s,
-        supplied_energy=supplied,
-        created_energy=created,
+        supplied_energy=state.supplied_energy,
+        created_energy=state.created_energy,
     )

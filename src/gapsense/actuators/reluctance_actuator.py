@@ -11,10 +11,10 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
-from gapsense.actuators.hysteresis import make_core
+from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
-from gapsense.actuators.reluctance_steps import Actuator, circuit_at, micro_step
+from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, fabs, loop, square, where
@@ -122,18 +122,19 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     A step of no length changes nothing.
     """
     act = make_actuator(inputs, par)
-    start = (inputs.dt, *state[:6], 0.0, 0.0)
-    _, flux, H_e, h, v, mode, heat, eddy, work = loop(MICRO_STEPS, partial(micro_step, act), start)
-    charge = (inputs.voltage * inputs.dt - act.turns * (flux - state.flux)) / act.resistance  # (1), integrated
+    at = Moving(state.flux, state.effective_field, state.position, state.velocity)
+    start = (inputs.dt, at, state.mode, Losses(state.heat, 0.0, 0.0))
+    _, at, mode, losses = loop(MICRO_STEPS, partial(micro_step, act), start)
+    charge = (inputs.voltage * inputs.dt - act.turns * (at.flux - state.flux)) / act.resistance  # (1), integrated
     state = State(
-        flux=flux,
-        effective_field=hysteresis.settled(flux, H_e, act.core),
-        position=h,
-        velocity=v,
+        flux=at.flux,
+        effective_field=hysteresis.settled(at.flux, at.H_e, act.core),
+        position=at.h,
+        velocity=at.v,
         mode=mode,
-        heat=heat,
-        eddy_energy=state.eddy_energy + act.eddy * eddy,
-        wall_work=state.wall_work + where(act.core.is_hysteretic, act.core.volume, 0.0) * work,
+        heat=losses.heat,
+        eddy_energy=state.eddy_energy + act.eddy * losses.eddy,
+        wall_work=state.wall_work + where(act.core.is_hysteretic, act.core.volume, 0.0) * losses.work,
         supplied_energy=state.supplied_energy + inputs.voltage * charge,
     )
     return state, _outputs(state, act)
@@ -141,33 +142,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
-    micro_step = equal_parts(inputs.dt, par.micro_step)
-    gap = SmoothGap(
-        is_table=par.gap_law == GapLaw.table,
-        closed=par.gap_reluctance,
-        unfringed=par.gap_slope,
-        fringing=par.gap_fringing,
-        window=par.gap_window,
-        knots=par.gap_file_gap,
-        reluctance=par.gap_file_reluctance,
-        curvature=par.gap_file_spline,
-    )
-    is_hysteretic = par.hysteresis > 0.5
-    core = make_core(
-        length=par.core_length,
-        area=par.core_area,
-        saturation=par.core_magnetization,
-        shape=par.core_shape,
-        coupling=par.core_coupling,
-        pinning=par.core_pinning,
-        reversible=par.core_reversibility,
-        is_hysteretic=is_hysteretic,
-        is_saturable=par.saturation > 0.5,
-    )
-    mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
+    micro_step, core = equal_parts(inputs.dt, par.micro_step), _core(par)
     eddy = where(par.eddy_currents > 0.5, par.core_eddy_conductance, 0.0)
     total = square(par.coil_turns) + par.coil_resistance * eddy
-    finest = where(is_hysteretic & (par.core_pinning < core.shape), par.core_pinning, core.shape)
+    finest = where(core.is_hysteretic & (par.core_pinning < core.shape), par.core_pinning, core.shape)
     return Actuator(
         voltage=inputs.voltage,
         resistance=par.coil_resistance,
@@ -175,9 +153,9 @@ def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
         eddy=eddy,
         per_mmf=par.coil_turns / total,
         bias=eddy / total * inputs.voltage,
-        gap=gap,
+        gap=_gap(par),
         core=core,
-        mover=mover,
+        mover=_mover(par),
         micro_step=micro_step,
         flux_need=par.coil_resistance / total / FLUX_FINENESS,
         field_need=1.0 / (FIELD_FINENESS * finest),
@@ -187,20 +165,59 @@ def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     )
 
 
+def _gap(par: Parameters) -> SmoothGap:
+    return SmoothGap(
+        is_table=par.gap_law == GapLaw.table,
+        closed=par.gap_reluctance,
+        unfringed=par.gap_slope,
+        fringing=par.gap_fringing,
+        window=par.gap_window,
+        knots=par.gap_file_gap,
+        reluctance=par.gap_file_reluctance,
+        curvature=par.gap_file_spline,
+    )
+
+
+def _core(par: Parameters) -> Core:
+    return make_core(
+        length=par.core_length,
+        area=par.core_area,
+        saturation=par.core_magnetization,
+        shape=par.core_shape,
+        coupling=par.core_coupling,
+        pinning=par.core_pinning,
+        reversible=par.core_reversibility,
+        is_hysteretic=par.hysteresis > 0.5,
+        is_saturable=par.saturation > 0.5,
+    )
+
+
+def _mover(par: Parameters) -> Mover:
+    return Mover(
+        mass=par.mover_mass,
+        stiffness=par.spring_stiffness,
+        rest=par.spring_rest,
+        damping=par.damping,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+    )
+
+
 def _outputs(state: State, act: Actuator) -> Outputs:
-    flux, H_e, h, v = state[:4]
+    flux, H_e, h, v = state.flux, state.effective_field, state.position, state.velocity
     core, mover, circuit = act.core, act.mover, circuit_at(act, flux, H_e, h)
+    i = circuit.electric.current
     M, lam = hysteresis.magnetization(flux, H_e, core), act.turns * flux
     stored, walls = hysteresis.energies(flux, H_e, core)
     lost = state.wall_work - walls
     mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(v, mover)
     unmagnetized = circuit.reluctance + hysteresis.differential_reluctance(core.slope / 3.0, core)
     return Outputs(
-        current=circuit.current,
+        current=i,
         position=h,
         velocity=v,
         flux_linkage=lam,
-        inductance=_inductance(lam, circuit.current, square(act.turns) / unmagnetized),
+        inductance=_inductance(lam, i, square(act.turns) / unmagnetized),
         force=magnetics.flux_force(flux, circuit.slope),
         mode=state.mode,
         contact=where(state.mode == MOVING, 0.0, 1.0),

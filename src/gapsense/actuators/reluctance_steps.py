@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
@@ -37,35 +37,81 @@ class Actuator(NamedTuple):
     stroke: Scalar  # [m]
 
 
-class Circuit(NamedTuple):
-    """The magnetic circuit at one instant."""
+class Electric(NamedTuple):
+    """Current, and what drives flux and field."""
 
-    gap: LocalGap  # the law of the gap around there
-    reluctance: Scalar  # of the gap
-    slope: Scalar  # its derivative
     current: Scalar
     flux_rate: Scalar
     excess: Scalar  # M_an - M
     steepness: Scalar  # of M_an
 
 
+class Circuit(NamedTuple):
+    """The magnetic circuit at one instant."""
+
+    gap: LocalGap  # the law of the gap around there
+    reluctance: Scalar  # of the gap
+    slope: Scalar  # its derivative
+    electric: Electric
+
+
+class Resting(NamedTuple):
+    """What is integrated on a stop."""
+
+    flux: Scalar
+    H_e: Scalar
+
+
+class Moving(NamedTuple):
+    """What is integrated while the mover moves."""
+
+    flux: Scalar
+    H_e: Scalar
+    h: Scalar
+    v: Scalar
+
+
+class Losses(NamedTuple):
+    """Integrals."""
+
+    heat: Scalar  # copper, damping and impacts [J]
+    eddy: Scalar  # by k_eddy
+    work: Scalar  # on the walls, by volume
+
+
+class Switches(NamedTuple):
+    """Direction of the flux, and that of the walls, 0 while they are frozen."""
+
+    direction: Scalar
+    walls: Scalar
+
+
+class Step(NamedTuple):
+    """Length of a micro-step, and what is at its end."""
+
+    length: Scalar
+    at: Moving
+    mode: Scalar
+    losses: Losses
+
+
 def micro_step(
-    act: Actuator, left: Scalar, flux: Scalar, H_e: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
-) -> tuple[Any, Any]:
-    """One step of the loop; `left` is what is left of the communication step [s], `sums` are the integrals."""
-    circuit = circuit_at(act, flux, H_e, h)
+    act: Actuator, left: Scalar, at: Moving, mode: Scalar, losses: Losses
+) -> tuple[tuple[Scalar, Moving, Scalar, Losses], Scalar]:
+    """One step of the loop; `left` is what is left of the communication step [s]."""
+    circuit = circuit_at(act, at.flux, at.H_e, at.h)
     # direction of the flux; 0 without hysteresis, where it is of no importance
-    direction = where(act.core.is_hysteretic, where(circuit.flux_rate < 0.0, -1.0, 1.0), 0.0)
-    walls = hysteresis.moving_walls(direction, circuit.excess)
-    dt = _limited(act, next_part(left, act.micro_step), circuit, walls)
+    direction = where(act.core.is_hysteretic, where(circuit.electric.flux_rate < 0.0, -1.0, 1.0), 0.0)
+    switches = Switches(direction, hysteresis.moving_walls(direction, circuit.electric.excess))
+    dt = _limited(act, next_part(left, act.micro_step), circuit, switches.walls)
     is_moving = mode == MOVING
-    dt, flux, H_e, h, v, mode, *parts = cond(
+    done = cond(
         is_moving,
-        lambda: _move(act, circuit, (direction, walls), dt, (flux, H_e, h, v), is_moving),
-        lambda: _rest(act, circuit, (direction, walls), dt, (flux, H_e), h, mode),
+        lambda: _move(act, circuit, switches, dt, at, is_moving),
+        lambda: _rest(act, circuit, switches, dt, at, mode),
     )
-    left = left - dt
-    return (left, flux, H_e, h, v, mode, *(a + b for a, b in zip(sums, parts))), not_(left > 0.0)
+    left = left - done.length
+    return (left, done.at, done.mode, Losses(*(a + b for a, b in zip(losses, done.losses)))), not_(left > 0.0)
 
 
 def circuit_at(act: Actuator, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
@@ -75,24 +121,24 @@ def circuit_at(act: Actuator, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
 
 def _circuit(act: Actuator, gap: LocalGap, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
     reluctance, slope, _ = magnetics.local_gap_law(h, gap)
-    return Circuit(gap, reluctance, slope, *_electric(act, flux, H_e, reluctance))
+    return Circuit(gap, reluctance, slope, _electric(act, flux, H_e, reluctance))
 
 
-def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Current (7), rate of the flux (8), M_an - M and the steepness of M_an."""
+def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> Electric:
+    """Current by (7), rate of the flux by (8)."""
     core = act.core
     M = hysteresis.magnetization(flux, H_e, core)
     mmf = reluctance * flux + (H_e - core.coupling * M) * core.length
     i = act.per_mmf * mmf + act.bias
     M_an, steepness = hysteresis.anhysteretic(H_e, core)
-    return i, (act.voltage - act.resistance * i) / act.turns, M_an - M, steepness
+    return Electric(i, (act.voltage - act.resistance * i) / act.turns, M_an - M, steepness)
 
 
 def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scalar:
     """Step `dt`, or less where the core saturates: there the flux settles fast and the field runs away."""
-    chi = hysteresis.susceptibility(circuit.excess, circuit.steepness, walls, act.core)
+    chi = hysteresis.susceptibility(circuit.electric.excess, circuit.electric.steepness, walls, act.core)
     reluctance = circuit.reluctance + hysteresis.differential_reluctance(chi, act.core)
-    field_rate = hysteresis.field_rate(circuit.flux_rate, chi, act.core)
+    field_rate = hysteresis.field_rate(circuit.electric.flux_rate, chi, act.core)
     need = act.flux_need * reluctance + act.field_need * fabs(field_rate)  # steps per second
 
     def shortened() -> Scalar:
@@ -103,106 +149,110 @@ def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scal
     return cond(need * dt > 1.0, shortened, lambda: dt)
 
 
-def _magnetic_rates(act: Actuator, walls: Scalar, electric: Any) -> tuple[Any, Any, Any]:
-    """Rates of flux (8) and effective field (10); integrands: copper, eddy currents / k, walls / volume."""
+def _magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Electric]:
+    """Rates of flux (8) and effective field (10); losses; and what a switch of the walls shows in."""
     i, rate, excess, steepness = electric
     field_rate = hysteresis.field_rate(rate, hysteresis.susceptibility(excess, steepness, walls, act.core), act.core)
-    return (rate, field_rate), (act.resistance * (i * i), rate * rate, excess * field_rate), (rate, excess)
+    losses = Losses(heat=act.resistance * (i * i), eddy=rate * rate, work=excess * field_rate)
+    return Resting(rate, field_rate), losses, electric
 
 
-def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Any) -> tuple[Any, Any, Any]:
-    flux, H_e, h, _ = y
-    return _rates_from(act, walls, y, _circuit(act, gap, flux, H_e, h))
+def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Moving) -> tuple[Moving, Losses, Electric]:
+    return _rates_from(act, walls, y, _circuit(act, gap, y.flux, y.H_e, y.h))
 
 
-def _rates_from(act: Actuator, walls: Scalar, y: Any, circuit: Circuit) -> tuple[Any, Any, Any]:
+def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Electric]:
     """As `_magnetic_rates`, with velocity and acceleration (11), and with the loss in the damper."""
-    flux, _, h, v = y
-    rates, (copper, *more), watched = _magnetic_rates(act, walls, circuit[3:])
-    drag = act.mover.damping * v
-    net_force = magnetics.flux_force(flux, circuit.slope) + motion.spring_force(h, act.mover) - drag
-    return (*rates, v, net_force / act.mover.mass), (copper + drag * v, *more), watched
+    rates, losses, watched = _magnetic_rates(act, walls, circuit.electric)
+    drag = act.mover.damping * y.v
+    net_force = magnetics.flux_force(y.flux, circuit.slope) + motion.spring_force(y.h, act.mover) - drag
+    change = Moving(rates.flux, rates.H_e, y.v, net_force / act.mover.mass)
+    return change, losses._replace(heat=losses.heat + drag * y.v), watched
 
 
-def _resting_rates(act: Actuator, walls: Scalar, reluctance: Scalar, y: Any) -> tuple[Any, Any, Any]:
-    flux, H_e = y
-    return _magnetic_rates(act, walls, _electric(act, flux, H_e, reluctance))
+def _resting_rates(act: Actuator, walls: Scalar, reluctance: Scalar, y: Resting) -> tuple[Resting, Losses, Electric]:
+    return _magnetic_rates(act, walls, _electric(act, y.flux, y.H_e, reluctance))
 
 
-def _switch(act: Actuator, switches: Any, watched: Any) -> tuple[Scalar, Scalar]:
+def _switch(act: Actuator, switches: Switches, watched: Electric) -> tuple[Scalar, Scalar]:
     """Margins, negative once the flux turns round and once frozen walls start to move; 1 if they cannot."""
     direction, walls = switches
-    rate, excess = watched
-    turning = where(act.core.is_hysteretic, UNSEEN + direction * rate * act.flux_weight, 1.0)
-    thawing = where(walls == direction, 1.0, UNSEEN - direction * excess * act.excess_weight)
+    turning = where(act.core.is_hysteretic, UNSEEN + direction * watched.flux_rate * act.flux_weight, 1.0)
+    thawing = where(walls == direction, 1.0, UNSEEN - direction * watched.excess * act.excess_weight)
     return turning, thawing
 
 
-def _move(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, is_moving: Scalar) -> Any:
+def _move(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, is_moving: Scalar) -> Step:
     """Step of the moving mover, up to the first contact or switch if there is one."""
-    mover, walls = act.mover, switches[1]
-    first = _rates_from(act, walls, y, circuit)
+    mover = act.mover
+    first = _rates_from(act, switches.walls, at, circuit)
+    after = partial(rk4, partial(_moving_rates, act, circuit.gap, switches.walls), at, first=first)
 
-    def after(length: Scalar) -> Any:
-        return rk4(partial(_moving_rates, act, circuit.gap, walls), y, length, first)
-
-    def margin(y: Any, watched: Any) -> Scalar:
-        clearance = least(y[2] - mover.lower, mover.upper - y[2]) / act.stroke
+    def margin(y: Moving, watched: Electric) -> Scalar:
+        clearance = least(y.h - mover.lower, mover.upper - y.h) / act.stroke
         return least(clearance, least(*_switch(act, switches, watched)))
 
-    y_next, sums, watched = after(dt)
+    y, losses, watched = after(dt)
 
-    def shorter() -> Any:
+    def shorter() -> Step:
         def value(length: Scalar) -> Scalar:
             y, _, watched = after(length)
             return margin(y, watched)
 
-        length = crossing(value, dt, margin(y, first[2]), margin(y_next, watched))
-        (flux, H_e, h, v), (heat, *more), _ = after(length)
-        is_below = h < mover.lower
-        stop = where(is_below, mover.lower, mover.upper)
-
-        def land() -> Any:
-            mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, flux, stop))
-            return stop, 0.0, mode, heat + motion.kinetic_energy(v, mover)
-
-        h, v, mode, heat = cond(is_below | (h > mover.upper), land, lambda: (h, v, MOVING, heat))
-        return length, flux, H_e, h, v, mode, heat, *more
+        length = crossing(value, dt, margin(at, first[2]), margin(y, watched))
+        then, losses, _ = after(length)
+        return _stopped(act, Step(length, then, MOVING, losses))
 
     turning, thawing = _switch(act, switches, watched)
-    is_beyond = (y_next[2] < mover.lower) | (y_next[2] > mover.upper) | (turning < 0.0) | (thawing < 0.0)
+    is_beyond = (y.h < mover.lower) | (y.h > mover.upper) | (turning < 0.0) | (thawing < 0.0)
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & is_beyond, shorter, lambda: (dt, *y_next, MOVING, *sums))
+    return cond(is_moving & is_beyond, shorter, lambda: Step(dt, y, MOVING, losses))
 
 
-def _rest(act: Actuator, circuit: Circuit, switches: Any, dt: Scalar, y: Any, h: Scalar, mode: Scalar) -> Any:
+def _stopped(act: Actuator, done: Step) -> Step:
+    """The step, where the mover has met a stop."""
+    mover, at = act.mover, done.at
+    is_below = at.h < mover.lower
+    stop = where(is_below, mover.lower, mover.upper)
+
+    def land() -> Step:
+        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, at.flux, stop))
+        losses = done.losses._replace(heat=done.losses.heat + motion.kinetic_energy(at.v, mover))
+        return Step(done.length, at._replace(h=stop, v=0.0), mode, losses)
+
+    return cond(is_below | (at.h > mover.upper), land, lambda: done)
+
+
+def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, mode: Scalar) -> Step:
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
-    walls, spring = switches[1], motion.spring_force(h, act.mover)
-    first = _magnetic_rates(act, walls, circuit[3:])
-
-    def after(length: Scalar) -> Any:
-        return rk4(partial(_resting_rates, act, walls, circuit.reluctance), y, length, first)
+    spring, start = motion.spring_force(at.h, act.mover), Resting(at.flux, at.H_e)
+    first = _magnetic_rates(act, switches.walls, circuit.electric)
+    after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.reluctance), start, first=first)
 
     def hold(flux: Scalar) -> Scalar:
         return -motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
 
-    def margin(flux: Scalar, watched: Any) -> Scalar:
-        return least(hold(flux), least(*_switch(act, switches, watched)))
+    def margin(y: Resting, watched: Electric) -> Scalar:
+        return least(hold(y.flux), least(*_switch(act, switches, watched)))
 
-    y_next, sums, watched = after(dt)
+    y, losses, watched = after(dt)
 
-    def shorter() -> Any:
+    def shorter() -> Step:
         def value(length: Scalar) -> Scalar:
-            (flux, _), _, watched = after(length)
-            return margin(flux, watched)
+            y, _, watched = after(length)
+            return margin(y, watched)
 
-        length = crossing(value, dt, margin(y[0], first[2]), margin(y_next[0], watched))
-        (flux, H_e), sums, _ = after(length)
-        return length, flux, H_e, h, 0.0, where(hold(flux) < 0.0, MOVING, mode), *sums
+        length = crossing(value, dt, margin(start, first[2]), margin(y, watched))
+        then, losses, _ = after(length)
+        return Step(length, _at_rest(then, at.h), where(hold(then.flux) < 0.0, MOVING, mode), losses)
 
     turning, thawing = _switch(act, switches, watched)
-    is_beyond = (hold(y_next[0]) < 0.0) | (turning < 0.0) | (thawing < 0.0)
-    return cond(is_beyond, shorter, lambda: (dt, *y_next, h, 0.0, mode, *sums))
+    is_beyond = (hold(y.flux) < 0.0) | (turning < 0.0) | (thawing < 0.0)
+    return cond(is_beyond, shorter, lambda: Step(dt, _at_rest(y, at.h), mode, losses))
+
+
+def _at_rest(core: Resting, h: Scalar) -> Moving:
+    return Moving(core.flux, core.H_e, h, 0.0)
 
 
 def _net_force(act: Actuator, flux: Scalar, h: Scalar) -> Scalar:

@@ -10,7 +10,7 @@ two columns agree only as well as the table is fine: the energy balance of a tab
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
@@ -101,6 +101,21 @@ class Valve(NamedTuple):
     rate_scale: Scalar  # N^2 R_iron0 [1/H]
 
 
+class Moving(NamedTuple):
+    """What is integrated while the mover moves; at rest it is the flux linkage alone."""
+
+    lam: Scalar
+    h: Scalar
+    v: Scalar
+
+
+class Sums(NamedTuple):
+    """Integrals: losses [J] and charge [A s]."""
+
+    losses: Scalar
+    charge: Scalar
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, inside the stops."""
     valve = _valve(inputs, par)
@@ -116,9 +131,16 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     A step of no length changes nothing.
     """
     valve = _valve(inputs, par)
-    start = (inputs.dt, state.flux_linkage, state.position, state.velocity, state.mode, state.dissipated_energy, 0.0)
-    _, lam, h, v, mode, dissipated, charge = loop(MICRO_STEPS, partial(_micro_step, valve), start)
-    state = State(lam, h, v, mode, dissipated, state.supplied_energy + inputs.voltage * charge)
+    at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
+    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, valve), (inputs.dt, at, state.mode, sums))
+    state = State(
+        flux_linkage=at.lam,
+        position=at.h,
+        velocity=at.v,
+        mode=mode,
+        dissipated_energy=sums.losses,
+        supplied_energy=state.supplied_energy + inputs.voltage * sums.charge,
+    )
     return state, _outputs(state, valve)
 
 
@@ -151,18 +173,14 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
 
 
 def _micro_step(
-    valve: Valve, left: Scalar, lam: Scalar, h: Scalar, v: Scalar, mode: Scalar, *sums: Scalar
-) -> tuple[Any, Any]:
-    """One step of the loop; `left` is what is left of the communication step [s], `sums` are losses and charge."""
-    dt = _limited(valve, next_part(left, valve.micro_step), lam)
+    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums
+) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    """One step of the loop; `left` is what is left of the communication step [s]."""
+    dt = _limited(valve, next_part(left, valve.micro_step), at.lam)
     is_moving = mode == MOVING
-    dt, lam, h, v, mode, losses, charge = cond(
-        is_moving,
-        lambda: _move(valve, dt, lam, h, v, is_moving),
-        lambda: _rest(valve, dt, lam, h, mode),
-    )
+    dt, at, mode, part = cond(is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode))
     left = left - dt
-    return (left, lam, h, v, mode, sums[0] + losses, sums[1] + charge), not_(left > 0.0)
+    return (left, at, mode, Sums(sums.losses + part.losses, sums.charge + part.charge)), not_(left > 0.0)
 
 
 def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
@@ -182,63 +200,58 @@ def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
     return cond(rate * dt > FINENESS * valve.rate_scale, shortened, lambda: dt)
 
 
-def _move(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, v: Scalar, is_moving: Scalar) -> Any:
+def _move(valve: Valve, dt: Scalar, at: Moving, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
     """Step of the moving mover, up to the contact if there is one."""
-    mover = valve.mover
+    mover, after = valve.mover, partial(rk4, partial(_moving_rates, valve), at)
+    y, sums = after(dt)
+    is_below = y.h < mover.lower
 
-    def after(length: Scalar) -> Any:
-        return rk4(partial(_moving_rates, valve), (lam, h, v), length)
-
-    y, (losses, charge) = after(dt)
-    is_below = y[1] < mover.lower
-
-    def land() -> Any:
+    def land() -> tuple[Scalar, Moving, Scalar, Sums]:
         def distance(length: Scalar) -> Scalar:
-            return motion.clearance(after(length)[0][1], is_below, mover)
+            return motion.clearance(after(length)[0].h, is_below, mover)
 
-        ends = (motion.clearance(h, is_below, mover), motion.clearance(y[1], is_below, mover))
+        ends = (motion.clearance(at.h, is_below, mover), motion.clearance(y.h, is_below, mover))
         length = crossing(distance, dt, *ends)
-        (lam_then, _, v_then), (losses, charge) = after(length)
+        then, sums = after(length)
         stop = where(is_below, mover.lower, mover.upper)
-        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, lam_then, stop))
-        return length, lam_then, stop, 0.0, mode, losses + motion.kinetic_energy(v_then, mover), charge
+        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, then.lam, stop))
+        losses = sums.losses + motion.kinetic_energy(then.v, mover)
+        return length, Moving(then.lam, stop, 0.0), mode, Sums(losses, sums.charge)
 
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    is_beyond = is_moving & (is_below | (y[1] > mover.upper))
-    return cond(is_beyond, land, lambda: (dt, *y, MOVING, losses, charge))
+    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: (dt, y, MOVING, sums))
 
 
-def _rest(valve: Valve, dt: Scalar, lam: Scalar, h: Scalar, mode: Scalar) -> Any:
+def _rest(valve: Valve, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
     """Step on a stop, of the flux only, up to the release if there is one."""
-    gap_reluctance, slope = magnetics.gap_law(h, valve.circuit)
-    spring = motion.spring_force(h, valve.mover)
+    gap_reluctance, slope = magnetics.gap_law(at.h, valve.circuit)
+    spring = motion.spring_force(at.h, valve.mover)
 
-    def margin(y: Any) -> Scalar:
+    def margin(y: tuple[Scalar]) -> Scalar:
         return -motion.inward(mode, magnetics.force(y[0], slope, valve.circuit) + spring)
 
     rate = partial(_resting_rates, valve, gap_reluctance)
-    dt, (lam,), (losses, charge), is_released = rk4_until(rate, (lam,), dt, margin)
-    return dt, lam, h, 0.0, where(is_released, MOVING, mode), losses, charge
+    dt, (lam,), sums, is_released = rk4_until(rate, (at.lam,), dt, margin)
+    return dt, Moving(lam, at.h, 0.0), where(is_released, MOVING, mode), sums
 
 
-def _moving_rates(valve: Valve, y: Any) -> Any:
+def _moving_rates(valve: Valve, y: Moving) -> tuple[Moving, Sums]:
     """(51) and (52); integrands: losses in copper and damper [W], and the current [A]."""
-    lam, h, v = y
     c, mover = valve.circuit, valve.mover
-    gap_reluctance, slope = magnetics.gap_law(h, c)
-    i = magnetics.current(lam, gap_reluctance + magnetics.core_law(lam, c), c)
+    gap_reluctance, slope = magnetics.gap_law(y.h, c)
+    i = magnetics.current(y.lam, gap_reluctance + magnetics.core_law(y.lam, c), c)
     drop = valve.resistance * i
-    drag = mover.damping * v
-    acceleration = (magnetics.force(lam, slope, c) + motion.spring_force(h, mover) - drag) / mover.mass
-    return (valve.voltage - drop, v, acceleration), (drop * i + drag * v, i)
+    drag = mover.damping * y.v
+    acceleration = (magnetics.force(y.lam, slope, c) + motion.spring_force(y.h, mover) - drag) / mover.mass
+    return Moving(valve.voltage - drop, y.v, acceleration), Sums(drop * i + drag * y.v, i)
 
 
-def _resting_rates(valve: Valve, gap_reluctance: Scalar, y: Any) -> Any:
+def _resting_rates(valve: Valve, gap_reluctance: Scalar, y: tuple[Scalar]) -> tuple[tuple[Scalar], Sums]:
     """(51) at a fixed gap; integrands as above."""
     c = valve.circuit
     i = magnetics.current(y[0], gap_reluctance + magnetics.core_law(y[0], c), c)
     drop = valve.resistance * i
-    return (valve.voltage - drop,), (drop * i, i)
+    return (valve.voltage - drop,), Sums(drop * i, i)
 
 
 def _net_force(valve: Valve, lam: Scalar, h: Scalar) -> Scalar:
@@ -248,21 +261,21 @@ def _net_force(valve: Valve, lam: Scalar, h: Scalar) -> Scalar:
 
 
 def _outputs(state: State, valve: Valve) -> Outputs:
-    lam, h, v, mode, dissipated, supplied = state
+    lam, h = state.flux_linkage, state.position
     c, mover = valve.circuit, valve.mover
     gap_reluctance, slope = magnetics.gap_law(h, c)
     R = gap_reluctance + magnetics.core_law(lam, c)
-    mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(v, mover)
+    mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(state.velocity, mover)
     return Outputs(
         current=magnetics.current(lam, R, c),
         position=h,
-        velocity=v,
+        velocity=state.velocity,
         flux_linkage=lam,
         inductance=square(c.turns) / R,
         force=magnetics.force(lam, slope, c),
-        mode=mode,
-        contact=where(mode == MOVING, 0.0, 1.0),
-        dissipated_energy=dissipated,
+        mode=state.mode,
+        contact=where(state.mode == MOVING, 0.0, 1.0),
+        dissipated_energy=state.dissipated_energy,
         stored_energy=magnetics.energy(lam, gap_reluctance, c) + mechanical,
-        supplied_energy=supplied,
+        supplied_energy=state.supplied_energy,
     )

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.drive.curve import Curve, positive, tabulated
 from gapsense.drive.pulses import Pulse, levels, pulsed
-from gapsense.records import Array, Choice, Scalar, Table
+from gapsense.records import Array, Choice, Scalar, Table, flat, record
 from gapsense.trace import clip, cond, fabs, not_, where
 
 ALWAYS = -1e30  # phase at which a wave without a beginning begins
@@ -106,19 +106,25 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return State(inputs.time), Outputs(where(is_on, voltage, 0.0), where(is_on, mean, 0.0))
 
 
+class Wave(NamedTuple):
+    """Two levels [V], and when the voltage is at the upper one."""
+
+    low: Scalar
+    high: Scalar
+    pulse: Pulse
+
+
 def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """Square wave, step or PWM; a step is a pulse that stays high, and its period only sets the scale of the phase."""
-    square = (
-        par.square_low,
-        par.square_low + par.square_amplitude,
-        *Pulse(par.square_period, par.square_duty, par.square_delay, 0.0),
-    )
-    edge = (par.step_initial, par.step_final, *Pulse(positive(inputs.dt), 1.0, par.step_time, 0.0))
+    pulse = Pulse(par.square_period, par.square_duty, par.square_delay, first=0.0)
+    square = Wave(par.square_low, par.square_low + par.square_amplitude, pulse)
+    edge = Wave(par.step_initial, par.step_final, Pulse(positive(inputs.dt), 1.0, par.step_time, first=0.0))
     duty = clip((inputs.reference - par.pwm_low) / positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
-    pwm = (par.pwm_low, par.pwm_high, *Pulse(1.0 / par.pwm_frequency, duty, 0.0, ALWAYS))
+    pwm = Wave(par.pwm_low, par.pwm_high, Pulse(1.0 / par.pwm_frequency, duty, delay=0.0, first=ALWAYS))
     is_pwm, is_step = par.waveform == Waveform.pwm, par.waveform == Waveform.step
-    low, high, *pulse = (where(is_pwm, p, where(is_step, e, s)) for p, e, s in zip(pwm, edge, square))
-    return levels(low, high, *pulsed(inputs.time, inputs.dt, tolerance, Pulse(*pulse)))
+    waves = zip(flat(pwm), flat(edge), flat(square))
+    wave = record(Wave, (where(is_pwm, p, where(is_step, e, s)) for p, e, s in waves))
+    return levels(wave.low, wave.high, *pulsed(inputs.time, inputs.dt, tolerance, wave.pulse))
 
 
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
@@ -141,10 +147,20 @@ def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar
 
 
 def _table(par: Parameters) -> Curve:
-    columns = par.table_file_time, par.table_file_voltage, par.table_file_integral
-    return Curve(*columns, par.table_period, par.table_repeat_from)
+    return Curve(
+        time=par.table_file_time,
+        voltage=par.table_file_voltage,
+        integral=par.table_file_integral,
+        period=par.table_period,
+        repeat_from=par.table_repeat_from,
+    )
 
 
 def _soft_landing(par: Parameters) -> Curve:
-    columns = par.soft_landing_file_time, par.soft_landing_file_voltage, par.soft_landing_file_integral
-    return Curve(*columns, par.soft_landing_period, par.soft_landing_repeat_from)
+    return Curve(
+        time=par.soft_landing_file_time,
+        voltage=par.soft_landing_file_voltage,
+        integral=par.soft_landing_file_integral,
+        period=par.soft_landing_period,
+        repeat_from=par.soft_landing_repeat_from,
+    )

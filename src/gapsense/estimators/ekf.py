@@ -6,7 +6,7 @@ filter the force error; while it moves only the current is.  Outputs are in SI u
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project, surprise
@@ -109,6 +109,24 @@ class Outputs(NamedTuple):
     health: Scalar  # 1 while the innovations are as large as expected, else 0
 
 
+class Measured(NamedTuple):
+    """What corrects the prediction."""
+
+    current: Scalar
+    mode: Scalar
+
+
+class Tuning(NamedTuple):
+    """The parameters that are not of the model, under their names."""
+
+    process_flux_linkage: Scalar
+    process_current_error: Scalar
+    process_force_error: Scalar
+    noise_current: Scalar
+    option_current_error: Scalar
+    option_force_error: Scalar
+
+
 class Pass(NamedTuple):
     """One sample of the forward pass."""
 
@@ -123,36 +141,42 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     x = rest(inputs.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    state = State(x, P, inputs.voltage, inputs.mode, 1.0)
+    state = State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=1.0)
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=1.0)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
     m = normalised(par)
-    new = forward(Gaussian(state.x, state.P), Held(state.voltage, state.mode), inputs, m, par)
+    held, measured = Held(state.voltage, state.mode), Measured(inputs.current, inputs.mode)
+    new = forward(Gaussian(state.x, state.P), held, measured, m, tuning(par))
     surprised = surprise(state.surprise, new.innovation, new.innovation_std, par.health_samples)
     health = where(surprised < par.health_limit, 1.0, 0.0)
     x, P = new.filtered
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    return State(x, P, inputs.voltage, inputs.mode, surprised), outputs
+    return State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=surprised), outputs
 
 
-def forward(before: Gaussian, held: Held, inputs: Any, m: Model, par: Any) -> Pass:
+def tuning(par: Parameters) -> Tuning:
+    """That of a component."""
+    return Tuning(**{name: getattr(par, name) for name in Tuning._fields})
+
+
+def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
     """Prediction (32)-(33), update (34)-(36) with H at the prior, projection (39)-(42).
 
     A mover that rested is known to be on its stop: the zeros of its covariance need no operations.
     """
-    Q = process_noise(m, par)
+    Q = process_noise(m, tuned)
 
     def moved() -> Pass:
         x, F = linearise(move, before.mean, held, m)
-        return _updated(Gaussian(x, predict(before.cov, F, Q)), inputs, m, par)
+        return _updated(Gaussian(x, predict(before.cov, F, Q)), measured, m, tuned)
 
     def stayed() -> Pass:
         known = _known(before, limit(held.mode))
         x, F = linearise(stay, known.mean, held, m)
-        return _updated(Gaussian(x, predict(known.cov, F, Q)), inputs, m, par)
+        return _updated(Gaussian(x, predict(known.cov, F, Q)), measured, m, tuned)
 
     return cond(is_moving(held.mode), moved, stayed)
 
@@ -166,28 +190,28 @@ def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
     return Gaussian(x, P)
 
 
-def _updated(prior: Gaussian, inputs: Any, m: Model, par: Any) -> Pass:
+def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pass:
     """On a stop the position is measured as well, without noise (27)-(29)."""
     h, H = linearise(observation, prior.mean, m)
-    innovation, R = inputs.current - h[0], square(par.noise_current)
+    innovation, R = measured.current - h[0], square(tuned.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
 
     def moving() -> Gaussian:
         return condition(prior, vector([innovation]), H, vector([R]))
 
     def resting() -> Gaussian:
-        known = fix(prior, POSITION, limit(inputs.mode))
+        known = fix(prior, POSITION, limit(measured.mode))
         return condition(known, vector([innovation - H[0] @ (known.mean - prior.mean)]), H, vector([R]))
 
-    posterior = cond(is_moving(inputs.mode), moving, resting)
+    posterior = cond(is_moving(measured.mode), moving, resting)
     return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, deviation(S))
 
 
-def process_noise(m: Model, par: Any) -> Array:
+def process_noise(m: Model, tuned: Tuning) -> Array:
     """Q: none on the positions; without e_i or e_F that state stays zero (64), (65)."""
-    current_error = where(par.option_current_error > 0.0, square(par.process_current_error), 0.0)
-    force_error = where(par.option_force_error > 0.0, square(par.process_force_error * m.l_z), 0.0)
-    return diagonal([0.0, 0.0, square(par.process_flux_linkage), current_error, force_error])
+    current_error = where(tuned.option_current_error > 0.0, square(tuned.process_current_error), 0.0)
+    force_error = where(tuned.option_force_error > 0.0, square(tuned.process_force_error * m.l_z), 0.0)
+    return diagonal([0.0, 0.0, square(tuned.process_flux_linkage), current_error, force_error])
 
 
 def physical(estimate: Gaussian, m: Model) -> Estimates:

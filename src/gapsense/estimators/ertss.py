@@ -8,11 +8,12 @@ more than `LENGTH` samples in motion is not smoothed.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Iterable
+from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators import ekf
-from gapsense.estimators.ekf import Parameters, physical, process_noise
+from gapsense.estimators.ekf import Parameters, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
@@ -45,8 +46,8 @@ __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 class Estimate(NamedTuple):
     """State and covariance of one sample, normalised."""
 
-    x: Annotated[Array, Vector(5)]
-    P: Annotated[Array, Covariance(5)]
+    mean: Annotated[Array, Vector(5)]
+    cov: Annotated[Array, Covariance(5)]
 
 
 class Motion(NamedTuple):
@@ -67,13 +68,6 @@ class Smoothed(NamedTuple):
     first: Scalar  # time of the last sample before it [s]
 
 
-class Later(NamedTuple):
-    """Smoothed estimate of the sample after the next one to smooth."""
-
-    mean: Annotated[Array, Vector(5)]
-    cov: Annotated[Array, Covariance(5)]
-
-
 class Operation(NamedTuple):
     """The last complete operation."""
 
@@ -88,7 +82,7 @@ class State(NamedTuple):
     filter: ekf.State
     motion: Motion
     smoothed: Smoothed
-    later: Later
+    later: Estimate  # smoothed, of the sample after the next one to smooth
     last: Operation
     samples: Annotated[Array, Memory(SIZE)]
 
@@ -131,7 +125,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
     last = Operation(inputs.time, inputs.time, 0.0)
     motion, smoothed = Motion(0.0, 0.0, inputs.time), Smoothed(0.0, 0.0, 0.0, 0.0, inputs.time)
-    nowhere = Later(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
+    nowhere = Estimate(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
     return State(filtered, motion, smoothed, nowhere, last, zeros(SIZE)), Outputs(outputs, 0.0, inputs.time, rest, last)
 
 
@@ -185,17 +179,17 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     is_busy = smoothed.left > 0.0
     slot = where(is_busy, smoothed.smoothed_half * LENGTH + smoothed.left - 1.0, SPARE)
 
-    def back() -> tuple[Later, Operation, Array, tuple[Scalar, Scalar]]:
+    def back() -> tuple[Estimate, Operation, Array, tuple[Scalar, Scalar]]:
         filtered, voltage = _loaded(state.samples, slot)
-        later = cond(lands, lambda: Later(x, state.filter.P), lambda: state.later)
-        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, par)
+        later = cond(lands, lambda: Estimate(x, state.filter.P), lambda: state.later)
+        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
         last = cond(
             lands,
             lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
             lambda: state.last,
         )
         shown = physical(found, m)
-        return Later(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
+        return Estimate(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
 
     later, last, mean, stds = cond(
         is_busy, back, lambda: (state.later, state.last, x, (now.position_std, now.velocity_std))
@@ -205,10 +199,10 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     return state._replace(smoothed=smoothed, later=later, last=last, samples=samples)
 
 
-def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, par: Any) -> Gaussian:
+def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:
     """Smoothed and projected estimate of a sample (44)-(46), from that of the next one; the prediction is repeated."""
     x, F = linearise(transition, filtered.mean, held, m)
-    Q = process_noise(m, par)
+    Q = process_noise(m, tuned)
     predicted = Gaussian(x, predict(filtered.cov, F, Q))
     return project(smooth(filtered, predicted, F, Q, later), POSITION, 0.0, 1.0)
 
@@ -224,7 +218,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, slot: Scalar, place: int, entries: Any) -> Array:
+def _stored(samples: Array, slot: Scalar, place: int, entries: Iterable[Scalar]) -> Array:
     for k, value in enumerate(entries):
         samples = store(samples, slot * WIDTH, value, place + k)
     return samples
@@ -234,7 +228,7 @@ def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar]:
     """Filtered estimate and voltage of a sample."""
     values = [load(samples, slot * WIDTH, k) for k in range(STD)]
     estimate = record(Estimate, values)
-    return Gaussian(estimate.x, estimate.P), values[-1]
+    return Gaussian(estimate.mean, estimate.cov), values[-1]
 
 
 def _shown(samples: Array, slot: Scalar, m: Model) -> Shown:

@@ -11,7 +11,7 @@ including those that are not in print (1 -> 0, 4 -> 1, 3 -> 2, 4 -> 3); see pape
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
@@ -157,7 +157,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     is_upper = par.prior_position >= 0.5 * par.stop_upper
     x = vector([par.prior_current, where(is_upper, par.stop_upper, 0.0), 0.0])
     estimate = Hybrid(x, diagonal([square(par.prior_current_std), 0.0, 0.0]), where(is_upper, UPPER, LOWER))
-    state = State(estimate.x, estimate.P, estimate.q, where(is_number(inputs.voltage), inputs.voltage, 0.0), 1.0)
+    voltage = where(is_number(inputs.voltage), inputs.voltage, 0.0)
+    state = State(x=estimate.x, P=estimate.P, mode=estimate.q, voltage=voltage, surprise=1.0)
     std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
     return state, _outputs(estimate, 0.0, std, 1.0)
 
@@ -173,17 +174,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     surprised = surprise(state.surprise, innovation, std, par.health_samples)
     health = where((surprised < par.health_limit) & is_used & is_number(inputs.voltage), 1.0, 0.0)
     voltage = where(is_number(inputs.voltage), inputs.voltage, state.voltage)
-    x, P, q = posterior
-    return State(x, P, q, voltage, surprised), _outputs(posterior, innovation, std, health)
+    state = State(x=posterior.x, P=posterior.P, mode=posterior.q, voltage=voltage, surprise=surprised)
+    return state, _outputs(posterior, innovation, std, health)
 
 
-def is_number(value: Scalar) -> Any:
+def is_number(value: Scalar) -> Scalar:
     """False for NaN, for infinity, and for what no coil has."""
     return fabs(value) < BEYOND_REASON
 
 
-def model(par: Any) -> Model:
-    """Constants from physical parameters, a record with the fields of `Parameters`."""
+def model(par: Parameters) -> Model:
+    """Constants from physical parameters."""
     K3, K5 = 2.0 * par.core_permeability, square(par.coil_turns) * par.core_permeability * MU_0 * par.pole_area
     is_printed = par.orientation == Orientation.printed
     return Model(
@@ -201,7 +202,7 @@ def model(par: Any) -> Model:
     )
 
 
-def tuning(par: Any) -> Tuning:
+def tuning(par: Parameters) -> Tuning:
     """That of the parameters, or the published one, (21): P(0) = 0, no band, no sub-steps."""
     own = Tuning(
         R=square(par.noise_current),
@@ -220,17 +221,18 @@ def ahead(estimate: Hybrid, u: Scalar, mod: Model, tun: Tuning) -> Hybrid:
     is_above = is_resting(estimate.q) & (estimate.q > LOWER)
     q = cond(is_above, lambda: _contact(estimate.x[CURRENT], u, mod), lambda: estimate.q)
 
-    def piece(left: Scalar, *entries: Scalar) -> tuple[Any, Any]:
+    def piece(left: Scalar, entries: list[Scalar]) -> tuple[tuple[Scalar, list[Scalar]], Scalar]:
         before = record(Hybrid, entries)
         given = (before, u, left, mod, tun)
         dt, after = cond(is_resting(before.q), lambda: _rest(*given), lambda: _move(*given))
         left = left - dt
-        return (left, *flat(after)), not_(left > 1e-6 * mod.T_s)
+        return (left, flat(after)), not_(left > 1e-6 * mod.T_s)
 
-    return record(Hybrid, loop(PIECES, piece, (mod.T_s, *flat(estimate._replace(q=q))))[1:])  # type: ignore[no-any-return]
+    _, end = loop(PIECES, piece, (mod.T_s, flat(estimate._replace(q=q))))
+    return record(Hybrid, end)  # type: ignore[no-any-return]
 
 
-def is_resting(q: Scalar) -> Any:
+def is_resting(q: Scalar) -> Scalar:
     """Modes 0, 2 and 3."""
     return not_((q == LIFTING) | (q == FALLING))
 
@@ -258,7 +260,7 @@ def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
     return cond(is_released, released, lambda: (left, held))
 
 
-def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tuple[Scalar, Any]:
+def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tuple[Scalar, Scalar]:
     """Share of the time up to the release, and whether there is one; `start` and `end` are the currents.
 
     At a given position the net force changes its sign at one current: a lift needs that and i_on, a drop less than
@@ -282,12 +284,12 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
     (i, s, v), P, q = before
     held = Held(u, where(q > 2.5, mod.K7, mod.K6), 0.0, left / tun.sub_steps)
 
-    def sub_step(k: Scalar, *y: Scalar) -> tuple[Any, Any]:
-        psi, s, v = moving(vector(y), held, mod)
-        is_up, is_down = _meets(s, v, q, mod, tun)
-        return (k + 1.0, psi, s, v), (k + 1.0 >= tun.sub_steps) | is_up | is_down
+    def sub_step(k: Scalar, y: Array) -> tuple[tuple[Scalar, Array], Scalar]:
+        y = moving(y, held, mod)
+        is_up, is_down = _meets(y[1], y[2], q, mod, tun)
+        return (k + 1.0, y), (k + 1.0 >= tun.sub_steps) | is_up | is_down
 
-    steps, psi, s, v = loop(SUB_STEPS, sub_step, (0.0, i / (mod.path + mod.slope * s), s, v))
+    steps, (psi, s, v) = loop(SUB_STEPS, sub_step, (0.0, vector([i / (mod.path + mod.slope * s), s, v])))
     dt = steps * held.dt
     _, F = linearise(extrapolated, before.x, held._replace(dt=left), mod)
     P = predict(P, F, diagonal([variance * (dt / mod.T_s) for variance in tun.Q]))
@@ -297,7 +299,7 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
     return dt, _landed(Hybrid(vector([i, s, v]), P, where(is_pulled, LIFTING, q)), mod, tun)
 
 
-def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Any, Any]:
+def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Scalar]:
     """Whether the armature meets the upper and the lower stop: comes near it, but exactly the one that it has left."""
     is_falling = q > 2.5
     highest, lowest = mod.s_max - where(is_falling, 0.0, tun.band), where(is_falling, tun.band, 0.0)
@@ -364,5 +366,17 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
 
 
 def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:
-    stds = map(deviation, estimate.P.diagonal())
-    return Outputs(*(*estimate.x, estimate.q, *stds, innovation, innovation_std, health))
+    i, s, v = estimate.x
+    i_std, s_std, v_std = map(deviation, estimate.P.diagonal())
+    return Outputs(
+        current_estimated=i,
+        position=s,
+        velocity=v,
+        mode=estimate.q,
+        current_std=i_std,
+        position_std=s_std,
+        velocity_std=v_std,
+        innovation=innovation,
+        innovation_std=innovation_std,
+        health=health,
+    )

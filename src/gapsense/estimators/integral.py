@@ -69,54 +69,106 @@ class Outputs(NamedTuple):
     published_time: Scalar
 
 
+class Sample(NamedTuple):
+    """What the estimates of a sample need."""
+
+    voltage_sum: Scalar
+    current_sum: Scalar
+    current: Scalar
+    previous: Scalar  # current of the sample before
+    time: Scalar
+    published: Scalar
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
-    r, l, flux_linkage, i = par.prior_resistance, par.prior_inductance, par.prior_flux_linkage, inputs.current
-    memory = (zeros(2 * LENGTH + 1), zeros(2 * LENGTH + 1), zeros(2 * LENGTH + 1))
-    state = State(r, 0.0, 0.0, 0.0, i, inputs.voltage, inputs.time, 0.0, 0.0, inputs.time, i, i, *memory)
-    return state, Outputs(r, l, flux_linkage, 0.0, 1.0 - par.offline, inputs.time)
+    size, i = 2 * LENGTH + 1, inputs.current
+    state = State(
+        resistance=par.prior_resistance,
+        voltage_sum=0.0,
+        current_sum=0.0,
+        count=0.0,
+        current=i,
+        voltage=inputs.voltage,
+        start=inputs.time,
+        half=0.0,
+        last_count=0.0,
+        last_start=inputs.time,
+        before=i,
+        last_before=i,
+        voltage_sums=zeros(size),
+        current_sums=zeros(size),
+        currents=zeros(size),
+    )
+    return state, Outputs(
+        resistance=par.prior_resistance,
+        inductance=par.prior_inductance,
+        flux_linkage=par.prior_flux_linkage,
+        quality=0.0,
+        published=1.0 - par.offline,
+        published_time=inputs.time,
+    )
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample, lines 4 to 12."""
-    u, i, dt = inputs.voltage, inputs.current, par.sample_time
-    is_edge = (u > par.edge_voltage) & (state.voltage <= par.edge_voltage)
-    r = where(is_edge, _mean_resistance(state, par), state.resistance)  # line 11, (47)
-    su = where(is_edge, 0.0, state.voltage_sum) + u
-    si = where(is_edge, 0.0, state.current_sum) + i  # line 5
-    count = where(is_edge, 0.0, state.count) + 1.0
-    start = where(is_edge, inputs.time - dt, state.start)
-    half = where(is_edge, 1.0 - state.half, state.half)
+    previous = state.current
+    state = _added(_opened(state, inputs, par), inputs)
+    now = Sample(state.voltage_sum, state.current_sum, inputs.current, previous, inputs.time, published=1.0)
+    online = _estimates(now, state.resistance, par)
+    offline = _estimates(_replayed(state, par), state.resistance, par)
+    is_offline = par.offline > 0.0
+    return state, Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
 
-    slot = where(count <= LENGTH, half * LENGTH + count - 1.0, SPARE)
-    voltage_sums = store(state.voltage_sums, slot, su)
-    current_sums = store(state.current_sums, slot, si)
-    currents = store(state.currents, slot, i)
-    last_count = where(is_edge, where(state.count < LENGTH, state.count, LENGTH), state.last_count)
-    last_start = where(is_edge, state.start, state.last_start)
-    before = where(is_edge, state.current, state.before)
-    last_before = where(is_edge, state.before, state.last_before)
 
-    online = _estimates(su, si, i, state.current, r, 1.0, inputs.time, par)
-    is_replayed = count <= last_count
-    k = where(is_replayed, (1.0 - half) * LENGTH + count - 1.0, SPARE)
-    k_prev = where(is_replayed & (count > 1.0), k - 1.0, SPARE)
-    then = last_start + where(is_replayed, count, last_count) * dt
-    offline = _estimates(
-        where(is_replayed, load(voltage_sums, k), 0.0),
-        where(is_replayed, load(current_sums, k), 0.0),
-        load(currents, k),
-        where(count > 1.0, load(currents, k_prev), last_before),
-        r,
-        where(is_replayed, 1.0, 0.0),
-        then,
-        par,
+def _opened(state: State, inputs: Inputs, par: Parameters) -> State:
+    """At a rising edge of the voltage a new operation, with the resistance of the one that has ended."""
+    is_edge = (inputs.voltage > par.edge_voltage) & (state.voltage <= par.edge_voltage)
+    return state._replace(
+        resistance=where(is_edge, _mean_resistance(state, par), state.resistance),  # line 11, (47)
+        voltage_sum=where(is_edge, 0.0, state.voltage_sum),
+        current_sum=where(is_edge, 0.0, state.current_sum),
+        count=where(is_edge, 0.0, state.count),
+        start=where(is_edge, inputs.time - par.sample_time, state.start),
+        half=where(is_edge, 1.0 - state.half, state.half),
+        last_count=where(is_edge, where(state.count < LENGTH, state.count, LENGTH), state.last_count),
+        last_start=where(is_edge, state.start, state.last_start),
+        before=where(is_edge, state.current, state.before),
+        last_before=where(is_edge, state.before, state.last_before),
     )
 
-    is_offline = par.offline > 0.0
-    outputs = Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
-    scalars = (r, su, si, count, i, u, start, half, last_count, last_start, before, last_before)
-    return State(*scalars, voltage_sums, current_sums, currents), outputs
+
+def _added(state: State, inputs: Inputs) -> State:
+    """The sample added to the sums (line 5), and kept."""
+    u, i = inputs.voltage, inputs.current
+    su, si, count = state.voltage_sum + u, state.current_sum + i, state.count + 1.0
+    slot = where(count <= LENGTH, state.half * LENGTH + count - 1.0, SPARE)
+    return state._replace(
+        voltage_sum=su,
+        current_sum=si,
+        count=count,
+        current=i,
+        voltage=u,
+        voltage_sums=store(state.voltage_sums, slot, su),
+        current_sums=store(state.current_sums, slot, si),
+        currents=store(state.currents, slot, i),
+    )
+
+
+def _replayed(state: State, par: Parameters) -> Sample:
+    """The sample of the operation before that belongs to this one."""
+    count = state.count
+    is_replayed = count <= state.last_count
+    k = where(is_replayed, (1.0 - state.half) * LENGTH + count - 1.0, SPARE)
+    k_prev = where(is_replayed & (count > 1.0), k - 1.0, SPARE)
+    return Sample(
+        voltage_sum=where(is_replayed, load(state.voltage_sums, k), 0.0),
+        current_sum=where(is_replayed, load(state.current_sums, k), 0.0),
+        current=load(state.currents, k),
+        previous=where(count > 1.0, load(state.currents, k_prev), state.last_before),
+        time=state.last_start + where(is_replayed, count, state.last_count) * par.sample_time,
+        published=where(is_replayed, 1.0, 0.0),
+    )
 
 
 def _mean_resistance(state: State, par: Parameters) -> Scalar:
@@ -126,12 +178,17 @@ def _mean_resistance(state: State, par: Parameters) -> Scalar:
     return where(is_known, state.voltage_sum / where(is_known, state.current_sum, 1.0), state.resistance)
 
 
-def _estimates(
-    su: Scalar, si: Scalar, i: Scalar, i_prev: Scalar, r: Scalar, published: Scalar, time: Scalar, par: Parameters
-) -> Outputs:
+def _estimates(at: Sample, r: Scalar, par: Parameters) -> Outputs:
     """Lines 6 to 9 and 12."""
-    flux_linkage = par.prior_flux_linkage + par.sample_time * (su - r * si)  # (46)
+    flux_linkage = par.prior_flux_linkage + par.sample_time * (at.voltage_sum - r * at.current_sum)  # (46)
     band = par.gate_sigmas * par.noise_current
-    is_high = (fabs(i) > band) & (fabs(i_prev) > band) & (published > 0.0)  # line 7
-    l = where(is_high, flux_linkage / where(is_high, i, 1.0), par.prior_inductance)  # (48)
-    return Outputs(r, l, flux_linkage, where(is_high, 1.0, 0.0), published, time)
+    is_high = (fabs(at.current) > band) & (fabs(at.previous) > band) & (at.published > 0.0)  # line 7
+    l = where(is_high, flux_linkage / where(is_high, at.current, 1.0), par.prior_inductance)  # (48)
+    return Outputs(
+        resistance=r,
+        inductance=l,
+        flux_linkage=flux_linkage,
+        quality=where(is_high, 1.0, 0.0),
+        published=at.published,
+        published_time=at.time,
+    )

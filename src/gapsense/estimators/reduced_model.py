@@ -7,12 +7,15 @@ are left out; e_i and e_F, constant but for noise, stand for what the current an
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from gapsense.interpolate import spline
 from gapsense.linalg import vector
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, fabs, is_traced, log, square, where
+
+if TYPE_CHECKING:
+    from gapsense.estimators.ekf import Parameters
 
 SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
@@ -59,8 +62,8 @@ class Held(NamedTuple):
     mode: Scalar
 
 
-def normalised(par: Any) -> Model:
-    """The model for physical parameters, a record with the fields of `ekf.Parameters`: (17)."""
+def normalised(par: Parameters) -> Model:
+    """The model for physical parameters: (17)."""
     l_z = par.stop_upper - par.stop_lower
     area, scale = square(l_z), l_z / square(par.coil_turns)
     return Model(

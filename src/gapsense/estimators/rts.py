@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapsense.emit import compiled
 from gapsense.estimators import ekf
-from gapsense.estimators.ekf import Parameters, physical
+from gapsense.estimators.ekf import Parameters, physical, tuning
 from gapsense.estimators.ertss import Estimate, backward, impact
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.reduced_model import Held, limit, normalised
@@ -118,10 +118,12 @@ def _kernel() -> Kernel:
 def _backward() -> Callable[..., tuple[float, ...]]:
     """`ertss.backward` as scalar Python on flat tuples."""
 
-    def smoothed(filtered: Estimate, held: Held, later: Estimate, par: Parameters) -> Estimate:
-        return Estimate(*backward(Gaussian(*filtered), held, Gaussian(*later), normalised(par), par))
+    def smoothed(before: Estimate, held: Held, after: Estimate, par: Parameters) -> Estimate:
+        filtered, later = (Gaussian(e.mean, e.cov) for e in (before, after))
+        found = backward(filtered, held, later, normalised(par), tuning(par))
+        return Estimate(found.mean, found.cov)
 
-    arguments = {"filtered": Estimate, "held": Held, "later": Estimate, "par": Parameters}
+    arguments = {"before": Estimate, "held": Held, "after": Estimate, "par": Parameters}
     return compiled(trace(smoothed, arguments))
 
 

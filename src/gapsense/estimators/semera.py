@@ -67,7 +67,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Prior, and iota_0 registered; the prior belongs to sample 1 and is not propagated."""
     r, l = par.prior_resistance, par.prior_inductance
     x, P = _at_rest(r, square(par.prior_resistance_std), par)
-    return State(x, P, inputs.current, r), _outputs(inputs, par, r, l, 0.0, P, 0.0, par.noise_voltage)
+    outputs = _outputs(inputs, par, r, l, P)._replace(innovation_std=par.noise_voltage)
+    return State(x=x, P=P, current=inputs.current, resistance=r), outputs
 
 
 def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
@@ -94,11 +95,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     r = where(is_high, x[0], state.resistance)  # lines 14 and 15
     l = where(is_high, x[1], par.prior_inductance)
-    outputs = _outputs(inputs, par, r, l, where(is_high, 1.0, 0.0), P, innovation, deviation(S))
+    outputs = _outputs(inputs, par, r, l, P)
+    outputs = outputs._replace(quality=where(is_high, 1.0, 0.0), innovation=innovation, innovation_std=deviation(S))
 
     F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
     Q = diagonal([square(par.process_resistance_rate * dt), square(par.process_inductance_acceleration * dt * dt), 0.0])
-    return State(F @ x, predict(P, F, Q), i, r), outputs  # lines 11 and 12
+    return State(x=F @ x, P=predict(P, F, Q), current=i, resistance=r), outputs  # lines 11 and 12
 
 
 def _rest(prior: Gaussian, par: Parameters) -> Gaussian:
@@ -108,17 +110,8 @@ def _rest(prior: Gaussian, par: Parameters) -> Gaussian:
     return _at_rest(x[0], P[0, 0], par)
 
 
-def _outputs(
-    inputs: Inputs,
-    par: Parameters,
-    r: Scalar,
-    l: Scalar,
-    quality: Scalar,
-    P: Array,
-    innovation: Scalar,
-    innovation_std: Scalar,
-) -> Outputs:
-    """Flux linkage (line 16), and flux and reluctance where N is known."""
+def _outputs(inputs: Inputs, par: Parameters, r: Scalar, l: Scalar, P: Array) -> Outputs:
+    """Flux linkage (line 16), and flux and reluctance where N is known; without innovation, of low quality."""
     flux_linkage = l * inputs.current
     has_turns = par.coil_turns > 0.0
     N = where(has_turns, par.coil_turns, 1.0)
@@ -127,11 +120,11 @@ def _outputs(
         resistance=r,
         inductance=l,
         flux_linkage=flux_linkage,
-        quality=quality,
+        quality=0.0,
         resistance_std=deviation(P[0, 0]),
         inductance_std=deviation(P[1, 1]),
-        innovation=innovation,
-        innovation_std=innovation_std,
+        innovation=0.0,
+        innovation_std=0.0,
         flux=where(has_turns, flux_linkage / N, 0.0),
         reluctance=where(is_usable, N * N / where(is_usable, l, 1.0), 0.0),
     )

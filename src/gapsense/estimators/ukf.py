@@ -165,7 +165,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     voltage = where(_can_be_read(inputs.voltage, par.range_voltage), inputs.voltage, 0.0)
     health = where(_can_be_read(inputs.current, par.range_current), FINE, SKIPPED)
-    return State(*estimate, voltage, 1.0), Outputs(*(*_physical(estimate, par), 0.0, par.noise_current, health))
+    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=1.0)
+    return state, _outputs(estimate, 0.0, par.noise_current, health, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -189,7 +190,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     surprised = where(is_sound, surprised, 1.0)
     health = where((surprised < par.health_limit) & (innovation == seen), FINE, SURPRISED)
     health = where(is_sound, where(has_voltage & has_current, health, SKIPPED), RESTARTED)
-    return State(*estimate, voltage, surprised), Outputs(*(*_physical(estimate, par), innovation, S, health))
+    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=surprised)
+    return state, _outputs(estimate, innovation, S, health, par)
 
 
 def _model(par: Parameters) -> Model:
@@ -344,19 +346,23 @@ def _at_rest(z_std: Scalar, lam_std: Scalar, par: Parameters) -> Array:
     return P
 
 
-def _physical(estimate: Gaussian, par: Parameters) -> tuple[Scalar, ...]:
-    """Position, velocity, flux linkage and current error, then their standard deviations."""
+def _outputs(
+    estimate: Gaussian, innovation: Scalar, innovation_std: Scalar, health: Scalar, par: Parameters
+) -> Outputs:
     x, P = estimate
     v_var = P[POSITION, POSITION] - 2.0 * P[POSITION, POSITION_PREV] + P[POSITION_PREV, POSITION_PREV]
-    return (
-        x[POSITION],
-        (x[POSITION] - x[POSITION_PREV]) / par.sample_time,
-        x[FLUX_LINKAGE],
-        x[CURRENT_ERROR],
-        deviation(P[POSITION, POSITION]),
-        deviation(v_var) / par.sample_time,
-        deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
-        deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
+    return Outputs(
+        position=x[POSITION],
+        velocity=(x[POSITION] - x[POSITION_PREV]) / par.sample_time,
+        flux_linkage=x[FLUX_LINKAGE],
+        current_error=x[CURRENT_ERROR],
+        position_std=deviation(P[POSITION, POSITION]),
+        velocity_std=deviation(v_var) / par.sample_time,
+        flux_linkage_std=deviation(P[FLUX_LINKAGE, FLUX_LINKAGE]),
+        current_error_std=deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
+        innovation=innovation,
+        innovation_std=innovation_std,
+        health=health,
     )
 
 

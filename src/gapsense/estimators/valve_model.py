@@ -6,11 +6,14 @@ place of the velocity (Verlet).  The reluctance of the gap and its derivative co
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, fabs, load, locate, square, where
+
+if TYPE_CHECKING:
+    from gapsense.estimators.ukf import Parameters
 
 SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
@@ -52,8 +55,8 @@ class Segment(NamedTuple):
     slope_rise: Scalar
 
 
-def model(par: Any, memory: Scalar, low: Scalar, high: Scalar) -> Model:
-    """Coefficients for physical parameters, a record with the fields of `ukf.Parameters`."""
+def model(par: Parameters, memory: Scalar, low: Scalar, high: Scalar) -> Model:
+    """Coefficients for physical parameters."""
     mobility = square(par.sample_time) / par.mover_mass
     drag, stiffness = par.damping * par.sample_time / par.mover_mass, mobility * par.spring_stiffness
     drop = par.sample_time * par.coil_resistance
@@ -74,7 +77,7 @@ def model(par: Any, memory: Scalar, low: Scalar, high: Scalar) -> Model:
     )
 
 
-def segment(z: Scalar, par: Any) -> Segment:
+def segment(z: Scalar, par: Parameters) -> Segment:
     """Piece of the gap table around `z`; its ends go on."""
     k = locate(par.gap_file_gap, z)
     left, R_g, slope = (load(t, k) for t in (par.gap_file_gap, par.gap_file_reluctance, par.gap_file_slope))

@@ -48,13 +48,19 @@ class Parameters(NamedTuple):
     contact_hysteresis: Scalar  # way back past a threshold before the contact opens [m]
 
 
+class Reading(NamedTuple):
+    """What a sample reads."""
+
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+    mode: Scalar
+
+
 class State(NamedTuple):
     """The generator and the last reading."""
 
     generator: Annotated[Array, Vector(6)]
-    voltage: Scalar  # [V]
-    current: Scalar  # [A]
-    mode: Scalar
+    reading: Reading
 
 
 class Inputs(NamedTuple):
@@ -77,8 +83,8 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """First sample at once; it is never lost, since there is no earlier reading to hold."""
-    state = _sampled(State(seeded(par.seed), 0.0, 0.0, MOVING), inputs, par)
-    return state, Outputs(state.voltage, state.current, state.mode, 0.0)
+    state = _sampled(State(seeded(par.seed), Reading(0.0, 0.0, MOVING)), inputs, par)
+    return state, _outputs(state.reading, 0.0)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -86,8 +92,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     new = _sampled(state, inputs, par)
     generator, u = uniform(new.generator)
     is_lost = u < par.dropout_probability
-    voltage, current, mode = (where(is_lost, old, fresh) for old, fresh in zip(state[1:], new[1:]))
-    return State(generator, voltage, current, mode), Outputs(voltage, current, mode, where(is_lost, 1.0, 0.0))
+    reading = Reading(*(where(is_lost, old, fresh) for old, fresh in zip(state.reading, new.reading)))
+    return State(generator, reading), _outputs(reading, where(is_lost, 1.0, 0.0))
+
+
+def _outputs(reading: Reading, dropout: Scalar) -> Outputs:
+    return Outputs(reading.voltage, reading.current, reading.mode, dropout)
 
 
 def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -96,12 +106,13 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
     generator, z_current = normal(generator)
     voltage = inputs.voltage * (1.0 + par.gain_error_voltage) + par.offset_voltage + par.noise_voltage * z_voltage
     current = inputs.current * (1.0 + par.gain_error_current) + par.offset_current + par.noise_current * z_current
-    return State(
-        generator,
-        _converted(voltage, par.range_voltage, par.resolution_voltage),
-        _converted(current, par.range_current, par.resolution_current),
-        where(par.contact_source == ContactSource.position, _mode(inputs.position, state.mode, par), inputs.mode),
+    mode = _mode(inputs.position, state.reading.mode, par)
+    reading = Reading(
+        voltage=_converted(voltage, par.range_voltage, par.resolution_voltage),
+        current=_converted(current, par.range_current, par.resolution_current),
+        mode=where(par.contact_source == ContactSource.position, mode, inputs.mode),
     )
+    return State(generator, reading)
 
 
 def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:

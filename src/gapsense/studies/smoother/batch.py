@@ -17,8 +17,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from gapsense import emit
-from gapsense.estimators import ertss
-from gapsense.estimators.ekf import forward
+from gapsense.estimators import ekf, ertss
+from gapsense.estimators.ekf import Measured, forward
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
@@ -111,9 +111,9 @@ def forward_step(m: Model, variant: Variant, mode_before: float, mode: float) ->
     now = now if mode_before != MOVING or mode == MOVING else before  # the smoother needs all of a landing
 
     def filtered(row: Any, given: Given, varied: Varied, tuning: Tuning) -> Any:
-        held, inputs = Held(given.voltage, mode_before), _Measured(given.current, mode)
+        held, measured = Held(given.voltage, mode_before), Measured(given.current, mode)
         model = varied_model(m, varied, variant)
-        new = forward(embedded(row, before), held, inputs, model, _Options(*tuning, *variant))
+        new = forward(embedded(row, before), held, measured, model, _tuned(tuning, variant))
         return extracted(new.filtered, now)
 
     return compiled(filtered, row=estimate_record(len(before)), given=Given, varied=Varied, tuning=Tuning)
@@ -126,8 +126,8 @@ def backward_step(m: Model, variant: Variant) -> Code:
 
     def smoothed(row: Any, given: _Voltage, later: Any, varied: Varied, tuning: Tuning) -> Any:
         model, held = varied_model(m, varied, variant), Held(given.voltage, MOVING)
-        after, options = embedded(later, states), _Options(*tuning, *variant)
-        return extracted(ertss.backward(embedded(row, states), held, after, model, options), states)
+        after, tuned = embedded(later, states), _tuned(tuning, variant)
+        return extracted(ertss.backward(embedded(row, states), held, after, model, tuned), states)
 
     estimate = estimate_record(len(states))
     return compiled(smoothed, row=estimate, given=_Voltage, later=estimate, varied=Varied, tuning=Tuning)
@@ -176,6 +176,10 @@ def varied_model(m: Model, varied: Varied, variant: Variant) -> Model:
     return m._replace(**varied._asdict(), has_force_error=variant.option_force_error)
 
 
+def _tuned(tuning: Tuning, variant: Variant) -> ekf.Tuning:
+    return ekf.Tuning(**tuning._asdict(), **variant._asdict())
+
+
 @cache
 def estimate_record(n: int) -> Any:
     """Class of an estimate of which `n` states are uncertain."""
@@ -206,25 +210,7 @@ class _Voltage(NamedTuple):
     voltage: Scalar
 
 
-class _Measured(NamedTuple):
-    """What `ekf.forward` reads of the inputs."""
-
-    current: Scalar
-    mode: float
-
-
 class _True(NamedTuple):
     """Reference states of one sample."""
 
     x: Annotated[Array, Vector(5)]
-
-
-class _Options(NamedTuple):
-    """What `ekf.forward` and `ertss.backward` read of the parameters."""
-
-    process_flux_linkage: Scalar
-    process_current_error: Scalar
-    process_force_error: Scalar
-    noise_current: Scalar
-    option_current_error: float
-    option_force_error: float

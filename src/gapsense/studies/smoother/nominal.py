@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
-from gapsense.actuators.reluctance_actuator import Parameters
+from gapsense.actuators.reluctance_actuator import GapLaw, Parameters
+from gapsense.estimators import ekf
 from gapsense.estimators.reduced_model import Model, normalised
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.reduced_fit.fit import fit_core
@@ -19,17 +19,18 @@ def nominal(
     sample_time: float = 20e-6,
 ) -> Model:
     """The reduced model (13)-(17) of an actuator; R_c0* [1/H] and lambda_sat [Wb] are fitted, by default Table II."""
-    if actuator.gap_law > 0.5:
+    if actuator.gap_law == GapLaw.table:
         raise ValueError("`gap_law` 1 (table) found, 0 expected: (56) perturbs the fringing law. Set it to 0.")
-    par = SimpleNamespace(
-        **actuator._asdict(),
-        sample_time=sample_time,
-        core_reluctance=core_reluctance * actuator.coil_turns**2,
-        core_saturation=core_saturation,
-        gap_tilt=0.0,
-        option_force_error=1.0,
+    shared = {name: value for name, value in actuator._asdict().items() if name in ekf.Parameters._fields}
+    par = ekf.Parameters(**{**dict.fromkeys(ekf.Parameters._fields, 0.0), **shared})
+    return normalised(
+        par._replace(
+            sample_time=sample_time,
+            core_reluctance=core_reluctance * actuator.coil_turns**2,
+            core_saturation=core_saturation,
+            option_force_error=1.0,
+        )
     )
-    return normalised(par)
 
 
 def own(m: Model) -> Varied:
