@@ -285,11 +285,11 @@ def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
 KERNEL_FILE, PORTS = "amplifier_kernel.py", "amplifier/component.py"
 GAIN = "par.gain * inputs.voltage + 0.0"
 MISTAKES = {
-    "if on data": (KERNEL_FILE, GAIN, "(1.0 if inputs.voltage > 0.0 else 2.0) + 0.0", ["kernel.py:32", "Use where()"]),
-    "function of math": (KERNEL_FILE, GAIN, "__import__('math').sqrt(par.gain)", ["kernel.py:32", "operations of"]),
-    "misspelt name": (KERNEL_FILE, GAIN, "gain * inputs.voltage", ["kernel.py:32", "NameError", "'gain'"]),
-    "misspelt field": (KERNEL_FILE, GAIN, "par.gian", ["kernel.py:32", "AttributeError", "'gian'"]),
-    "wrong syntax": (KERNEL_FILE, GAIN, "par.gain *", ["kernel.py:32", "SyntaxError"]),
+    "if on data": (KERNEL_FILE, GAIN, "(1.0 if inputs.voltage > 0.0 else 2.0) + 0.0", ["kernel.py:36", "Use where()"]),
+    "function of math": (KERNEL_FILE, GAIN, "__import__('math').sqrt(par.gain)", ["kernel.py:36", "operations of"]),
+    "misspelt name": (KERNEL_FILE, GAIN, "gain * inputs.voltage", ["kernel.py:36", "NameError", "'gain'"]),
+    "misspelt field": (KERNEL_FILE, GAIN, "par.gian", ["kernel.py:36", "AttributeError", "'gian'"]),
+    "wrong syntax": (KERNEL_FILE, GAIN, "par.gain *", ["kernel.py:36", "SyntaxError"]),
     "bad import": (
         KERNEL_FILE,
         "from typing",
@@ -300,7 +300,7 @@ MISTAKES = {
         KERNEL_FILE,
         GAIN,
         "__import__('gapsense.derivative').derivative.derivative(par.gain, 1.0)",
-        ["kernel.py:32", "a derivative by the constant 1.0"],
+        ["kernel.py:36", "a derivative by the constant 1.0"],
     ),
     "wrong arguments": (
         KERNEL_FILE,
@@ -312,13 +312,13 @@ MISTAKES = {
         KERNEL_FILE,
         "State(inputs.voltage), ",
         "",
-        ["kernel.py:27, in initial: it returns Outputs;"],
+        ["kernel.py:31, in initial: it returns Outputs;"],
     ),
     "nothing returned": (
         KERNEL_FILE,
         "return State(inputs",
         "State(inputs",
-        ["kernel.py:27, in initial: it returns NoneType; expected State"],
+        ["kernel.py:31, in initial: it returns NoneType; expected State"],
     ),
     "no record": (KERNEL_FILE, "class Outputs", "class Output", ["kernel.py", "'Outputs'"]),
     "no kernel": (
@@ -433,7 +433,7 @@ def test_reference_is_written(author: Path) -> None:
     [
         (KERNEL_FILE, "1.0 / par.law", ["(Amplifier)", "ZeroDivisionError"]),
         (KERNEL_FILE, "par.gain / 1e-300 / 1e-300 + 0.0", ["(Amplifier)", "output `amplified` is not finite. Check"]),
-        (KERNEL_FILE, "gian", ["kernel.py:32", "'gian'"]),
+        (KERNEL_FILE, "gian", ["kernel.py:36", "'gian'"]),
     ],
 )
 def test_refused_reference_is_told_in_one_sentence_and_the_old_one_stays(
