@@ -6,7 +6,7 @@ the filter.  The paper leaves the resistance out of its wrong parameters, and sa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -102,16 +102,17 @@ def _all(
     sizes: Array, drawn: Array, factors: Factors, progress: Progress, voltages: Sequence[float] = VOLTAGES
 ) -> Found:
     """Errors of all filters; `sizes` (levels, voltages, runs) are those of the noise, `drawn` is noise of size 1."""
-    cycles, total = [*map(simulated, voltages)], SAMPLES * len(FILTERS)
+    cycles = [*map(simulated, voltages)]
     return {
-        name: _errors(cycles, sizes, drawn, factors, options, lambda done, k=k: progress(k * SAMPLES + done, total))
+        name: _errors(cycles, sizes, drawn, factors, options, progress, k * SAMPLES)
         for k, (name, options) in enumerate(FILTERS.items())
     }
 
 
 def _errors(
-    cycles: Sequence[Cycle], sizes: Array, drawn: Array, factors: Factors, options: Factors, step: Callable[[int], None]
+    cycles: Sequence[Cycle], sizes: Array, drawn: Array, factors: Factors, options: Factors, tell: Progress, before: int
 ) -> Errors:
+    """Errors of one filter; `before` samples of others are done."""
     stds = [sizes * np.array([np.mean(x) for x in xs])[:, None] for xs in [*zip(*cycles)][:2]]
     par = NOMINAL._asdict() | {"noise_voltage": stds[0], "noise_current": np.maximum(stds[1], 1e-9), **options}
     par |= {name: par[name] * factor for name, factor in factors.items()}
@@ -124,7 +125,7 @@ def _errors(
         made = kernel.step_batch(state, inputs, flat, sizes.size) if state else None
         state, outputs = made or kernel.initial_batch(inputs, flat, sizes.size)
         error[k] = np.reshape(outputs[0], sizes.shape) - true[2, k]
-        step(k + 1)
+        tell(before + k + 1, SAMPLES * len(FILTERS))
     halves = np.split(error[REST:], 2)
     rmse = np.stack([np.sqrt(np.mean(half**2, axis=0)) for half in halves], axis=-1)
     last = np.stack([np.mean(np.abs(half[-LAST:]), axis=0) for half in halves], axis=-1)
