@@ -76,7 +76,7 @@ def test_a_run_of_the_study_is_that_of_the_kernel(wrong: dict[str, Errors]) -> N
     f = dict(zip(WRONG, (1.0 + 0.05 * s for s in signs)))
     f |= {"core_saturation": f["coil_turns"] / f["core_saturation"], "coil_resistance": 1.05}
     stds = 0.01 * cycle.voltage.mean(), 0.01 * cycle.current.mean()
-    par = bounded_ukf.nominal()
+    par = bounded_ukf.NOMINAL
     par = par._replace(noise_voltage=float(stds[0]), noise_current=float(stds[1]))
     par = par._replace(**{name: getattr(par, name) * factor for name, factor in f.items()})
     drawn = np.random.default_rng(9).standard_normal((2, SAMPLES, 1, len(VOLTAGES), 1))[:, :, 0, 2, 0]

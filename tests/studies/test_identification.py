@@ -108,7 +108,7 @@ def test_record_without_motion_identifies_neither_mass_nor_spring_nor_damping():
 def test_bad_minimum_is_rejected_by_its_cost():
     far = VALVE._replace(mover_mass=3.3 * VALVE.mover_mass, damping=4.0 * VALVE.damping, spring_stiffness=62.0)
     fit = Fit(far)
-    experiment = shortened(prepare(record())[0], 1)
+    experiment = shortened(prepare(record())[0])
     alone = fit.least_squares(np.zeros(6), [experiment])
     starts = fit.multi_start([experiment], 3, 1, lambda done, total: None)
     costs = sorted(s.cost for s in starts)
@@ -152,7 +152,7 @@ def test_standard_errors_are_those_of_many_records():
 
 @pytest.mark.slow
 def test_least_squares_needs_a_small_part_of_the_evaluations_of_the_search():
-    first, fit = shortened(prepare(record(seed=1))[0], 1), Fit(GUESS)
+    first, fit = shortened(prepare(record(seed=1))[0]), Fit(GUESS)
     ratios = fit.least_squares(np.zeros(6), [first])
     ours, needed = cost(residuals(GUESS, ratios, [first])), fit.samples / first.current.size
     theirs = search(lambda x: cost(residuals(GUESS, x, [first])), np.zeros(6), 0.1, limit=round(12 * needed))

@@ -8,7 +8,7 @@ from valve_records import PERIOD, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.flux import edges, estimate, operations
-from gapsense.studies.identification.model import simulate
+from gapsense.studies.identification.model import mean_resistance, prepare, simulate
 from gapsense.studies.identification.record import Columns, to_record
 
 DT = 1e-4
@@ -32,7 +32,8 @@ def test_resistance_of_each_period_is_exact_and_so_is_the_flux_linkage():
     flux = estimate(measured, operations(measured, period=100 * DT))
     np.testing.assert_allclose(flux.resistances, warming, rtol=1e-12)
     np.testing.assert_allclose(flux.flux_linkage, lam, atol=1e-15)
-    assert flux.resistance == pytest.approx(np.mean(warming), rel=1e-12)
+    together = mean_resistance(prepare(measured, period=100 * DT)[0])
+    assert together == pytest.approx(np.mean(warming), rel=1e-12)
 
 
 def test_printed_sums_are_biased_by_half_a_sample():

@@ -10,14 +10,14 @@ import pytest
 from valve_records import columns, write
 
 from gapsense.cosim import run
+from gapsense.problems import InputError
 from gapsense.studies.identification.checks import noise, read_record
-from gapsense.studies.identification.record import RecordError
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def problems(path: Path, **options) -> list[str]:
-    with pytest.raises(RecordError) as caught:
+    with pytest.raises(InputError) as caught:
         read_record(path, **options)
     assert all(line.endswith((".", "?")) for line in caught.value.problems)
     return caught.value.problems

@@ -6,7 +6,7 @@ the filter.  The paper leaves the resistance out of its wrong parameters, and sa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -15,11 +15,13 @@ import numpy.typing as npt
 
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators import ukf
+from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel
-from gapsense.studies.devices import VALVE
+from gapsense.studies.devices import VALVE, driven
+from gapsense.workers import Progress
 
 Array = npt.NDArray[np.float64]
-Progress = Callable[[int, int], None]
+Factors = Mapping[str, Any]  # by the field of a parameter: numbers or arrays (levels, voltages, runs)
 
 T_S = 20e-6  # [s]
 REST, HALF = 10, 500  # samples before the first edge, and of each half of the cycle
@@ -34,17 +36,8 @@ RESISTANCES = (-0.05, -0.02, 0.02, 0.05)  # relative
 NOISE = 0.01  # sigma_n of Fig. 9
 WRONG = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
 PLANT = VALVE._replace(coil_resistance=77.5, gap_law=solenoid_valve.GapLaw.table)
-SETTINGS = {  # start values of the component where the valve does not say
-    "sample_time": T_S,
-    "sigma_spread": 8.0,
-    "range_voltage": 1e3,
-    "range_current": 1e2,
-    "prior_position": PLANT.stop_upper,
-    "health_samples": 50.0,
-    "health_limit": 4.0,
-    "option_current_error": 1.0,
-}
-FILTERS: Mapping[str, Mapping[str, float]] = {
+NOMINAL: ukf.Parameters = kernel_parameters(own("bounded_ukf"), {})  # what is right
+FILTERS: Mapping[str, Factors] = {
     "bounded UKF, robust": {},
     "bounded UKF, paper": {"option_tuning": ukf.Tuned.paper},
     "bounded EKF": {"option_filter": ukf.Filter.bounded_ekf},
@@ -106,67 +99,40 @@ def unseen(runs: int = 200, progress: Progress = lambda done, total: None) -> Fo
 
 
 def _all(
-    sizes: Array,
-    drawn: Array,
-    factors: Mapping[str, Array],
-    progress: Progress,
-    voltages: Sequence[float] = VOLTAGES,
+    sizes: Array, drawn: Array, factors: Factors, progress: Progress, voltages: Sequence[float] = VOLTAGES
 ) -> Found:
     """Errors of all filters; `sizes` (levels, voltages, runs) are those of the noise, `drawn` is noise of size 1."""
-    cycles = [simulated(volts) for volts in voltages]
-    found, total = {}, SAMPLES * len(FILTERS)
-    for k, (name, options) in enumerate(FILTERS.items()):
-
-        def step(done: int, k: int = k) -> None:
-            progress(k * SAMPLES + done, total)
-
-        found[name] = _errors(cycles, sizes, drawn, factors, options, step)
-    return found
+    cycles = [*map(simulated, voltages)]
+    return {
+        name: _errors(cycles, sizes, drawn, factors, options, progress, k * SAMPLES)
+        for k, (name, options) in enumerate(FILTERS.items())
+    }
 
 
 def _errors(
-    cycles: Sequence[Cycle],
-    sizes: Array,
-    drawn: Array,
-    factors: Mapping[str, Array],
-    options: Mapping[str, float],
-    step: Callable[[int], None],
+    cycles: Sequence[Cycle], sizes: Array, drawn: Array, factors: Factors, options: Factors, tell: Progress, before: int
 ) -> Errors:
-    stds = [sizes * np.array([np.mean(x) for x in xs])[:, None] for xs in zip(*((c[0], c[1]) for c in cycles))]
-    known: dict[str, Any] = {"noise_voltage": stds[0], "noise_current": np.maximum(stds[1], 1e-9), **options}
-    par = nominal()._asdict()
-    par |= known | {name: par[name] * factor for name, factor in factors.items()}
+    """Errors of one filter; `before` samples of others are done."""
+    stds = [sizes * np.array([np.mean(x) for x in xs])[:, None] for xs in [*zip(*cycles)][:2]]
+    par = NOMINAL._asdict() | {"noise_voltage": stds[0], "noise_current": np.maximum(stds[1], 1e-9), **options}
+    par |= {name: par[name] * factor for name, factor in factors.items()}
     flat = [v if isinstance(v, list) else np.broadcast_to(v, sizes.shape).ravel() for v in par.values()]
-    truth = np.stack([c.position for c in cycles], axis=1)[:, None, :, None]
+    true = np.stack(cycles, axis=-1)[..., None]  # (quantities, samples, voltages, 1)
     error = np.empty((SAMPLES, *sizes.shape))
     kernel, state = Kernel(ukf), None
     for k in range(SAMPLES):
-        true = [np.array([c[i][k] for c in cycles])[:, None] for i in (0, 1)]
-        inputs = [(x + s * d).ravel() for x, s, d in zip(true, stds, drawn[:, k])]
+        inputs = [(x[k] + s * d).ravel() for x, s, d in zip(true, stds, drawn[:, k])]
         made = kernel.step_batch(state, inputs, flat, sizes.size) if state else None
         state, outputs = made or kernel.initial_batch(inputs, flat, sizes.size)
-        error[k] = np.reshape(outputs[0], sizes.shape) - truth[k]
-        step(k + 1)
+        error[k] = np.reshape(outputs[0], sizes.shape) - true[2, k]
+        tell(before + k + 1, SAMPLES * len(FILTERS))
     halves = np.split(error[REST:], 2)
     rmse = np.stack([np.sqrt(np.mean(half**2, axis=0)) for half in halves], axis=-1)
     last = np.stack([np.mean(np.abs(half[-LAST:]), axis=0) for half in halves], axis=-1)
     return Errors(rmse, last > MISSED * (PLANT.stop_upper - PLANT.stop_lower))
 
 
-def nominal() -> ukf.Parameters:
-    """The filter with the right parameters of the valve."""
-    shared = {name: getattr(PLANT, name) for name in ukf.Parameters._fields if name in PLANT._fields}
-    return ukf.Parameters(**{**dict.fromkeys(ukf.Parameters._fields, 0.0), **SETTINGS, **shared})
-
-
 def simulated(volts: float) -> Cycle:
     """Rest, voltage on, voltage off: the valve with the fringing gap table."""
-    kernel = Kernel(solenoid_valve)
-    k = np.arange(SAMPLES)
-    voltage = np.where((k >= REST) & (k < REST + HALF), volts, 0.0)
-    state, outputs = kernel.initial(solenoid_valve.Inputs(0.0, 0.0, 0.0), PLANT)
-    rows = [outputs]
-    for n in range(1, SAMPLES):
-        state, outputs = kernel.step(state, solenoid_valve.Inputs(n * T_S, T_S, float(voltage[n - 1])), PLANT)
-        rows.append(outputs)
-    return Cycle(voltage, *(np.array([getattr(o, name) for o in rows], float) for name in ("current", "position")))
+    voltage = np.repeat([0.0, volts, 0.0], [REST, HALF, HALF])
+    return Cycle(voltage, *driven(solenoid_valve, PLANT, voltage, T_S, "current", "position").T)

@@ -38,15 +38,17 @@ def estimate(
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
     root = find_checkout()
-    inputs = run.estimators(root)
     (record,) = read_records([data], column, needs="samples")
     values = read_values(parameters or [])
-    names, left_out = run.chosen(estimator, inputs, record, {} if estimator else run.unfit(root, values))
+    names, left_out = run.chosen(estimator, run.estimators(root), record, values)
     for reason in left_out:
         problem(f"left out: {reason}", "yellow")
     taken(find_components(root / "fmus", names), parameters or [], find_components(root / "fmus"))  # before any run
     with bar("estimating") as progress:
-        estimates = run.run_estimators(fmus or root / "build" / "fmus", names, record, values, progress)
+        estimates = []
+        for k, name in enumerate(names):
+            progress(k, len(names))
+            estimates.append(run.run_estimator((fmus or root / "build" / "fmus") / f"{name}.fmu", record, values))
     show(*tables(estimates))
     if to is not None:
         written(run.save(to, record, estimates))

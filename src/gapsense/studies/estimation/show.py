@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, Vector, legend, line, stack
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack
 from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
 from gapsense.studies.identification.record import Record
@@ -27,18 +27,13 @@ SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
 def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
     """Last values of every estimator, and the parameters that were set."""
-    rows = (
-        (
-            e.name,
-            *(quantity(float(e.outputs[q][-1]), u) if q in e.outputs else "" for q, (_, _, u) in QUANTITIES.items()),
-        )
-        for e in estimates
-    )
-    shown: list[Table | str] = [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows)]
+    rows, said = [], []
     for e in estimates:
+        last = {q: quantity(float(e.outputs[q][-1]), u) for q, (_, _, u) in QUANTITIES.items() if q in e.outputs}
+        rows.append([e.name, *(last.get(q, "") for q in QUANTITIES)])
         given = ", ".join(f"{name} = {value:.6g}" for name, value in e.values.items() if not isinstance(value, str))
-        shown.append(f"{e.name}: {given}")
-    return shown
+        said.append(f"{e.name}: {given}")
+    return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
 
 
 def measured_and_estimated(record: Record, estimates: Sequence[Estimate]) -> Figure:
@@ -60,7 +55,8 @@ def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) 
             drawn.append(scale * estimate.outputs[name])
             line(axis, record.times, drawn[-1], color, estimate.name, linewidth=THICKEST * 0.8**k)
         if f"smoothed_{name}" in estimate.outputs:
-            at, values = replayed(estimate.outputs, f"smoothed_{name}")
+            published = estimate.outputs["smoothed_published"] > 0.5  # at the times that these belong to
+            at, values = (estimate.outputs[f"smoothed_{signal}"][published] for signal in ("time", name))
             axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
     if name == "position" and record.position is not None:
         line(axis, record.times, scale * record.position, TRUE, "recorded", linestyle="--")
@@ -68,9 +64,3 @@ def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) 
     margin = 0.25 * (high - low) or abs(high) or 1.0
     axis.set_ylim(low - margin, high + margin)  # a transient at the start must not hide the rest
     legend(axis)
-
-
-def replayed(outputs: Mapping[str, Vector], name: str) -> tuple[Vector, Vector]:
-    """Smoothed values of the motions that have been published, and the times that they belong to."""
-    is_published = outputs["smoothed_published"] > 0.5
-    return outputs["smoothed_time"][is_published], outputs[name][is_published]

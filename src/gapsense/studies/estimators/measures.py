@@ -7,7 +7,7 @@ are held against the truth at the samples that they are about.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from gapsense.studies.estimators.contenders import CONTENDERS, Contender
 Vector = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 QUANTITIES = ("position", "velocity", "flux_linkage", "resistance")
-NUMBERS = (*QUANTITIES, "landings", "missed", "latency", "after_landing", "cost")
 FAR = 0.1  # of the stroke: an estimate as far from the stop has missed the landing
 
 
@@ -34,7 +33,7 @@ class Samples(NamedTuple):
 def signals() -> list[str]:
     """What a run must have recorded."""
     own = [f"{c.component}.{signal}" for c in CONTENDERS for signal in c.signals()]
-    return [*(f"actuator.{signal}" for signal in ("position", "flux_linkage", "mode")), *own]
+    return ["actuator.position", "actuator.flux_linkage", "actuator.mode", *own]
 
 
 def require(recorded: Collection[str], scenario: str) -> None:
@@ -54,33 +53,22 @@ def measure(result: Result) -> dict[str, float]:
 
 
 def numbers(result: Result, contender: Contender) -> dict[str, float]:
-    """The numbers of one estimator; NaN where it does not give the quantity.
+    """The numbers of one estimator in a run; NaN where it does not give the quantity.
 
-    Parameters
-    ----------
-    result : Result
-        A run of the scenario `estimators`.
-    contender : Contender
-        The estimator.
-
-    Returns
-    -------
-    dict
-        Root mean square errors of position [m] and velocity [m/s] in motion, of flux linkage [Wb] and resistance [ohm]
-        always; landings and those that were missed; age of the estimates when they come, and time from a landing until
-        its motion is published completely [s]; cost per step [us].
+    Root mean square errors of position [m] and velocity [m/s] in motion, of flux linkage [Wb] and resistance [ohm]
+    always; landings and those that were missed; age of the estimates when they come, and time from a landing until its
+    motion is published completely [s]; cost per step [us].
     """
     samples = lined_up(result, contender)
     later = Samples(*(rows[result.times[samples.about] > learnt(result)] for rows in samples))
     moving = Samples(*(rows[is_moving(result)[later.about]] for rows in later))
     errors = {q: rmse(result, contender, q, moving if q in QUANTITIES[:2] else later) for q in QUANTITIES}
-    landings = rests(result)
-    position = estimate(result, contender, "position")
+    landings, position = rests(result), estimate(result, contender, "position")
     return {
         **errors,
         "landings": float(len(landings)),
         "missed": math.nan if position is None else float(missed(result, position, samples, landings)),
-        "latency": latency(result.times, samples),
+        "latency": median(result.times[samples.came] - result.times[samples.about]),
         "after_landing": after_landing(result.times, samples, motions(result["actuator.mode"])),
         "cost": result.timing[contender.component].microseconds,
     }
@@ -147,18 +135,12 @@ def missed(result: Result, position: Vector, samples: Samples, at: list[int]) ->
     A smoother has no estimates of the rest: its last one of the motion counts then, if it was published.
     """
     low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
-    true = result["actuator.position"]
-    lost = 0
+    true, lost = result["actuator.position"], 0
     for row in at:
         before = np.flatnonzero(samples.about <= row)
         k = before[np.argmax(samples.about[before])] if before.size else None
         lost += k is None or not abs(position[samples.came[k]] - true[row]) < FAR * (high - low)
     return lost
-
-
-def latency(times: Vector, samples: Samples) -> float:
-    """Median age of the estimates at the moment they come [s]."""
-    return float(np.median(times[samples.came] - times[samples.about])) if samples.came.size else math.nan
 
 
 def after_landing(times: Vector, samples: Samples, found: list[tuple[int, int]]) -> float:
@@ -168,4 +150,9 @@ def after_landing(times: Vector, samples: Samples, found: list[tuple[int, int]])
         inside = (samples.about >= first) & (samples.about < landed)
         if np.unique(samples.about[inside]).size == landed - first:
             waits.append(max(0.0, float(times[samples.came[inside].max()] - times[landed])))
-    return float(np.median(waits)) if waits else math.nan
+    return median(waits)
+
+
+def median(values: Sequence[float] | Vector) -> float:
+    """The median, NaN of none."""
+    return float(np.median(values)) if len(values) else math.nan

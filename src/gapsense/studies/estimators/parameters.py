@@ -20,7 +20,7 @@ from gapsense.studies.devices import RTS_VALVE
 Floats = NDArray[np.float64]
 KNOTS = 19  # of the gap table, as in [UKF]
 PERMEABILITY = 200.0  # of the magnet that stands for the valve; only its ratio to the core's length matters
-CORE_SHARE = 0.798  # by `core_share`, from the motions of the scenario's first cycle
+CORE_SHARE = 0.798  # of saturation: explains the currents in the motions of the scenario's first cycle best
 
 
 class Valve(NamedTuple):
@@ -44,32 +44,23 @@ VALVE = Valve()
 
 def gap_law(z: float, valve: Valve) -> tuple[float, float]:
     """Reluctance of a gap and its derivative."""
-    slope, k, c = RTS_VALVE.gap_slope, RTS_VALVE.gap_fringing, RTS_VALVE.gap_window
-    R, rate, _ = fringing(z, slope, k, c)
+    R, rate, _ = fringing(z, RTS_VALVE.gap_slope, RTS_VALVE.gap_fringing, RTS_VALVE.gap_window)
     return valve.gap * R, valve.gap * rate
 
 
 def gap_table(valve: Valve = VALVE) -> tuple[Floats, Floats, Floats]:
     """Gaps between the stops, reluctances and derivatives, for `BoundedUkf`."""
     gaps = np.linspace(valve.lower, valve.upper, KNOTS)
-    laws = np.array([gap_law(float(z), valve) for z in gaps])
-    return gaps, laws[:, 0], laws[:, 1]
+    R, rate = np.array([gap_law(float(z), valve) for z in gaps]).T
+    return gaps, R, rate
 
 
 def wrong(e: ArrayLike) -> Valve:
     """The valve with relative errors of m, k_sp, z_sp, c_f, R_c0, lambda_sat, R_g and R; z_sp from the lower stop."""
-    v = VALVE
-    m, k, z, c, core, saturation, gap, R = np.asarray(e, float).tolist()
-    return v._replace(
-        mass=v.mass * (1.0 + m),
-        stiffness=v.stiffness * (1.0 + k),
-        rest=v.lower + (v.rest - v.lower) * (1.0 + z),
-        damping=v.damping * (1.0 + c),
-        core=v.core * (1.0 + core),
-        saturation=v.saturation * (1.0 + saturation),
-        gap=1.0 + gap,
-        resistance=v.resistance * (1.0 + R),
-    )
+    factors = (1.0 + np.asarray(e, float)).tolist()
+    names = ("mass", "stiffness", "rest", "damping", "core", "saturation", "gap", "resistance")
+    changed = {name: getattr(VALVE, name) * factor for name, factor in zip(names, factors)}
+    return VALVE._replace(**{**changed, "rest": VALVE.lower + (VALVE.rest - VALVE.lower) * factors[2]})
 
 
 def reduced(v: Valve) -> dict[str, float]:
@@ -117,23 +108,6 @@ def magnet(v: Valve) -> dict[str, float]:
         "mover.mass": v.mass,
         "gravity": v.stiffness * (v.rest - v.lower - 0.5 * stroke) / v.mass,
     }
-
-
-def core_share(position: ArrayLike, flux_linkage: ArrayLike, current: ArrayLike, v: Valve = VALVE) -> float:
-    """Share of saturation at which a constant core explains the currents best, in least squares.
-
-    Parameters
-    ----------
-    position, flux_linkage, current : (N,) arrays
-        Samples in motion [m], [Wb], [A].
-    v : Valve
-        The gap law's chord and R_c0 are taken from it.
-    """
-    z, lam, i = (np.asarray(values, float) for values in (position, flux_linkage, current))
-    (low, _), (high, _) = gap_law(v.lower, v), gap_law(v.upper, v)
-    gap = low + (z - v.lower) * (high - low) / (v.upper - v.lower)
-    core = float((v.turns**2 * i - gap * lam) @ lam / (lam @ lam))
-    return 1.0 - v.core / core
 
 
 def coil(v: Valve) -> dict[str, float]:

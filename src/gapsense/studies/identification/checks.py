@@ -8,17 +8,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.problems import InputError
 from gapsense.studies.identification.flux import edges, operations
-from gapsense.studies.identification.record import (
-    CONVENTIONS,
-    SHOWN,
-    Columns,
-    Record,
-    RecordError,
-    Vector,
-    read_columns,
-    to_record,
-)
+from gapsense.studies.identification.record import CONVENTIONS, SHOWN, Columns, Record, Vector, read_columns, to_record
 
 FEWEST_SAMPLES = 8
 FEWEST_PERIODS = 2  # one alone cannot tell whether the record is periodic
@@ -49,10 +41,10 @@ def read_records(
     for file in files:
         try:
             records.append(read_record(file, names, convention, period, needs))
-        except RecordError as error:
+        except InputError as error:
             problems += error.problems
     if problems:
-        raise RecordError(problems)
+        raise InputError(problems)
     return records
 
 
@@ -63,21 +55,11 @@ def read_record(
     period: float | None = None,
     needs: str = "periods",
 ) -> Record:
-    """Record of a file, checked; a RecordError tells all that is wrong with it at once.
+    """Record of a CSV file, checked; an InputError tells all that is wrong with it at once.
 
-    Parameters
-    ----------
-    path : Path
-        CSV file.
-    names : mapping, optional
-        See `read_columns`.
-    convention : str
-        See `to_record`.
-    period : float, optional
-        Length of an operation [s], where rising edges of the voltage do not tell it.
-    needs : str
-        `periods`: complete periods from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
-        nothing but sound samples.
+    For `names` see `read_columns`, for `convention` `to_record`; `period` is the length of an operation [s], where
+    rising edges of the voltage do not tell it.  What it `needs`: `periods`, complete ones from rest on, to identify
+    from; `rest`, a start at rest, to simulate; `samples`, nothing but sound samples.
     """
     problems: list[str] = []
     columns = read_columns(path, names or {}, problems)
@@ -92,7 +74,7 @@ def read_record(
         problems += _rest_problems(record, path.name)
         problems += _period_problems(record, path.name, period) if needs == "periods" else []
     if problems:
-        raise RecordError(problems)
+        raise InputError(problems)
     return to_record(columns, convention)
 
 

@@ -11,7 +11,6 @@ from gapsense.cli.common import Column, bar, command, show, written
 from gapsense.studies.identification.record import CONVENTIONS
 
 MODELS = ("solenoid_valve",)
-STARTS = 6
 
 
 @command("identify")
@@ -33,7 +32,7 @@ def identify(
         0
     ],
     column: Column = None,
-    starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = STARTS,
+    starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = 6,
     seed: Annotated[int, typer.Option(help="Of the random starts")] = 1,
 ) -> None:
     """Identify a solenoid valve from voltage and current, recorded from rest on over whole periods.

@@ -16,16 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification import model
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.model import (
-    FITTED,
-    Experiment,
-    charge,
-    residuals,
-    scaled,
-    simulated,
-    with_resistance,
-)
+from gapsense.studies.identification.model import FITTED, Experiment, residuals
 from gapsense.studies.identification.record import Vector
 
 Matrix = npt.NDArray[np.float64]
@@ -34,33 +27,26 @@ NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination o
 
 
 class Uncertainty(NamedTuple):
-    """Of the fitted parameters, then of the resistance.
+    """Of the fitted parameters, then of the resistance."""
 
-    Attributes
-    ----------
-    relative : (7,) array
-        Standard errors, relative to the values; infinite for a parameter without effect.
-    correlation : (7, 7) array
-        Their correlations.
-    """
-
-    relative: Vector
-    correlation: Matrix
+    relative: Vector  # standard errors, relative to the values (7,); infinite for a parameter without effect
+    correlation: Matrix  # of the errors (7, 7)
 
 
 def uncertainty(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
     """Standard errors at the minimum `ratios` of the cost."""
-    J = _slopes(known, ratios, experiments)
+    steps = STEP * np.eye(ratios.size)
+    columns = [residuals(known, ratios + s, experiments) - residuals(known, ratios - s, experiments) for s in steps]
+    J = np.array(columns).T / (2.0 * STEP)
     _, sizes, directions = np.linalg.svd(J, full_matrices=False)
     lost = np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1
     A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
     cov = np.zeros((len(FITTED) + 1, len(FITTED) + 1))
-    begin, total = 0, sum(charge(e) for e in experiments)
+    begin, total = 0, sum(model.charge(e) for e in experiments)
     for experiment in experiments:
         size = 2 * experiment.current.size
         W = _weights(known, ratios, experiment, A[:, begin : begin + size], total)
-        model = simulated(scaled(known, ratios), experiment)
-        cov += long_run(W, experiment.current - model.current)
+        cov += long_run(W, experiment.current - model.simulated(model.scaled(known, ratios), experiment).current)
         begin += size
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
@@ -78,13 +64,6 @@ def long_run(W: Matrix, r: Vector) -> Matrix:
         part = (1.0 - h / lags) * float(r[h:] @ r[:-h]) / r.size * (W[:, h:] @ W[:, :-h].T)
         cov = cov + part + part.T
     return cov
-
-
-def _slopes(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
-    """Jacobian of the residuals by central differences."""
-    steps = STEP * np.eye(ratios.size)
-    columns = [residuals(known, ratios + s, experiments) - residuals(known, ratios - s, experiments) for s in steps]
-    return np.array(columns).T / (2.0 * STEP)
 
 
 def _weights(known: Parameters, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
@@ -111,6 +90,6 @@ def _by_resistance(known: Parameters, ratios: Vector, experiment: Experiment, in
     def changed(factor: float) -> Vector:
         R = experiment.resistance.copy()
         R[inside] *= factor
-        return residuals(known, ratios, [with_resistance(experiment, R)])
+        return residuals(known, ratios, [model.with_resistance(experiment, R)])
 
     return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)

@@ -12,22 +12,12 @@ from typing import NamedTuple
 
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.files import write_atomically
+from gapsense.fmi.components import load_component, own
+from gapsense.fmi.ports import Port
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.transfer import GAPS, parameters_of, read_values
 
-WRITTEN = (
-    "coil.resistance",
-    "coil.turns",
-    "core.reluctance",
-    "core.saturation",
-    "mover.mass",
-    "spring.stiffness",
-    "spring.rest",
-    "damping",
-    "stop.lower",
-    "stop.upper",
-    "initial.position",
-)
+PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
 
 
 class Known(NamedTuple):
@@ -36,11 +26,6 @@ class Known(NamedTuple):
     parameters: Parameters
     law: str = "linear"
     table: Path | None = None
-
-
-def field(name: str) -> str:
-    """Name in the records of the kernel."""
-    return name.replace(".", "_")
 
 
 def read_known(file: Path | None) -> Known:
@@ -54,28 +39,27 @@ def read_known(file: Path | None) -> Known:
 
 def write_identified(file: Path, result: Identified, known: Known, sources: Sequence[Path]) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
-    errors = {name: error for name, error in zip(result.names, result.uncertainty.relative)}
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
         "",
         "[values]",
+        *(_line(port, result) for port in PORTS.values() if port.name.partition(".")[0] not in ("gap", "micro_step")),
+        f'"gap.law" = "{known.law}"',
     ]
-    for name in WRITTEN:
-        error = errors.get(field(name))
-        note = "" if error is None else f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
-        lines.append(f"{_key(name)} = {float(getattr(result.parameters, field(name)))!r}{note}")
-    lines.append(f'"gap.law" = "{known.law}"')
-    for name in GAPS[known.law]:
-        if known.table is not None:
-            relative = Path(os.path.relpath(known.table.resolve(), file.resolve().parent)).as_posix()
-            lines.append(f'"{name}" = "{relative}"')
-        else:
-            lines.append(f"{_key(name)} = {float(getattr(result.parameters, field(name)))!r}")
+    if known.table is not None:
+        relative = Path(os.path.relpath(known.table.resolve(), file.resolve().parent)).as_posix()
+        lines.append(f'"gap.file" = "{relative}"')
+    else:
+        lines += [_line(port, result) for port in PORTS.values() if port.name in GAPS[known.law]]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
     return file
 
 
-def _key(name: str) -> str:
-    return f'"{name}"' if "." in name else name
+def _line(port: Port, result: Identified) -> str:
+    """A parameter, with its standard error if it was fitted."""
+    error = dict(zip(result.names, result.uncertainty.relative)).get(port.field)
+    note = "" if error is None else f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
+    key = f'"{port.name}"' if "." in port.name else port.name
+    return f"{key} = {float(getattr(result.parameters, port.field))!r}{note}"

@@ -7,40 +7,28 @@ several times, on the first operation of each record; the best start goes on wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification import model
 from gapsense.studies.identification.errors import Uncertainty, uncertainty
 from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.model import (
-    FITTED,
-    Experiment,
-    Trajectory,
-    balanced,
-    charge,
-    cost,
-    mean_resistance,
-    prepare,
-    residuals,
-    scaled,
-    shortened,
-    simulated,
-)
+from gapsense.studies.identification.model import FITTED, Experiment, Trajectory, cost, scaled
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.search import search
+from gapsense.workers import Progress
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
 BOUND = 5.0  # and the result within this one
-SAME = 1.01  # ratio of the costs of starts that found the same minimum
 STEP = 1e-5
 LONGEST = 50  # Jacobians per start
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
-Progress = Callable[[int, int], None]
 
 
 class Start(NamedTuple):
@@ -51,42 +39,16 @@ class Start(NamedTuple):
 
 
 class Identified(NamedTuple):
-    """What was found, and how.
+    """What was found, and how."""
 
-    Attributes
-    ----------
-    parameters : Parameters
-        Complete set, known ones included.
-    names : tuple of str
-        The six fitted parameters and the resistance.
-    uncertainty : Uncertainty
-        In that order.
-    cost : float
-        J of (24).
-    starts : list of Start
-        Empty for the multi-directional search.
-    evaluations : int
-        Simulations of all records; a shorter one counts in proportion.
-    fluxes : list of Flux
-        Resistances and flux linkage of each record.
-    models : list of Trajectory
-        What the model does, from the first operation of each record on.
-    """
-
-    parameters: Parameters
-    names: tuple[str, ...]
-    uncertainty: Uncertainty
-    cost: float
-    starts: list[Start]
-    evaluations: int
-    fluxes: list[Flux]
-    models: list[Trajectory]
-
-    @property
-    def agreeing(self) -> int:
-        """Starts that found the best minimum; the others were rejected by their cost."""
-        best = min((s.cost for s in self.starts), default=0.0)
-        return sum(s.cost <= SAME * best for s in self.starts)
+    parameters: Parameters  # complete set, known ones included
+    names: tuple[str, ...]  # the six fitted parameters and the resistance
+    uncertainty: Uncertainty  # in that order
+    cost: float  # J of (24)
+    starts: list[Start]  # empty for the multi-directional search
+    evaluations: int  # simulations of all records; a shorter one counts in proportion
+    fluxes: list[Flux]  # resistances and flux linkage of each record
+    models: list[Trajectory]  # what the model does, from the first operation of each record on
 
     @property
     def poor(self) -> list[str]:
@@ -102,43 +64,31 @@ def identify(
     period: float | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Identified:
-    """Parameters that fit one or more records best.
+    """Parameters that fit one or more records best; each begins at rest and has complete periods, see `operations`.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Each begins at rest and has complete periods.
-    known : Parameters
-        Known parameters, and first guesses of the fitted ones.
-    starts : int
-        Starts of least squares: the first guess, and random ones.  With 0 the multi-directional search of the paper is
-        used instead, from the first guess.
-    seed : int
-        Of the random starts.
-    period : float, optional
-        See `operations`.
-    progress : callable
-        Called with fits done and fits in all.
+    The `known` ones are also the first guesses.  Least squares starts from these and from random points; with 0 starts
+    the multi-directional search of the paper is used instead.
     """
-    prepared = [prepare(record, period) for record in records]
+    prepared = [model.prepare(record, period) for record in records]
     experiments = [experiment for experiment, _ in prepared]
     fit = Fit(known)
-    found = fit.multi_start([shortened(e, 1) for e in experiments], starts, seed, progress) if starts else []
+    found = fit.multi_start([model.shortened(e) for e in experiments], starts, seed, progress) if starts else []
     ratios = min(found, key=lambda s: s.cost).ratios if found else np.zeros(len(FITTED))
     for size in SIZES:
-        ratios = fit.least_squares(ratios, experiments) if found else fit.search(ratios, experiments, size)
-        experiments = [balanced(known, ratios, e) for e in experiments]
-    R = np.average([mean_resistance(e) for e in experiments], weights=[charge(e) for e in experiments])
+        value = partial(fit.cost, experiments=experiments)
+        ratios = fit.least_squares(ratios, experiments) if found else search(value, ratios, size).x
+        experiments = [model.balanced(known, ratios, e) for e in experiments]
+    R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
     par = scaled(known, ratios)._replace(coil_resistance=float(R))
     return Identified(
         parameters=par,
         names=(*FITTED, "coil_resistance"),
         uncertainty=uncertainty(known, ratios, experiments),
-        cost=cost(residuals(known, ratios, experiments)),
+        cost=cost(model.residuals(known, ratios, experiments)),
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
-        models=[simulated(par, e) for e in experiments],
+        models=[model.simulated(par, e) for e in experiments],
     )
 
 
@@ -151,7 +101,11 @@ class Fit:
     def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """Weighted residuals; values far from any valve give large ones instead of NaN."""
         self.samples += sum(e.current.size for e in experiments)
-        return np.nan_to_num(residuals(self.known, ratios, experiments), nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.nan_to_num(model.residuals(self.known, ratios, experiments), nan=1e3, posinf=1e3, neginf=-1e3)
+
+    def cost(self, ratios: Vector, experiments: list[Experiment]) -> float:
+        """J of (24)."""
+        return cost(self.residuals(ratios, experiments))
 
     def least_squares(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """The minimum next to a point, by a trust region and difference quotients."""
@@ -168,10 +122,6 @@ class Fit:
             progress(k, starts + 1)
             guess = rng.uniform(-width, width, len(FITTED)) if k else np.zeros(len(FITTED))
             ratios = self.least_squares(guess, experiments)
-            found.append(Start(ratios, cost(self.residuals(ratios, experiments))))
+            found.append(Start(ratios, self.cost(ratios, experiments)))
         progress(starts, starts + 1)
         return found
-
-    def search(self, ratios: Vector, experiments: list[Experiment], size: float) -> Vector:
-        """Multi-directional search from a point on."""
-        return search(lambda x: cost(self.residuals(x, experiments)), ratios, size).x

@@ -33,27 +33,12 @@ class Operation(NamedTuple):
 
 
 class Flux(NamedTuple):
-    """Resistance and flux linkage of a record, from the start of its first operation on.
+    """Resistance and flux linkage of a record, from the start of its first operation on."""
 
-    Attributes
-    ----------
-    operations : list of Operation
-        Complete operations.
-    resistances : (m,) array
-        Resistance of each [Ohm], (23).
-    resistance : float
-        That of all of them together [Ohm].
-    per_sample : (n,) array
-        Resistance of the interval before each sample [Ohm].
-    flux_linkage : (n,) array
-        [Wb]; zero before the first operation.
-    """
-
-    operations: list[Operation]
-    resistances: Vector
-    resistance: float
-    per_sample: Vector
-    flux_linkage: Vector
+    operations: list[Operation]  # complete ones
+    resistances: Vector  # of each [Ohm], (23)
+    per_sample: Vector  # resistance of the interval before each sample [Ohm]
+    flux_linkage: Vector  # at each sample [Wb]; zero before the first operation
 
 
 def edges(voltage: Vector) -> npt.NDArray[np.int_]:
@@ -84,21 +69,14 @@ def trapezoid(current: Vector) -> Vector:
     return np.concatenate((current[:1], 0.5 * (current[1:] + current[:-1])))
 
 
-def resistance(record: Record, operation: Operation) -> float:
-    """Resistance that lets the flux linkage of an operation end where it began [Ohm], (23)."""
-    return float(record.applied[operation.inside].sum() / trapezoid(record.current)[operation.inside].sum())
-
-
 def estimate(record: Record, found: list[Operation]) -> Flux:
-    """Flux linkage by (21), with the resistance of every operation by (23)."""
-    resistances = np.array([resistance(record, operation) for operation in found])
+    """Flux linkage by (21), with the resistance of every operation by (23): it ends where it began."""
     means = trapezoid(record.current)
-    within = Operation(found[0].start, found[-1].stop).inside
+    resistances = np.array([record.applied[o.inside].sum() / means[o.inside].sum() for o in found])
     per_sample = np.full(record.times.size, resistances[-1])
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
         per_sample[operation.inside] = R
     rates = record.applied - per_sample * means
     rates[: found[0].start + 1] = 0.0
-    together = float(record.applied[within].sum() / means[within].sum())
-    return Flux(found, resistances, together, per_sample, record.dt * np.cumsum(rates))
+    return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates))

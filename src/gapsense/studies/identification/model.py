@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from gapsense.studies.identification.record import Record, Vector
 FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
+KERNEL = Kernel(solenoid_valve)  # scalar: for fewer than about sixty runs faster than numpy
 
 
 class Trajectory(NamedTuple):
@@ -33,28 +33,14 @@ SEEN = itemgetter(*map(solenoid_valve.Outputs._fields.index, Trajectory._fields)
 
 
 class Experiment(NamedTuple):
-    """A record prepared for the fit: from its first operation on.
+    """A record prepared for the fit: from its first operation on."""
 
-    Attributes
-    ----------
-    dt : float
-        Sampling period [s].
-    halves : (n, 2) array
-        Voltage during the two halves of the interval before each sample [V].
-    resistance : (n,) array
-        Of the interval before each sample [Ohm].
-    current, flux_linkage : (n,) array
-        Measured, and integrated from measurements [A], [Wb].
-    operations : list of Operation
-        Complete operations, which have a resistance of their own.
-    """
-
-    dt: float
-    halves: Vector
-    resistance: Vector
-    current: Vector
-    flux_linkage: Vector
-    operations: list[Operation]
+    dt: float  # sampling period [s]
+    halves: Vector  # voltage during the two halves of the interval before each sample (n, 2) [V]
+    resistance: Vector  # of the interval before each sample [Ohm]
+    current: Vector  # measured [A]
+    flux_linkage: Vector  # integrated from measurements [Wb]
+    operations: list[Operation]  # complete ones, which have a resistance of their own
 
     def weights(self) -> tuple[float, float]:
         """Square roots of c_i and c_lambda, (25)."""
@@ -66,23 +52,17 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     """Experiment of a record, and the resistances and the flux linkage that it rests on."""
     flux = estimate(record, operations(record, period))
     first = flux.operations[0].start
-    experiment = Experiment(
-        dt=record.dt,
-        halves=record.halves[first:],
-        resistance=flux.per_sample[first:],
-        current=record.current[first:],
-        flux_linkage=flux.flux_linkage[first:],
-        operations=[Operation(a - first, b - first) for a, b in flux.operations],
-    )
-    return experiment, flux
+    shifted = [Operation(a - first, b - first) for a, b in flux.operations]
+    signals = (record.halves, flux.per_sample, record.current, flux.flux_linkage)
+    halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
+    return Experiment(record.dt, halves, resistance, current, flux_linkage, shifted), flux
 
 
-def shortened(experiment: Experiment, count: int) -> Experiment:
-    """The first `count` operations."""
-    end = experiment.operations[:count][-1].stop + 1
-    signals = ("halves", "resistance", "current", "flux_linkage")
+def shortened(experiment: Experiment) -> Experiment:
+    """The first operation."""
+    signals, end = ("halves", "resistance", "current", "flux_linkage"), experiment.operations[0].stop + 1
     cut = {name: getattr(experiment, name)[:end] for name in signals}
-    return experiment._replace(**cut, operations=experiment.operations[:count])
+    return experiment._replace(**cut, operations=experiment.operations[:1])
 
 
 def charge(experiment: Experiment) -> float:
@@ -98,22 +78,16 @@ def mean_resistance(experiment: Experiment) -> float:
     return float(total / charge(experiment))
 
 
-@cache
-def _code() -> Any:
-    """The compiled scalar kernel: for fewer than about sixty runs it is faster than the numpy one."""
-    return Kernel(solenoid_valve).scalar
-
-
 def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
     """The model from rest on, at each sample; the resistance is that of the interval before it.
 
     Where the voltage jumps within an interval, its halves are two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
-    step, voltages, resistances = _code()["step"], halves.mean(axis=1).tolist(), resistance.tolist()
+    step, voltages, resistances = KERNEL.scalar["step"], halves.mean(axis=1).tolist(), resistance.tolist()
     jumps = np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves)
     constants = flat(par)[1:]  # the resistance is the first
-    state, outputs = _code()["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
+    state, outputs = KERNEL.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
     rows = [SEEN(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)

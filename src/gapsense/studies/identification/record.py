@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.record import Result, read_result
-from gapsense.problems import InputError, listing, suggest
+from gapsense.problems import listing, suggest
 from gapsense.units import factor
 
 Vector = npt.NDArray[np.float64]
@@ -38,10 +38,6 @@ SIGNALS = {
 CONVENTIONS = ("trapezoid", "end", "start")
 
 
-class RecordError(InputError):
-    """A record cannot be used; `problems` lists everything found, one sentence each."""
-
-
 class Columns(NamedTuple):
     """What a file holds, in SI units; `rows` are the numbers of its lines, NaN stands for what is no number."""
 
@@ -52,30 +48,16 @@ class Columns(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Uniform samples.
+    """Uniform samples."""
 
-    Attributes
-    ----------
-    name : str
-        File without folder and ending.
-    times, voltage, current : (n,) array
-        Samples [s], [V], [A].
-    halves : (n, 2) array
-        Voltage during the two halves of the interval before each sample [V]; the first has no meaning.
-    position, mode : (n,) array or None
-        Where they were recorded [m], [1].
-    rows : (n,) array
-        Lines of the file, for messages.
-    """
-
-    name: str
-    times: Vector
-    voltage: Vector
-    current: Vector
-    halves: Vector
-    position: Vector | None
-    mode: Vector | None
-    rows: npt.NDArray[np.int_]
+    name: str  # file without folder and ending
+    times: Vector  # [s]
+    voltage: Vector  # [V]
+    current: Vector  # [A]
+    halves: Vector  # voltage during the two halves of the interval before each sample (n, 2) [V]; the first: no meaning
+    position: Vector | None  # [m], where it was recorded
+    mode: Vector | None  # [1], likewise
+    rows: npt.NDArray[np.int_]  # lines of the file, for messages
 
     @property
     def applied(self) -> Vector:
@@ -89,16 +71,9 @@ class Record(NamedTuple):
 
 
 def read_columns(path: Path, names: Mapping[str, str], problems: list[str]) -> Columns:
-    """Columns of a CSV file; what is wrong with it is added to `problems`.
+    """Columns of a user's CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it.
 
-    Parameters
-    ----------
-    path : Path
-        A user's file, or the CSV file of a result with its side-car.
-    names : mapping
-        Column or signal that holds a quantity (`voltage`, `current`, ...), where it cannot be told by its name.
-    problems : list of str
-        Takes one sentence for each problem.
+    `names` are the columns or signals that hold a quantity (`voltage`, `current`, ...), where its name does not tell.
     """
     if unknown := [name for name in names if name not in UNITS or name == "time"]:
         problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
@@ -168,10 +143,9 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], problems: lis
 
 def _number(text: str) -> float:
     try:
-        value = float(text)
+        return value if math.isfinite(value := float(text)) else math.nan
     except ValueError:
         return math.nan
-    return value if math.isfinite(value) else math.nan
 
 
 def _of_result(file: str, result: Result, names: Mapping[str, str], problems: list[str]) -> Columns:
@@ -209,21 +183,15 @@ def _signal(file: str, quantity: str, names: Mapping[str, str], result: Result, 
 def _averaged(means: Vector, at: npt.NDArray[np.int_]) -> Vector:
     """Mean over the rows from one of `at` to the next."""
     running = np.concatenate(([0.0], np.cumsum(means)))
-    first = means[at[:1]]
-    return np.concatenate((first, np.diff(running[at + 1]) / np.diff(at)))
+    return np.concatenate((means[at[:1]], np.diff(running[at + 1]) / np.diff(at)))
 
 
 def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     """Record of columns without problems.
 
-    Parameters
-    ----------
-    columns : Columns
-        Checked.
-    convention : str
-        What the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the middle that of the
-        first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of the sample at
-        the end or the start (held by the drive).  Means over the intervals are taken as they are.
+    The convention says what the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the
+    middle that of the first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of
+    the sample at the end or the start (held by the drive).  Means over the intervals are taken as they are.
     """
     v = columns.values["voltage"]
     before = np.concatenate((v[:1], v[:-1]))

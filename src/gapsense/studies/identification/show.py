@@ -11,20 +11,13 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack
 from gapsense.report.table import quantity, table
+from gapsense.studies.identification.file import PORTS
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.validation import Validation
 
-NAMES = {
-    "coil_turns": ("coil.turns", "1"),
-    "core_reluctance": ("core.reluctance", "1/H"),
-    "core_saturation": ("core.saturation", "Wb"),
-    "spring_stiffness": ("spring.stiffness", "N/m"),
-    "damping": ("damping", "N.s/m"),
-    "mover_mass": ("mover.mass", "kg"),
-    "coil_resistance": ("coil.resistance", "Ohm"),
-}
+SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
@@ -39,17 +32,16 @@ def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
     rows = []
     for name, error in zip(result.names, result.uncertainty.relative.tolist()):
-        label, unit = NAMES[name]
-        value = float(getattr(result.parameters, name))
+        unit, value = PORTS[name].unit, float(getattr(result.parameters, name))
         interval = (quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
         note = "" if error < POOR else "not identified"
-        rows.append((label, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
+        rows.append((PORTS[name].name, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
     return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
 
 
 def correlations(result: Identified) -> Table:
     """Correlations of the errors."""
-    names = [NAMES[n][0] for n in result.names]
+    names = [PORTS[n].name for n in result.names]
     lower = (row[:k] for k, row in enumerate(result.uncertainty.correlation.tolist()))
     rows = [(name, *(f"{c:.2f}" for c in row)) for name, row in zip(names, lower)]
     return table("Correlations", ("", *(name.rpartition(".")[2] for name in names[:-1])), rows[1:])
@@ -79,17 +71,19 @@ def remarks(result: Identified) -> list[str]:
     """Sentences: how the minimum was found, what the records do not tell."""
     said = [f"J = {result.cost:.4g} after {result.evaluations} simulations."]
     if result.starts:
-        worse = len(result.starts) - result.agreeing
+        best = min(start.cost for start in result.starts)
+        agreeing = sum(start.cost <= SAME * best for start in result.starts)
+        worse = len(result.starts) - agreeing
         others = f"; {worse} ended in worse ones, rejected by their cost" if worse else ""
-        said.append(f"{result.agreeing} of {len(result.starts)} starts found this minimum{others}.")
+        said.append(f"{agreeing} of {len(result.starts)} starts found this minimum{others}.")
     else:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     for name in result.poor:
         error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
-        said.append(f"`{NAMES[name][0]}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
+        said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
     rho = result.uncertainty.correlation
     for k, j in zip(*np.nonzero(np.tril(np.abs(rho), -1) > STRONG)):
-        a, b = NAMES[result.names[j]][0], NAMES[result.names[k]][0]
+        a, b = PORTS[result.names[j]].name, PORTS[result.names[k]].name
         said.append(f"`{a}` and `{b}` can hardly be told apart: their correlation is {float(rho[k, j]):.2f}.")
     return said
 

@@ -13,28 +13,14 @@ from gapsense.studies.identification.record import Record
 
 
 class Validation(NamedTuple):
-    """Model against measurement.
-
-    Attributes
-    ----------
-    record : Record
-        What was measured.
-    model : Trajectory
-        What the model does, from sample `first` on.
-    first : int
-        The last sample before the first rising edge.
-    rms, largest : float
-        Error of the model's current [A].
-    largest_current : float
-        [A].
-    """
+    """Model against measurement."""
 
     record: Record
-    model: Trajectory
-    first: int
-    rms: float
-    largest: float
-    largest_current: float
+    model: Trajectory  # from sample `first` on
+    first: int  # the last sample before the first rising edge
+    rms: float  # of the error of the model's current [A]
+    largest: float  # the same
+    largest_current: float  # [A]
 
 
 def validate(par: Parameters, record: Record) -> Validation:

@@ -19,23 +19,10 @@ def observability_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any
     """Observability matrices of all windows of `n + 1` samples.
 
     Row j is C_(k+j) F^j with C of (28) and F^j of (34); for n = 2 this is (31).  [SEMERA, eqs. (30)-(31), (33)-(34)]
-
-    Parameters
-    ----------
-    current : (m,) array
-        True current [A]; an object array of fractions gives exact matrices.
-    dt : float
-        Sampling period [s].
-    n : int
-        Length of the window in steps.
-
-    Returns
-    -------
-    (m - n - 1, n + 1, 3) array
-        Entry [w] belongs to the window that starts at k = w + 1, because (28) needs the current of k - 1.
+    Entry [w] of (m - n - 1, n + 1, 3) belongs to the window that starts at k = w + 1, because (28) needs the current of
+    k - 1.  `current` (m,) [A] is the true one, `dt` the sampling period [s]; fractions give exact matrices.
     """
-    i, before, j = _windows(current, n)
-    return _rows(i, before, j, dt)
+    return _rows(*_windows(current, n), dt)
 
 
 def flux_state_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any]:
@@ -44,31 +31,15 @@ def flux_state_matrix(current: ArrayLike, dt: Any, n: int = 2) -> NDArray[Any]:
     Row j is (i_(k+j), 1/dt, -1/dt): the last two columns are proportional, so that the rank is never above 2.
     [SEMERA, eqs. (36)-(39)]
     """
-    i, _, _ = _windows(current, n)
+    i = _windows(current, n)[0]
     one = i * 0 + 1
     return np.stack((i, one / dt, -one / dt), axis=-1)
 
 
-def determinant(current: ArrayLike, dt: Any) -> NDArray[Any]:
-    """Determinant of the matrices for n = 2, as the polynomial (32) [A^3/s^2]; array (m - 3,)."""
-    i = np.asarray(current)
-    i_before, i0, i1, i2 = i[:-3], i[1:-2], i[2:-1], i[3:]
-    squares = 2 * i_before * i1 * i1 + 2 * i0 * i0 * i2
-    mixed = i0 * i0 * i1 + i0 * i1 * i1 + i_before * i0 * i2 + i_before * i1 * i2
-    return np.asarray((squares - mixed) / (dt * dt))
-
-
 def rank(matrices: ArrayLike, dt: float, tolerance: float = TOLERANCE) -> NDArray[np.int_]:
-    """Rank of observability matrices, after scaling.
+    """Rank of observability matrices (..., n + 1, 3), after scaling.
 
-    Parameters
-    ----------
-    matrices : (..., n + 1, 3) array
-        From `observability_matrix` or `flux_state_matrix`.
-    dt : float
-        Sampling period [s].
-    tolerance : float
-        A singular value counts if it is above `tolerance` times the largest one.
+    A singular value counts if it is above `tolerance` times the largest one.
 
     Notes
     -----
@@ -90,21 +61,7 @@ def steps_since_observable(current: ArrayLike, dt: float, tolerance: float = TOL
     """Number of steps since the last observable state, for every sample: the last plot of Fig. 3.
 
     At sample k it is the smallest n for which the samples k-n .. k, or the first of them, make the state at k-n
-    observable.
-
-    Parameters
-    ----------
-    current : (m,) array
-        True current [A].
-    dt : float
-        Sampling period [s].
-    tolerance : float
-        See `rank`.
-
-    Returns
-    -------
-    (m,) array
-        2 at least; NaN while no state has been observable.
+    observable: 2 at least; NaN while no state has been observable.  The `current` [A] is the true one.
     """
     i = np.asarray(current, dtype=float)
     latest = np.full(i.size, -1)  # state that becomes observable at a sample
