@@ -38,15 +38,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Description:
-    """Model description of one FMU.
-
-    Attributes
-    ----------
-    feedthrough : mapping
-        For each output the inputs it depends on directly; all inputs where the FMU does not say.
-    is_single : bool
-        True if a process can hold only one instance.
-    """
+    """Model description of one FMU."""
 
     path: Path
     sha256: str
@@ -55,8 +47,8 @@ class Description:
     identifier: str
     version: str
     variables: Mapping[str, Variable]
-    feedthrough: Mapping[str, frozenset[str]]
-    is_single: bool = False
+    feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
+    is_single: bool = False  # a process can hold only one instance
 
     @cached_property
     def inputs(self) -> list[Variable]:
