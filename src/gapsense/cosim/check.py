@@ -189,7 +189,7 @@ class Checker:
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
         for name, description in self.descriptions.items():
-            for variable in description.inputs:
+            for variable in description.of("input"):
                 port = Port(name, variable.name)
                 if variable.type == "Real" and port not in drivers:
                     start = "" if variable.start is None else f" (its start value is {variable.start})"

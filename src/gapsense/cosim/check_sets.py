@@ -15,7 +15,7 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
     """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is."""
 
     def own(component: Component) -> Component:
-        names = {v.name for v in descriptions[component.name].parameters}
+        names = {v.name for v in descriptions[component.name].of("parameter")}
         files = {path.name for path in component.sets}
         values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}
         return replace(component, values=values)

@@ -111,15 +111,7 @@ class Result:
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON); each appears complete or not at all.
 
-        Parameters
-        ----------
-        path : str or Path
-            Name of the CSV file; its folder is made if there is none.
-
-        Returns
-        -------
-        Path
-            The CSV file.
+        The folder is made if there is none. Returns the path of the CSV file.
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -149,18 +141,7 @@ Measure = Callable[[Result], Mapping[str, float]]
 
 
 def read_result(path: str | Path) -> Result:
-    """Result that was saved as `path` and its side-car.
-
-    Parameters
-    ----------
-    path : str or Path
-        The CSV file.
-
-    Returns
-    -------
-    Result
-        Equal to the one saved, bit for bit.
-    """
+    """Result that was saved as `path` (CSV) and its side-car, bit for bit."""
     path = Path(path)
     data = read_json(path.with_suffix(".json"))
     columns = read_columns(path)
@@ -183,21 +164,14 @@ def read_result(path: str | Path) -> Result:
 
 def written_measured(measured: Measured) -> dict[str, Any]:
     """JSON form of a metric; JSON has no number for NaN and infinity, so these are texts."""
-    item = asdict(measured)
-    bounds = None if measured.bounds is None else [plain(limit) for limit in measured.bounds]
-    return {**item, "value": plain(measured.value), "bounds": bounds}
-
-
-def plain(value: float) -> float | str:
-    """The number itself if it is finite, otherwise its name."""
-    return value if math.isfinite(value) else str(value)
+    value, *bounds = (x if math.isfinite(x) else str(x) for x in (measured.value, *(measured.bounds or ())))
+    return {**asdict(measured), "value": value, "bounds": bounds or None}
 
 
 def read_measured(item: dict[str, Any]) -> Measured:
     """Metric from its JSON form."""
-    bounds = item["bounds"]
-    span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
-    return Measured(**{**item, "value": float(item["value"]), "bounds": span})
+    bounds = item["bounds"] and tuple(map(float, item["bounds"]))
+    return Measured(**{**item, "value": float(item["value"]), "bounds": bounds})
 
 
 class FmuError(RuntimeError):

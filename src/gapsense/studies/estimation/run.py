@@ -118,10 +118,10 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
         Parameters, for instance of the identified valve; those that it has are taken.
     """
     description = describe(fmu)
-    names = [v.name for v in description.parameters]
+    names = [v.name for v in description.of("parameter")]
     own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
     signals = offered(record)
-    inputs = {v.name: signals[v.name] for v in description.inputs}
+    inputs = {v.name: signals[v.name] for v in description.of("input")}
     return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
 
 
