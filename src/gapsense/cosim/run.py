@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.check import check_scenario, read_descriptions
-from gapsense.cosim.check_sets import taken
+from gapsense.cosim.check_values import taken
 from gapsense.cosim.descriptions import Description, Variable
 from gapsense.cosim.load import read_draft, scenario_file
 from gapsense.cosim.master import Master, Progress, Recording
