@@ -7,15 +7,7 @@ from itertools import chain
 from pathlib import Path
 
 from gapsense.cosim.check_record import check_record
-from gapsense.cosim.check_values import (
-    check_grid,
-    check_grid_values,
-    check_seeds,
-    check_sets,
-    check_values,
-    limits,
-    within,
-)
+from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, limits, within
 from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario import Connection, Port, Scenario
@@ -109,7 +101,7 @@ class Checker:
                 yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
             elif port.component in self.descriptions:
                 component, description = self.scenario.components[port.component], self.descriptions[port.component]
-                yield from check_grid_values(component, description, port.variable, values, self.scenario.experiment)
+                yield from check_swept(component, description, port.variable, values, self.scenario.experiment)
 
     def no_component(self, name: str) -> str:
         """Sentence for a component that the scenario does not have."""

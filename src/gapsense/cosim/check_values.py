@@ -112,7 +112,7 @@ def check_grid(component: Component, description: Description, experiment: Exper
         )
 
 
-def check_grid_values(
+def check_swept(
     component: Component, description: Description, name: str, values: Sequence[Value], experiment: Experiment
 ) -> Iterator[str]:
     """Problems with the values that a sweep gives a parameter of a component."""

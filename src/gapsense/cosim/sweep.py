@@ -6,7 +6,6 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -163,14 +162,9 @@ def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file
     """Sweep from its entries, in the order of the seeds whatever the order in which they were computed."""
     good = {index: entries[index]["metrics"] for index in sorted(entries) if "metrics" in entries[index]}
     names = dict.fromkeys(name for metrics in good.values() for name in metrics)
-    columns = {name: np.array([number(metrics.get(name)) for metrics in good.values()]) for name in names}
+    columns = {name: np.array([metrics.get(name) for metrics in good.values()], dtype=np.float64) for name in names}
     errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
     return Sweep(tuple(good), columns, errors, computed, interrupted, file)
-
-
-def number(value: float | None) -> float:
-    """NaN for none."""
-    return math.nan if value is None else value
 
 
 def save_table(result: Sweep, path: Path) -> None:
