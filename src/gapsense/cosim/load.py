@@ -134,9 +134,10 @@ class Reader:
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        for name in filter(lambda name: not NAME.fullmatch(name), table.data):  # signals are `component.variable`
+        good = [name for name in table.data if NAME.fullmatch(name)]  # signals are written `component.variable`
+        for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
-        return {name: self.component(table.table(name), name) for name in table.data if NAME.fullmatch(name)}
+        return {name: self.component(table.table(name), name) for name in good}
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""

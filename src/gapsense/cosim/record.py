@@ -128,12 +128,12 @@ class Result:
             "rows": int(self.times.size),
             "run": asdict(self.run),
             "signals": {name: asdict(signal) for name, signal in self.about.items()},
-            "parameters": dict(self.parameters),
+            "parameters": self.parameters,
             "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
             "timing": {name: asdict(timing) for name, timing in self.timing.items()},
             "wall": self.wall,
             "realtime_factor": self.realtime_factor,
-            "messages": [list(message) for message in self.messages],
+            "messages": self.messages,
         }
 
 

@@ -83,8 +83,19 @@ def find_scenarios(folder: str | Path) -> list[Path]:
 def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: Report | None = None) -> list[Outcome]:
     """Test every scenario in a folder, and each of its variants that has metrics or a baseline of its own.
 
-    The scenarios may be at any depth; `folder` may be a single file too. `report` is called with each outcome as it
-    comes. The list ends early after a Ctrl-C.
+    Parameters
+    ----------
+    folder : str or Path
+        Folder with scenarios at any depth, or one scenario file.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+    report : callable, optional
+        Called with each outcome as it comes.
+
+    Returns
+    -------
+    list of Outcome
+        In the order run; it ends early after a Ctrl-C.
     """
     outcomes = []
     for path in find_scenarios(folder):
@@ -135,7 +146,15 @@ def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
 def update_baseline(
     scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None, write: bool = False
 ) -> Update:
-    """Run a scenario (arguments as of `run`) and say what a new baseline would change; write it only if told to."""
+    """Run a scenario and say what a new baseline would change; write it only if told to.
+
+    Parameters
+    ----------
+    scenario, variant, fmus : str or Path
+        As in `run`.
+    write : bool
+        Write the new baseline if anything changes.
+    """
     baseline, result = load(scenario, variant).baseline, run(scenario, variant, fmus)
     if result.interrupted:
         return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)

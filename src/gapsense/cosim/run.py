@@ -74,9 +74,21 @@ def run(
 
 
 def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
-    """Problems of a scenario (arguments as of `run`), found without running it; by default also of every variant.
+    """Problems of a scenario, found without running it.
 
-    Each is one sentence with file, place, what was found, what was expected and what to do.
+    Parameters
+    ----------
+    scenario : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Variant to check; by default the scenario as it is and then every variant.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+
+    Returns
+    -------
+    list of str
+        One sentence each with file, place, what was found, what was expected and what to do; empty if all is well.
     """
     problems, read = inspect(scenario, variant, fmus)[:2]
     if variant is None and read is not None:
