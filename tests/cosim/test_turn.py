@@ -102,7 +102,7 @@ class Noting:
 
 
 def variable(port, causality, reference):
-    return Variable(port.variable, reference, "Real", causality, "continuous", None, None, None, 1.0, None)
+    return Variable(port.variable, reference, "Real", causality, None, None, None, 1.0, None)
 
 
 def steps_of(case, takes_inputs):

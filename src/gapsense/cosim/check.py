@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 
 from gapsense.cosim.check_record import check_record
-from gapsense.cosim.check_sets import check_sets
-from gapsense.cosim.check_values import check_grid, check_grid_values, check_seeds, check_values, limits, within
+from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, limits, within
 from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario import Connection, Port, Scenario
@@ -43,21 +43,10 @@ def read_description(path: Path, place: str, problems: list[str]) -> Description
 
 
 def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: frozenset[str] = frozenset()) -> list[str]:
-    """Everything in a scenario that does not fit the FMUs.
+    """Everything in a scenario that does not fit the FMUs, each with file and place.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        As read from its file, complete or not.
-    descriptions : mapping
-        Model description of each component; components without one are left out of the checks.
-    broken : frozenset of str
-        Sections that could not be read completely, whose gaps are no problems of their own.
-
-    Returns
-    -------
-    list of str
-        Problems, each with file and place.
+    Components without a description are left out; the gaps of sections that are `broken`, that is could not be read
+    completely, are no problems of their own.
     """
     problems = list(dict.fromkeys(Checker(scenario, descriptions, broken).problems()))
     is_complete = len(descriptions) == len(scenario.components)
@@ -74,10 +63,10 @@ class Checker:
 
     def problems(self) -> Iterator[str]:
         """All problems, in the order of the file."""
-        sections = (self.singles, self.sets, self.values, self.connections, self.inputs, self.driven, self.loops)
-        for section in (*sections, self.seeds, self.grid):
-            for problem in section():
-                yield f"{self.scenario.path.name}, {problem}"
+        sets = check_sets(self.scenario.components, self.descriptions)
+        wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
+        for problem in chain(self.singles(), sets, self.values(), *wiring, self.seeds(), self.grid()):
+            yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
         """No second instance of an FMU that can have only one per process."""
@@ -86,10 +75,6 @@ class Checker:
             other = first.setdefault(description.path, name)
             if description.is_single and other != name:
                 yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. Remove one."
-
-    def sets(self) -> Iterator[str]:
-        """Parameter sets: what they have for none of the components that are given them."""
-        yield from check_sets(self.scenario.components, self.descriptions)
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""
@@ -116,7 +101,7 @@ class Checker:
                 yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
             elif port.component in self.descriptions:
                 component, description = self.scenario.components[port.component], self.descriptions[port.component]
-                yield from check_grid_values(component, description, port.variable, values, self.scenario.experiment)
+                yield from check_swept(component, description, port.variable, values, self.scenario.experiment)
 
     def no_component(self, name: str) -> str:
         """Sentence for a component that the scenario does not have."""
@@ -135,8 +120,8 @@ class Checker:
         if variable is None:
             yield f"{place}: unknown variable `{port.variable}` in `{port.component}`. {suggest(port.variable, known)}"
         elif variable.causality != causality:
-            was, wanted = article(variable.causality), article(causality)
-            yield f"{place}: `{port}` is {was}, {wanted} is expected. Correct the name."
+            a = "an" if variable.causality[0] in "aeiou" else "a"
+            yield f"{place}: `{port}` is {a} {variable.causality}, an {causality} is expected. Correct the name."
         elif variable.type != "Real":
             yield f"{place}: `{port}` is of type {variable.type}; only Real variables can be wired. Leave it out."
 
@@ -189,7 +174,7 @@ class Checker:
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
         for name, description in self.descriptions.items():
-            for variable in description.inputs:
+            for variable in description.of("input"):
                 port = Port(name, variable.name)
                 if variable.type == "Real" and port not in drivers:
                     start = "" if variable.start is None else f" (its start value is {variable.start})"
@@ -202,8 +187,3 @@ class Checker:
             execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
-
-
-def article(word: str) -> str:
-    """A word with its article."""
-    return f"an {word}" if word[0] in "aeiou" else f"a {word}"

@@ -1,16 +1,42 @@
-"""Parameters, seeds and step sizes of one component against its model description."""
+"""Parameters, parameter sets, seeds and step sizes of components against their model descriptions.
+
+A parameter set describes a device: each component that is given one takes the parameters that it has.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from gapsense.cosim.descriptions import NUMERIC, Description, Variable
-from gapsense.cosim.scenario import Component, Experiment
-from gapsense.problems import suggest
+from gapsense.cosim.descriptions import NUMERIC, Description, Descriptions, Variable
+from gapsense.cosim.scenario import Component, Experiment, Scenario
+from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number
 
 LARGEST = 2**31 - 1  # of an fmi2Integer
+
+
+def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
+    """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is."""
+
+    def own(component: Component) -> Component:
+        names = {v.name for v in descriptions[component.name].of("parameter")}
+        files = {path.name for path in component.sets}
+        values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}
+        return replace(component, values=values)
+
+    return replace(scenario, components={n: own(c) if n in descriptions else c for n, c in scenario.components.items()})
+
+
+def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
+    """Names in a parameter set that none of the components given it has as a parameter, if all of these are known."""
+    for file in dict.fromkeys(file for component in components.values() for file in component.sets):
+        users = [name for name, component in components.items() if file in component.sets]
+        if set(users) <= set(descriptions):
+            known = [v for user in users for v in descriptions[user].variables.values()]
+            variables = {v.name: v for v in sorted(known, key=lambda v: v.is_parameter)}  # the last of a name counts
+            problems = [name_problem(name, variables) for name in components[users[0]].sets[file]]
+            yield from (f"{file.name} (given to {listing(users)}): {problem}" for problem in problems if problem)
 
 
 def check_values(component: Component, description: Description) -> Iterator[str]:
@@ -40,13 +66,9 @@ def name_problem(name: str, variables: Mapping[str, Variable]) -> str | None:
     if variable is None:
         return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
     if not variable.is_parameter:
-        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy(variable)}"
+        remedy = "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
+        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy}"
     return None
-
-
-def remedy(variable: Variable) -> str:
-    """What to do about a value given for something that is no parameter."""
-    return "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
 
 
 def has_type(value: Value, kind: str) -> bool:
@@ -90,7 +112,7 @@ def check_grid(component: Component, description: Description, experiment: Exper
         )
 
 
-def check_grid_values(
+def check_swept(
     component: Component, description: Description, name: str, values: Sequence[Value], experiment: Experiment
 ) -> Iterator[str]:
     """Problems with the values that a sweep gives a parameter of a component."""

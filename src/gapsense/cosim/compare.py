@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -18,37 +18,6 @@ from gapsense.problems import listing
 Vector = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Point:
-    """A row at which a signal differs from its baseline."""
-
-    time: float
-    value: float
-    reference: float
-
-    def __str__(self) -> str:
-        return f"t = {self.time:.9g} s: {self.value:.9g} instead of {self.reference:.9g}"
-
-
-@dataclass(frozen=True)
-class Difference:
-    """A signal outside its tolerance: at how many rows, first where, and worst where."""
-
-    signal: str
-    unit: str
-    allowed: float
-    failing: int
-    rows: int
-    first: Point
-    worst: Point
-
-    def __str__(self) -> str:
-        return (
-            f"{self.signal}{f' [{self.unit}]' if self.unit else ''}: {self.failing} of {self.rows} rows differ from "
-            f"the baseline by more than {self.allowed:.3g}; first {self.first}; worst {self.worst}"
-        )
-
-
 def selected(result: Result, baseline: Baseline) -> list[str]:
     """Signals that the baseline covers."""
     return list(result.signals) if baseline.signals is None else matching(baseline.signals, result.signals)
@@ -61,20 +30,7 @@ def thinned(result: Result, baseline: Baseline) -> Result:
 
 
 def compare(result: Result, baseline: Baseline) -> list[str]:
-    """Everything in which a result differs from its baseline.
-
-    Parameters
-    ----------
-    result : Result
-        Complete.
-    baseline : Baseline
-        Whose file exists.
-
-    Returns
-    -------
-    list of str
-        Differences, one sentence each; empty if the result is as before.
-    """
+    """Everything in which a complete result differs from its baseline, one sentence each."""
     try:
         columns = read_columns(baseline.file)
     except (OSError, ValueError) as error:
@@ -87,7 +43,7 @@ def compare(result: Result, baseline: Baseline) -> list[str]:
     names = selected(result, baseline)
     both = [name for name in names if name in columns]
     found = (difference(result, name, columns[name], tolerance_of(name, baseline)) for name in both)
-    return [*other_signals(names, columns), *(str(item) for item in found if item is not None)]
+    return [*other_signals(names, columns), *filter(None, found)]
 
 
 def other_times(result: Result, times: Vector) -> str:
@@ -115,14 +71,17 @@ def tolerance_of(name: str, baseline: Baseline) -> Tolerance:
     return next(own, baseline.tolerance)
 
 
-def difference(result: Result, name: str, reference: Vector, tolerance: Tolerance) -> Difference | None:
-    """How a signal differs from its reference, or None if it does not; NaN differs from everything."""
+def difference(result: Result, name: str, reference: Vector, tolerance: Tolerance) -> str:
+    """Sentence on a signal that differs from its reference, or nothing; NaN differs from everything."""
     values, signal = result.signals[name], result.about[name]
     allowed = tolerance.atol + tolerance.rtol * signal.nominal
     error = np.abs(values - reference)
     failing = ~(error <= allowed)
     if not failing.any():
-        return None
-    rows = int(np.argmax(failing)), int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-    first, worst = (Point(float(result.times[r]), float(values[r]), float(reference[r])) for r in rows)
-    return Difference(name, signal.unit, allowed, int(failing.sum()), values.size, first, worst)
+        return ""
+    rows = np.argmax(failing), np.argmax(np.where(np.isnan(error), np.inf, error))
+    first, worst = (f"t = {result.times[r]:.9g} s: {values[r]:.9g} instead of {reference[r]:.9g}" for r in rows)
+    return (
+        f"{name}{f' [{signal.unit}]' if signal.unit else ''}: {failing.sum()} of {values.size} rows differ from "
+        f"the baseline by more than {allowed:.3g}; first {first}; worst {worst}"
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from gapsense.files import sha256
 from gapsense.tables import Value
 
 NUMERIC = ("Real", "Integer", "Enumeration")
@@ -23,7 +23,6 @@ class Variable:
     reference: int
     type: str
     causality: str
-    variability: str
     unit: str | None
     min: float | None
     max: float | None
@@ -38,15 +37,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Description:
-    """Model description of one FMU.
-
-    Attributes
-    ----------
-    feedthrough : mapping
-        For each output the inputs it depends on directly; all inputs where the FMU does not say.
-    is_single : bool
-        True if a process can hold only one instance.
-    """
+    """Model description of one FMU."""
 
     path: Path
     sha256: str
@@ -55,23 +46,12 @@ class Description:
     identifier: str
     version: str
     variables: Mapping[str, Variable]
-    feedthrough: Mapping[str, frozenset[str]]
-    is_single: bool = False
+    feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
+    is_single: bool = False  # a process can hold only one instance
 
-    @cached_property
-    def inputs(self) -> list[Variable]:
-        """Inputs in the order of the file."""
-        return [v for v in self.variables.values() if v.causality == "input"]
-
-    @cached_property
-    def outputs(self) -> list[Variable]:
-        """Outputs in the order of the file."""
-        return [v for v in self.variables.values() if v.causality == "output"]
-
-    @cached_property
-    def parameters(self) -> list[Variable]:
-        """Parameters that a scenario may set."""
-        return [v for v in self.variables.values() if v.is_parameter]
+    def of(self, causality: str) -> list[Variable]:
+        """Inputs, outputs or parameters, in the order of the file."""
+        return [v for v in self.variables.values() if v.causality == causality]
 
     @cached_property
     def direct_inputs(self) -> frozenset[str]:
@@ -88,22 +68,7 @@ def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
 
 
 def describe(path: Path) -> Description:
-    """Model description of an FMU file.
-
-    Parameters
-    ----------
-    path : Path
-        FMI 2.0 co-simulation FMU with a binary for this platform.
-
-    Returns
-    -------
-    Description
-
-    Raises
-    ------
-    ValueError
-        Saying in one sentence why the FMU cannot be used.
-    """
+    """Model description of an FMI 2.0 co-simulation FMU; a ValueError says in one sentence why it cannot be used."""
     import fmpy  # here, so that what reads no FMU starts fast
 
     try:
@@ -115,7 +80,7 @@ def describe(path: Path) -> Description:
     refuse_unusable(model, members, fmpy.platform)
     return Description(
         path=path,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256(path),
         name=model.modelName,
         guid=model.guid,
         identifier=model.coSimulation.modelIdentifier,
@@ -137,16 +102,17 @@ def refuse_unusable(model: Any, members: list[str], platform: str) -> None:
 def variable(v: Any) -> Variable:
     """A variable of fmpy's model description with its texts turned into numbers."""
     kind = v.type
+    texts = [of_type(v, name) for name in ("min", "max", "nominal")]
+    low, high, nominal = (None if text is None else float(text) for text in texts)
     return Variable(
         name=v.name,
         reference=v.valueReference,
         type=kind,
         causality=v.causality or "local",
-        variability=v.variability or ("continuous" if kind == "Real" else "discrete"),
         unit=of_type(v, "unit"),
-        min=number(of_type(v, "min")),
-        max=number(of_type(v, "max")),
-        nominal=abs(number(of_type(v, "nominal")) or 1.0),
+        min=low,
+        max=high,
+        nominal=abs(nominal or 1.0),
         start=start_value(kind, v.start),
     )
 
@@ -156,11 +122,6 @@ def of_type(v: Any, attribute: str) -> str | None:
     own: str | None = getattr(v, attribute)
     declared: str | None = getattr(v.declaredType, attribute, None)
     return declared if own is None else own
-
-
-def number(text: str | None) -> float | None:
-    """A number, or None for none."""
-    return None if text is None else float(text)
 
 
 def start_value(kind: str, text: str | None) -> Value | None:

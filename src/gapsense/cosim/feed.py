@@ -28,31 +28,15 @@ def feed(
 ) -> dict[str, Vector]:
     """Real outputs at each sample, by name; the first are those at the end of the initialisation.
 
-    Parameters
-    ----------
-    fmu : Path
-        FMU file.
-    name : str
-        Name of the instance, for messages.
-    values : mapping
-        Parameters.
-    start, step : float
-        Time of the first sample, and sampling period [s].
-    inputs : mapping
-        Samples of the Real inputs, (n,) arrays; each holds during the step that ends at the sample.
-
-    Raises
-    ------
-    ScenarioError
-        If the FMU has not these parameters or inputs.
-    FmuError
-        If it fails.
+    `name` is that of the instance in messages, `values` are parameters, `step` is the sampling period [s]. A sample of
+    an input holds during the step that ends at it. Raises ScenarioError if the FMU has not these parameters or inputs,
+    FmuError if it fails.
     """
     try:
         description = describe(fmu)
     except ValueError as error:
         raise ScenarioError([f"{fmu}: {error}. Build it with `gapsense build`."]) from error
-    known = [v.name for v in description.inputs]
+    known = [v.name for v in description.of("input")]
     problems = [f"{name}: {p}" for n, v in values.items() if (p := value_problem(n, v, description))]
     problems += [f"{name}: no input `{n}`; it has {', '.join(known)}." for n in inputs if n not in known]
     if problems:

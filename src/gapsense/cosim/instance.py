@@ -29,10 +29,9 @@ C_TYPES: Mapping[str, Any] = {
 
 
 class Message(NamedTuple):
-    """A line that a component logged."""
+    """What a component logged at one time."""
 
     status: int
-    category: str
     text: str
 
 
@@ -50,8 +49,7 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
     """Function for the logger of an FMU that keeps its messages."""
 
     def log(_: Any, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
-        words = (text or b"").decode("utf-8", "replace").replace("%%", "%")
-        messages.append(Message(status, (category or b"").decode("utf-8", "replace"), words))
+        messages.append(Message(status, (text or b"").decode("utf-8", "replace").replace("%%", "%")))
 
     return log
 
@@ -60,11 +58,16 @@ class Instance:
     """An FMU loaded as `name` from its extracted `folder`. After `fmi2Fatal` it is never touched again."""
 
     def __init__(self, name: str, description: Description, folder: Path) -> None:
-        from fmpy import fmi2  # here, so that what loads no FMU starts fast
+        from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
 
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        callbacks = fmi2.fmi2CallbackFunctions(  # the slave keeps them alive
+            logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
+            allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
+            freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
+        )
         try:
             self.slave = fmi2.FMU2Slave(
                 guid=description.guid,
@@ -72,20 +75,10 @@ class Instance:
                 unzipDirectory=str(folder),
                 instanceName=name,
             )
-            self.slave.instantiate(callbacks=self.callbacks(), loggingOn=True)
+            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:  # fmpy raises plain Exception for a library that does not load
             raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
         self.pointer = ctypes.c_void_p(self.slave.component)
-
-    def callbacks(self) -> Any:
-        """Callbacks of this instance; the slave keeps them alive."""
-        from fmpy import calloc, fmi2, free
-
-        return fmi2.fmi2CallbackFunctions(
-            logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
-            allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
-            freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
-        )
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
@@ -133,37 +126,27 @@ class Instance:
     def set(self, variable: Variable, value: Value) -> None:
         """Set one variable of any type."""
         raw = str(value).encode("utf-8") if variable.type == "String" else value
-        buffer = (C_TYPES[variable.type] * 1)(raw)
-        self.call(f"fmi2Set{fmi_type(variable)}", reference(variable), ctypes.c_size_t(1), buffer)
+        self.exchange("fmi2Set", variable, (C_TYPES[variable.type] * 1)(raw))
 
     def get(self, variable: Variable) -> Value:
         """Read one variable of any type."""
         buffer = (C_TYPES[variable.type] * 1)()
-        self.call(f"fmi2Get{fmi_type(variable)}", reference(variable), ctypes.c_size_t(1), buffer)
+        self.exchange("fmi2Get", variable, buffer)
         value = buffer[0]
         if variable.type == "String":
             return (value or b"").decode("utf-8", "replace")
         return bool(value) if variable.type == "Boolean" else value
 
-    def parameters(self) -> dict[str, Value]:
-        """Values of all parameters, as the FMU holds them."""
-        return {variable.name: self.get(variable) for variable in self.description.parameters}
+    def exchange(self, function: str, variable: Variable, buffer: Any) -> None:
+        """Call the entry point that moves a value of this variable's type."""
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        self.call(function + kind, (ctypes.c_uint * 1)(variable.reference), ctypes.c_size_t(1), buffer)
 
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:
             self.is_dead = True
             self.slave.freeInstance()
-
-
-def fmi_type(variable: Variable) -> str:
-    """Type of a variable as the names of the entry points have it."""
-    return "Integer" if variable.type == "Enumeration" else variable.type
-
-
-def reference(variable: Variable) -> Any:
-    """Value reference of one variable as an array of one."""
-    return (ctypes.c_uint * 1)(variable.reference)
 
 
 def summary(text: str) -> str:

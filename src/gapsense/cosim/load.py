@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gapsense.cosim.load_checks import read_baseline, read_metrics, read_record
-from gapsense.cosim.load_wiring import read_connections, read_inputs, read_sweep
+from gapsense.cosim import load_sections as sections
 from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
@@ -32,21 +31,7 @@ class Draft:
 def load(path: str | Path, variant: str | None = None) -> Scenario:
     """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
 
-    Parameters
-    ----------
-    path : str or Path
-        Scenario file, or its folder.
-    variant : str, optional
-        Name of a variant in the file.
-
-    Returns
-    -------
-    Scenario
-
-    Raises
-    ------
-    ScenarioError
-        With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
+    Raises ScenarioError with all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
     """
     draft = read_draft(path, variant)
     if draft.problems or draft.scenario is None:
@@ -99,7 +84,7 @@ class Reader:
         table = self.table
         experiment = self.section("experiment", self.experiment)
         components = self.section("components", self.components)
-        grid, rows = self.section("sweep", lambda table: read_sweep(table, self.path.parent, self.files))
+        grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
         scenario = Scenario(
             path=self.path,
             title=table.take("title", TEXT, "", required=True),
@@ -108,14 +93,14 @@ class Reader:
             variant=self.variant,
             experiment=experiment,
             components=components,
-            connections=self.section("connections", read_connections),
-            inputs=self.section("inputs", read_inputs),
+            connections=self.section("connections", sections.read_connections),
+            inputs=self.section("inputs", sections.read_inputs),
             seeds=self.section("seeds", self.seeds),
             grid=grid,
             rows=rows,
-            record=self.section("record", read_record),
-            metrics=self.section("metrics", read_metrics),
-            baseline=self.section("baseline", lambda table: read_baseline(table, self.path, self.variant)),
+            record=self.section("record", sections.read_record),
+            metrics=self.section("metrics", sections.read_metrics),
+            baseline=self.section("baseline", lambda table: sections.read_baseline(table, self.path, self.variant)),
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
@@ -149,15 +134,10 @@ class Reader:
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        names = [name for name in table.data if self.is_name(table, name)]
-        return {name: self.component(table.table(name), name) for name in names}
-
-    def is_name(self, table: Table, name: str) -> bool:
-        """True if a component may be called so; signals are written `component.variable`."""
-        if NAME.fullmatch(name):
-            return True
-        table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
-        return False
+        good = [name for name in table.data if NAME.fullmatch(name)]  # signals are written `component.variable`
+        for name in [name for name in table.data if name not in good]:
+            table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
+        return {name: self.component(table.table(name), name) for name in good}
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""

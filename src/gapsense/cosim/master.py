@@ -8,15 +8,14 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
-from types import TracebackType
+from time import perf_counter, sleep
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.clockwork import Clockwork, Pacer
+from gapsense.cosim.clockwork import BaseStep, base_stepper
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.instance import Instance, Message, temporary_folder
+from gapsense.cosim.instance import Instance, temporary_folder
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.record import FmuError
@@ -30,20 +29,17 @@ REPORTS = 200  # progress reports per run
 
 @dataclass
 class Recording:
-    """What a run leaves behind, complete or not: recorded rows, parameters as read back, and time spent.
-
-    `lag` is the worst lateness [s] and `overruns` the number of late base steps of a run with a pace.
-    """
+    """What a run leaves behind, complete or not."""
 
     data: npt.NDArray[np.float64]
-    rows: int = 0
-    parameters: dict[str, dict[str, Value]] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
-    calls: dict[str, int] = field(default_factory=dict)
-    messages: dict[str, list[Message]] = field(default_factory=dict)
-    wall: float = 0.0
-    overruns: int = 0
-    lag: float = 0.0
+    rows: int = 0  # of the data, recorded
+    parameters: dict[str, Value] = field(default_factory=dict)  # as read back, by `component.parameter`
+    seconds: list[float] = field(default_factory=list)  # wall time of each component, in execution order
+    calls: list[int] = field(default_factory=list)  # steps of each
+    messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
+    wall: float = 0.0  # [s]
+    overruns: int = 0  # late base steps of a run with a pace
+    lag: float = 0.0  # the worst lateness [s]
     interrupted: bool = False
     error: FmuError | None = None
 
@@ -86,7 +82,7 @@ class Master:
     def __enter__(self) -> Master:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -104,49 +100,39 @@ class Master:
         stopped: Callable[[], bool] = lambda: False,
         values: Mapping[Port, Value] | None = None,
     ) -> Recording:
-        """One run from start to stop.
+        """One run from start to stop; after a failure, that is the recording's `error`.
 
-        Parameters
-        ----------
-        columns : list of int
-            Places in the buffer to record.
-        seeds : mapping
-            Seed of each random component.
-        progress : callable, optional
-            Called now and then with base steps done and base steps in all.
-        stopped : callable, optional
-            Asked after each base step; if true, the run ends there and counts as interrupted.
-        values : mapping, optional
-            Parameters of this run, which win over those of the scenario.
-
-        Returns
-        -------
-        Recording
-            Also after a failure, which is then its `error`.
+        It records the places `columns` of the buffer, tells `progress` base steps done and in all now and then, asks
+        `stopped` after each whether to end there, and prefers `values` of parameters to those of the scenario.
         """
         experiment, decimation = self.scenario.experiment, self.scenario.record.decimation
         recording = Recording(np.empty((experiment.count // decimation + 1, len(columns))))
         begin = perf_counter()
         try:
             self.initialize(seeds, values or {})
-            recording.parameters = {part.component.name: part.instance.parameters() for part in self.parts}
+            recording.parameters = {
+                f"{part.component.name}.{variable.name}": part.instance.get(variable)
+                for part in self.parts
+                for variable in part.instance.description.of("parameter")
+            }
             self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped)
-            self.terminate()
+            for part in self.parts:
+                part.instance.call("fmi2Terminate")
         except FmuError as error:
             recording.error = error
             self.abandon(error.instance)
         recording.wall = perf_counter() - begin
-        recording.messages = {part.component.name: list(part.instance.messages) for part in self.parts}
+        recording.messages = [(part.component.name, *said) for part in self.parts for said in part.instance.messages]
         return recording
 
-    def initialize(self, seeds: Mapping[str, int], values: Mapping[Port, Value] | None = None) -> None:
+    def initialize(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> None:
         """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
         experiment = self.scenario.experiment
         self.view[:] = 0.0
         for part in self.parts:
             component = part.component
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
-            own.update({p.variable: value for p, value in (values or {}).items() if p.component == component.name})
+            own.update({port.variable: value for port, value in values.items() if port.component == component.name})
             part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)
         for port, value in self.scenario.inputs.items():
@@ -155,11 +141,6 @@ class Master:
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
-
-    def terminate(self) -> None:
-        """End the run of all instances, which can then be reset."""
-        for part in self.parts:
-            part.instance.call("fmi2Terminate")
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""
@@ -175,30 +156,12 @@ class Master:
         progress: Progress | None,
         stopped: Callable[[], bool],
     ) -> None:
-        """Do all base steps, keeping the recording up to date whatever happens."""
-        clockwork = Clockwork(self.parts, self.scenario.experiment)
-        pacer = Pacer(self.scenario.experiment) if self.scenario.experiment.pace else None
-        try:
-            self.turn(clockwork, recording, columns, pacer, progress, stopped)
-        finally:
-            names = [part.component.name for part in self.parts]
-            recording.seconds = dict(zip(names, clockwork.seconds))
-            recording.calls = dict(zip(names, clockwork.calls))
-            if pacer:
-                recording.overruns, recording.lag = pacer.overruns, pacer.lag
-
-    def turn(
-        self,
-        clockwork: Clockwork,
-        recording: Recording,
-        columns: npt.NDArray[np.intp],
-        pacer: Pacer | None,
-        progress: Progress | None,
-        stopped: Callable[[], bool],
-    ) -> None:
-        """Base step after base step, until the end or until told to stop."""
-        count, decimation = self.scenario.experiment.count, self.scenario.record.decimation
-        data, take, step = recording.data, self.view.take, clockwork.base_stepper()
+        """Base step after base step, until the end or until told to stop; the recording is always up to date."""
+        experiment, decimation = self.scenario.experiment, self.scenario.record.decimation
+        recording.seconds, recording.calls = [0.0] * len(self.parts), [0] * len(self.parts)
+        data, take, count = recording.data, self.view.take, experiment.count
+        wait = pacer(experiment, recording) if experiment.pace else None
+        step = base_stepper(self.parts, experiment, recording.seconds, recording.calls)
         report = max(1, count // REPORTS)
         take(columns, out=data[0], mode="clip")
         recording.rows = 1
@@ -207,13 +170,28 @@ class Master:
             if not k % decimation:
                 take(columns, out=data[recording.rows], mode="clip")
                 recording.rows += 1
-            if pacer:
-                pacer.wait(k)
+            if wait:
+                wait(k)
             if progress and (not k % report or k == count):
                 progress(k, count)
             if k < count and stopped():
                 recording.interrupted = True
                 break
+
+
+def pacer(experiment: Experiment, recording: Recording) -> BaseStep:
+    """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
+    period, begin = experiment.base_step / (experiment.pace or 1.0), perf_counter()
+
+    def wait(k: int) -> None:
+        left = begin + k * period - perf_counter()
+        if left > 0.0:
+            sleep(left)
+        else:
+            recording.overruns += 1
+            recording.lag = max(recording.lag, -left)
+
+    return wait
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

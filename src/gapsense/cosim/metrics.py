@@ -88,11 +88,6 @@ class Measured:
         return f"{self.name} = {self.value:.6g}{unit}{span}"
 
 
-def evaluate(metrics: tuple[Metric, ...], result: Result) -> dict[str, Measured]:
-    """Every metric of a scenario over a result, by name."""
-    return {metric.name: measure(metric, result) for metric in metrics}
-
-
 def measure(metric: Metric, result: Result) -> Measured:
     """One metric over the samples of its signal: the rows at which its component has just stepped."""
     rows = np.flatnonzero(result.stepped(metric.signal))

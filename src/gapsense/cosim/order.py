@@ -21,7 +21,6 @@ class FeedthroughCycleError(ValueError):
     """Every input on this loop has direct feedthrough, so no order avoids an algebraic loop."""
 
     def __init__(self, cycle: Sequence[Connection]) -> None:
-        self.cycle = tuple(cycle)
         super().__init__(
             f"algebraic loop through {', '.join(map(str, cycle))}: every input on it has direct feedthrough. "
             "Break it with a component without feedthrough, such as a delay or a lag."
@@ -32,43 +31,21 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
     """Order in which every component follows those that drive it, as far as there are no loops.
 
     In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these
-    inputs then carry the value of one step before. Among equals the order of the file decides.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Components in the order of the file.
-    connections : sequence of Connection
-        Between variables that exist.
-    descriptions : mapping
-        Model description of each component.
-
-    Returns
-    -------
-    Order
-
-    Raises
-    ------
-    FeedthroughCycleError
-        If a loop has nothing but direct feedthrough.
+    inputs then carry the value of one step before. Among equals the order of the file decides, that of `names`.
+    Raises FeedthroughCycleError if a loop has nothing but direct feedthrough.
     """
     left, done, delayed = list(names), [], []
     while left:
         edges = [c for c in connections if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.target.variable in descriptions[c.target.component].direct_inputs]
-        chosen = first_free(left, edges) or first_cut(left, edges, direct)
+        driven = {c.target.component for c in edges}
+        chosen = next((name for name in left if name not in driven), None) or first_cut(left, edges, direct)
         if chosen is None:
             raise FeedthroughCycleError(find_cycle(left, direct))
         delayed += [c for c in edges if c.target.component == chosen]
         left.remove(chosen)
         done.append(chosen)
     return Order(tuple(done), tuple(delayed))
-
-
-def first_free(left: Sequence[str], edges: Sequence[Connection]) -> str | None:
-    """First component that nothing left over drives."""
-    driven = {c.target.component for c in edges}
-    return next((name for name in left if name not in driven), None)
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:

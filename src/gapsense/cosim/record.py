@@ -44,19 +44,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Run:
-    """What was run and how: enough to repeat it, and to tell it from another.
-
-    Attributes
-    ----------
-    components : mapping
-        For each component its FMU, GUID, version, hash, step and offset.
-    order, delayed : tuple of str
-        Execution order, and the connections that carry the value of one step before.
-    files, versions : mapping
-        Hashes of the scenario's files; versions of the software.
-    overruns, lag : int, float
-        Late base steps of a run with a pace, and the worst lateness [s].
-    """
+    """What was run and how: enough to repeat it, and to tell it from another."""
 
     title: str
     scenario: str
@@ -67,54 +55,30 @@ class Run:
     base_step: float
     decimation: int
     seeds: Mapping[str, int]
-    components: Mapping[str, Mapping[str, Any]]
-    order: tuple[str, ...]
-    delayed: tuple[str, ...]
-    files: Mapping[str, str]
-    versions: Mapping[str, str]
-    overruns: int = 0
-    lag: float = 0.0
+    components: Mapping[str, Mapping[str, Any]]  # for each its FMU, GUID, version, hash, step and offset
+    order: tuple[str, ...]  # in which they step
+    delayed: tuple[str, ...]  # connections that carry the value of one step before
+    files: Mapping[str, str]  # hashes of the scenario's files
+    versions: Mapping[str, str]  # of the software
+    overruns: int = 0  # late base steps of a run with a pace
+    lag: float = 0.0  # the worst lateness [s]
 
 
 @dataclass(frozen=True)
 class Result:
-    """Recorded signals of a run, complete or interrupted.
-
-    Attributes
-    ----------
-    times : array
-        Times of the rows [s].
-    signals : mapping
-        Recorded values by `component.variable`; also `result["valve.position"]`.
-    about : mapping
-        Unit, nominal value and causality of each signal.
-    parameters : mapping
-        Parameters of all components by `component.parameter`, as read back from the FMUs.
-    metrics : mapping
-        Metrics of the scenario; empty for a run that did not reach its end.
-    timing : mapping
-        Wall time of each component.
-    wall : float
-        Wall time of the run, without loading the FMUs [s].
-    interrupted : bool
-        True if the run was stopped before its end; the rows up to there are valid.
-    failure : str
-        Why a component failed, if one did; the rows up to there are valid.
-    messages : tuple
-        Messages logged by components, each as (component, status, text).
-    """
+    """Recorded signals of a run, complete or not: the rows up to an interruption or a failure are valid."""
 
     run: Run
-    times: Vector
-    signals: Mapping[str, Vector]
+    times: Vector  # of the rows [s]
+    signals: Mapping[str, Vector]  # recorded values by `component.variable`; also `result["valve.position"]`
     about: Mapping[str, Signal]
-    parameters: Mapping[str, Value]
-    timing: Mapping[str, Timing]
-    wall: float
+    parameters: Mapping[str, Value]  # by `component.parameter`, as read back from the FMUs
+    timing: Mapping[str, Timing]  # of each component
+    wall: float  # wall time of the run, without loading the FMUs [s]
     interrupted: bool = False
-    failure: str = ""
-    metrics: Mapping[str, Measured] = field(default_factory=dict)
-    messages: tuple[tuple[str, int, str], ...] = ()
+    failure: str = ""  # why a component failed, if one did
+    metrics: Mapping[str, Measured] = field(default_factory=dict)  # empty for a run that did not reach its end
+    messages: tuple[tuple[str, int, str], ...] = ()  # logged: component, status, text
 
     def __getitem__(self, name: str) -> Vector:
         if name not in self.signals:
@@ -147,15 +111,7 @@ class Result:
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON); each appears complete or not at all.
 
-        Parameters
-        ----------
-        path : str or Path
-            Name of the CSV file; its folder is made if there is none.
-
-        Returns
-        -------
-        Path
-            The CSV file.
+        The folder is made if there is none. Returns the path of the CSV file.
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -172,12 +128,12 @@ class Result:
             "rows": int(self.times.size),
             "run": asdict(self.run),
             "signals": {name: asdict(signal) for name, signal in self.about.items()},
-            "parameters": dict(self.parameters),
+            "parameters": self.parameters,
             "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
             "timing": {name: asdict(timing) for name, timing in self.timing.items()},
             "wall": self.wall,
             "realtime_factor": self.realtime_factor,
-            "messages": [list(message) for message in self.messages],
+            "messages": self.messages,
         }
 
 
@@ -185,18 +141,7 @@ Measure = Callable[[Result], Mapping[str, float]]
 
 
 def read_result(path: str | Path) -> Result:
-    """Result that was saved as `path` and its side-car.
-
-    Parameters
-    ----------
-    path : str or Path
-        The CSV file.
-
-    Returns
-    -------
-    Result
-        Equal to the one saved, bit for bit.
-    """
+    """Result that was saved as `path` (CSV) and its side-car, bit for bit."""
     path = Path(path)
     data = read_json(path.with_suffix(".json"))
     columns = read_columns(path)
@@ -219,40 +164,21 @@ def read_result(path: str | Path) -> Result:
 
 def written_measured(measured: Measured) -> dict[str, Any]:
     """JSON form of a metric; JSON has no number for NaN and infinity, so these are texts."""
-    item = asdict(measured)
-    bounds = None if measured.bounds is None else [plain(limit) for limit in measured.bounds]
-    return {**item, "value": plain(measured.value), "bounds": bounds}
-
-
-def plain(value: float) -> float | str:
-    """The number itself if it is finite, otherwise its name."""
-    return value if math.isfinite(value) else str(value)
+    value, *bounds = (x if math.isfinite(x) else str(x) for x in (measured.value, *(measured.bounds or ())))
+    return {**asdict(measured), "value": value, "bounds": bounds or None}
 
 
 def read_measured(item: dict[str, Any]) -> Measured:
     """Metric from its JSON form."""
-    bounds = item["bounds"]
-    span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
-    return Measured(**{**item, "value": float(item["value"]), "bounds": span})
+    bounds = item["bounds"] and tuple(map(float, item["bounds"]))
+    return Measured(**{**item, "value": float(item["value"]), "bounds": bounds})
 
 
 class FmuError(RuntimeError):
     """A component failed while it was loaded or run.
 
-    Attributes
-    ----------
-    instance : str
-        Name of the component in the scenario.
-    time : float or None
-        Simulated time at the start of the failed step [s]; None before the first step.
-    step : int or None
-        Base step at whose end the failed step would have ended.
-    cause : str
-        What failed, and what the component says about it, in one line.
-    log : str
-        Everything the component logged about the failure, tracebacks included.
-    result : Result or None
-        What was recorded before the failure.
+    `time` [s] is that at the start of the failed step (None before the first), which would have ended at base step
+    `step`; `cause` is one line, `log` all that the component said; `result` has what was recorded before.
     """
 
     def __init__(

@@ -99,7 +99,8 @@ def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: R
     """
     outcomes = []
     for path in find_scenarios(folder):
-        for variant in variants_to_test(path):
+        scenario = read_draft(path).scenario
+        for variant in (None, *(scenario.tested if scenario else ())):
             outcomes.append(test_scenario(path, variant, fmus))
             if report:
                 report(outcomes[-1])
@@ -109,13 +110,6 @@ def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: R
 
 
 test_scenarios.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
-
-
-def variants_to_test(path: Path) -> Iterator[str | None]:
-    """The scenario as it is (None), then its tested variants."""
-    yield None
-    scenario = read_draft(path).scenario
-    yield from scenario.tested if scenario else ()
 
 
 def test_scenario(path: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Outcome:
@@ -135,18 +129,13 @@ test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a te
 
 
 def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
-    """The run itself, every metric with bounds, and the baseline."""
+    """The run itself, every metric, and the baseline if the scenario declares one or its file exists."""
     if result.interrupted:
         yield Check("run", f"interrupted at t = {result.times[-1]:.9g} s.")
         return
     yield Check("run")
     for name, measured in result.metrics.items():
         yield Check(f"metric {name}", "" if measured.passed else f"{measured}: outside its bounds.")
-    yield from baseline_check(scenario, result)
-
-
-def baseline_check(scenario: Scenario, result: Result) -> Iterator[Check]:
-    """The baseline, if the scenario declares one or its file exists."""
     baseline = scenario.baseline
     if baseline.file.is_file():
         yield Check("baseline", "\n".join(compare(result, baseline)))
@@ -161,33 +150,18 @@ def update_baseline(
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder.
-    variant : str, optional
-        Variant of the scenario.
-    fmus : str or Path, optional
-        Folder of the FMUs, as in `run`.
+    scenario, variant, fmus : str or Path
+        As in `run`.
     write : bool
         Write the new baseline if anything changes.
-
-    Returns
-    -------
-    Update
     """
-    read, result = load(scenario, variant), run(scenario, variant, fmus)
+    baseline, result = load(scenario, variant).baseline, run(scenario, variant, fmus)
     if result.interrupted:
-        return Update(read.baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
-    changes = baseline_changes(read, result)
+        return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
+    rows, names = thinned(result, baseline), selected(result, baseline)
+    is_new = not baseline.file.is_file()
+    changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline)
     if write and changes:
-        rows = thinned(result, read.baseline)
-        columns = {"time": rows.times, **{name: rows.signals[name] for name in selected(rows, read.baseline)}}
-        write_atomically(read.baseline.file, lambda file: write_columns(file, columns))
-    return Update(read.baseline.file, changes, write and bool(changes))
-
-
-def baseline_changes(scenario: Scenario, result: Result) -> tuple[str, ...]:
-    """What a baseline from this result changes."""
-    if not scenario.baseline.file.is_file():
-        rows = thinned(result, scenario.baseline).times.size
-        return (f"new: {len(selected(result, scenario.baseline))} signals, {rows} rows.",)
-    return tuple(compare(result, scenario.baseline))
+        columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
+        write_atomically(baseline.file, lambda file: write_columns(file, columns))
+    return Update(baseline.file, tuple(changes), write and bool(changes))

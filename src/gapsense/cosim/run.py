@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.check import check_scenario, read_descriptions
-from gapsense.cosim.check_sets import taken
-from gapsense.cosim.descriptions import Description
+from gapsense.cosim.check_values import taken
+from gapsense.cosim.descriptions import Description, Variable
 from gapsense.cosim.load import read_draft, scenario_file
 from gapsense.cosim.master import Master, Progress, Recording
-from gapsense.cosim.metrics import evaluate
+from gapsense.cosim.metrics import measure
 from gapsense.cosim.record import Result, Run, Signal, Timing
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
@@ -134,32 +134,31 @@ def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = No
     scenario = master.scenario
     values = {} if point is None else scenario.points()[point]
     seeds = {name: seed + seed_shift for name, seed in scenario.seeds.items()}
-    names = list(recorded_signals(scenario, master.descriptions))
-    index = {str(port): place for port, place in master.places.index.items()}
+    known = recorded_signals(scenario, master.descriptions)
+    columns = [place for port, place in master.places.index.items() if str(port) in known]
     with interruptible() as interrupted:
-        recording = master.run([index[name] for name in names], seeds, progress, interrupted, values)
-    result = to_result(master, names, seeds, recording)
+        recording = master.run(columns, seeds, progress, interrupted, values)
+    result = to_result(master, known, seeds, recording)
     if recording.error is not None:
         recording.error.result = replace(result, failure=str(recording.error))
         raise recording.error
-    return result if result.interrupted else replace(result, metrics=evaluate(scenario.metrics, result))
+    metrics = () if result.interrupted else scenario.metrics
+    return replace(result, metrics={metric.name: measure(metric, result) for metric in metrics})
 
 
-def to_result(master: Master, names: list[str], seeds: Mapping[str, int], recording: Recording) -> Result:
-    """Result of a recording, without metrics."""
-    scenario, known = master.scenario, recorded_signals(master.scenario, master.descriptions)
-    decimation, experiment = scenario.record.decimation, scenario.experiment
-    data = recording.data[: recording.rows].T.copy()
+def to_result(master: Master, known: Mapping[str, Variable], seeds: Mapping[str, int], recording: Recording) -> Result:
+    """Result of a recording of known signals, without metrics."""
+    decimation, experiment = master.scenario.record.decimation, master.scenario.experiment
     return Result(
         run=about(master, seeds, recording),
         times=np.array([experiment.time(row * decimation) for row in range(recording.rows)]),
-        signals=dict(zip(names, data)),
-        about={n: Signal(known[n].unit or "", known[n].nominal, known[n].causality) for n in names},
-        parameters={f"{c}.{p}": v for c, values in recording.parameters.items() for p, v in values.items()},
-        timing={name: Timing(recording.seconds[name], recording.calls[name]) for name in recording.seconds},
+        signals=dict(zip(known, recording.data[: recording.rows].T.copy())),
+        about={name: Signal(v.unit or "", v.nominal, v.causality) for name, v in known.items()},
+        parameters=recording.parameters,
+        timing=dict(zip(master.order.names, map(Timing, recording.seconds, recording.calls))),
         wall=recording.wall,
         interrupted=recording.interrupted,
-        messages=tuple((c, m.status, m.text) for c, messages in recording.messages.items() for m in messages),
+        messages=tuple(recording.messages),
     )
 
 
@@ -195,14 +194,8 @@ def file_hashes(scenario: Scenario) -> dict[str, str]:
 def component_facts(master: Master, name: str) -> dict[str, Any]:
     """FMU and grid of a component."""
     component, description = master.scenario.components[name], master.descriptions[name]
-    return {
-        "fmu": description.path.name,
-        "guid": description.guid,
-        "version": description.version,
-        "sha256": description.sha256,
-        "step": component.step,
-        "offset": component.offset,
-    }
+    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256")}
+    return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
 
 
 def versions() -> dict[str, str]:

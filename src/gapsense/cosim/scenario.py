@@ -25,20 +25,14 @@ class Port(NamedTuple):
 
 @dataclass(frozen=True)
 class Experiment:
-    """Time grid `start + k * base_step` [s], k from 0 to `count`, and how values are exchanged on it.
-
-    Attributes
-    ----------
-    pace : float or None
-        Simulated seconds per second of wall time; None runs as fast as possible.
-    """
+    """Time grid `start + k * base_step` [s], k from 0 to `count`, and how values are exchanged on it."""
 
     start: float
     stop: float
     base_step: float
     count: int
     method: str = "gauss-seidel"
-    pace: float | None = None
+    pace: float | None = None  # simulated seconds per second of wall time; None: as fast as possible
 
     def time(self, index: int) -> float:
         """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
@@ -47,25 +41,15 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU instance.
-
-    Attributes
-    ----------
-    step, offset : int
-        In base steps.
-    values, origin : mapping
-        Parameters, and the file or table that gives each.
-    sets : mapping
-        Names in each of its parameter sets; those that it does not have are for other components, see `check_sets.py`.
-    """
+    """One FMU instance; its step and offset are in base steps."""
 
     name: str
     fmu: str
     step: int = 1
     offset: int = 0
-    values: Mapping[str, Value] = field(default_factory=dict)
-    origin: Mapping[str, str] = field(default_factory=dict)
-    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)
+    values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
+    origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
+    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
 
 
 @dataclass(frozen=True)
@@ -100,17 +84,8 @@ class Record:
 class Metric:
     """One number computed from the samples of a recorded signal with `after < t < before` [s], and where it must lie.
 
-    Attributes
-    ----------
-    where : str or None
-        Signal that is 0 at samples to leave out.
-    time : str or None
-        Signal with the time that a sample is about [s], for what is published later; it decides on `after` and
-        `before`, and at which row a reference signal is taken.
-    published : float or None
-        What a paper or a data sheet gives, to be shown beside; it is not tested.
-    table, label : str
-        Title of the table in which the metric is shown, and its name there.
+    For what is published later, the signal `time` has the time [s] that a sample is about; it decides on `after` and
+    `before`, and at which row a reference signal is taken.
     """
 
     name: str
@@ -119,13 +94,13 @@ class Metric:
     reference: str | float | None = None
     after: float | None = None
     before: float | None = None
-    where: str | None = None
+    where: str | None = None  # signal that is 0 at samples to leave out
     time: str | None = None
     bounds: tuple[float, float] | None = None
     description: str = ""
-    published: float | None = None
-    table: str = ""
-    label: str = ""
+    published: float | None = None  # in a paper or a data sheet, to be shown beside; it is not tested
+    table: str = ""  # title of the table in which it is shown
+    label: str = ""  # its name there
 
 
 @dataclass(frozen=True)
@@ -153,42 +128,26 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A co-simulation as its file describes it, with one variant applied.
-
-    Attributes
-    ----------
-    grid : mapping
-        Values of parameters that a sweep goes through, every one with every one of the others.
-    rows : tuple of mapping
-        Values of several parameters that belong together; the grid is gone through with each.
-    variants : mapping
-        Description of each variant of the file, by name.
-    files : tuple of Path
-        The scenario file, its parameter sets and the files named by parameters, all of which decide the result.
-    figure : str
-        Name of the figure that shows a run.
-    tested : tuple of str
-        Variants that state metrics or a baseline of their own, or whose baseline file exists.
-    """
+    """A co-simulation as its file describes it, with one variant applied."""
 
     path: Path
     title: str
     description: str
-    figure: str
+    figure: str  # name of the one that shows a run
     variant: str | None
     experiment: Experiment
     components: Mapping[str, Component]
     connections: tuple[Connection, ...]
     inputs: Mapping[Port, float]
     seeds: Mapping[str, int]
-    grid: Mapping[Port, tuple[Value, ...]]
-    rows: tuple[Mapping[Port, Value], ...]
+    grid: Mapping[Port, tuple[Value, ...]]  # a sweep goes through every value with every one of the others
+    rows: tuple[Mapping[Port, Value], ...]  # values that belong together; the grid is gone through with each
     record: Record
     metrics: tuple[Metric, ...]
     baseline: Baseline
-    variants: Mapping[str, str]
-    tested: tuple[str, ...]
-    files: tuple[Path, ...]
+    variants: Mapping[str, str]  # description of each variant of the file
+    tested: tuple[str, ...]  # variants with metrics or a baseline of their own
+    files: tuple[Path, ...]  # itself, its parameter sets, files named by parameters: all that decide the result
 
     @property
     def name(self) -> str:

@@ -14,7 +14,7 @@ def ports(descriptions: Descriptions) -> dict[Port, Variable]:
     return {
         Port(name, variable.name): variable
         for name, description in descriptions.items()
-        for variable in (*description.inputs, *description.outputs)
+        for variable in (*description.of("input"), *description.of("output"))
         if variable.type == "Real"
     }
 

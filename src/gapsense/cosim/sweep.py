@@ -6,7 +6,6 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,39 +29,17 @@ from gapsense.workers import Job, Progress, complete, facts, importable_name
 
 @dataclass(frozen=True)
 class Sweep:
-    """Metrics over the runs of a sweep.
+    """Metrics over the runs of a sweep."""
 
-    Attributes
-    ----------
-    indices : tuple of int
-        Runs that succeeded.
-    grid : mapping
-        Values by parameter of `[sweep]`, one for each of `indices`.
-    metrics : mapping
-        Values by metric, one for each of `indices`; NaN where a metric had no samples.
-    errors : mapping
-        What went wrong in the runs that failed.
-    computed : int
-        Runs done now; the others were known already.
-    interrupted : bool
-        True if Ctrl-C ended it; start it again to go on.
-    file : Path or None
-        One line per run, if a folder was given.
-    units : mapping
-        Unit of each metric.
-    kept : tuple of Path
-        Recorded signals of each of `indices`, for `read_result`, if they were kept.
-    """
-
-    indices: tuple[int, ...]
-    metrics: Mapping[str, npt.NDArray[np.float64]]
-    errors: Mapping[int, str]
-    computed: int
-    interrupted: bool
-    file: Path | None
-    units: Mapping[str, str] = field(default_factory=dict)
-    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
-    kept: tuple[Path, ...] = ()
+    indices: tuple[int, ...]  # of the runs that succeeded
+    metrics: Mapping[str, npt.NDArray[np.float64]]  # one value for each of `indices`; NaN where there were no samples
+    errors: Mapping[int, str]  # what went wrong in the runs that failed
+    computed: int  # runs done now; the others were known already
+    interrupted: bool  # by Ctrl-C; start it again to go on
+    file: Path | None  # one line per run, if a folder was given
+    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics
+    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
+    kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
@@ -185,14 +162,9 @@ def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file
     """Sweep from its entries, in the order of the seeds whatever the order in which they were computed."""
     good = {index: entries[index]["metrics"] for index in sorted(entries) if "metrics" in entries[index]}
     names = dict.fromkeys(name for metrics in good.values() for name in metrics)
-    columns = {name: np.array([number(metrics.get(name)) for metrics in good.values()]) for name in names}
+    columns = {name: np.array([metrics.get(name) for metrics in good.values()], dtype=np.float64) for name in names}
     errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
     return Sweep(tuple(good), columns, errors, computed, interrupted, file)
-
-
-def number(value: float | None) -> float:
-    """NaN for none."""
-    return math.nan if value is None else value
 
 
 def save_table(result: Sweep, path: Path) -> None:

@@ -86,10 +86,10 @@ def chosen(
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
     """An estimator over a record with all inputs that it needs, with its sample time and those values that it has."""
     description = describe(fmu)
-    names = [v.name for v in description.parameters]
+    names = [v.name for v in description.of("parameter")]
     own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
     signals = offered(record)
-    inputs = {v.name: signals[v.name] for v in description.inputs}
+    inputs = {v.name: signals[v.name] for v in description.of("input")}
     return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
 
 

@@ -1,0 +1,172 @@
+"""Read the sections of a scenario that name ports and signals: what is wired, swept, recorded and held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from gapsense import tables as kinds
+from gapsense.cosim.metrics import KINDS
+from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, Tolerance
+from gapsense.files import read_columns
+from gapsense.parameters import is_file, located
+from gapsense.tables import Table, Value, flattened
+
+Grid = dict[Port, tuple[Value, ...]]
+Rows = tuple[dict[Port, Value], ...]
+T = TypeVar("T")
+ROWS = "rows"  # of `[sweep]`: a file, no parameter
+
+
+def read_connections(table: Table) -> tuple[Connection, ...]:
+    """Connections: those of `[connect]`, target = source, then those of `[[connections]]`, which may convert."""
+    connect = table.table("connect")
+    sources = by_port(connect, connect.flat(kinds.TEXT))
+    ends = [(split(connect, str(target), source), target) for target, source in sources.items()]
+    short = [Connection(source, target, place=connect.at(str(target))) for source, target in ends if source]
+    items = table.take("connections", kinds.TABLES, [])
+    long = [read_connection(table.child(item, f"connections[{index}]")) for index, item in enumerate(items)]
+    return (*short, *(connection for connection in long if connection))
+
+
+def read_connection(table: Table) -> Connection | None:
+    """One connection of the long form, or None if it lacks an end."""
+    names = {key: table.take(key, kinds.TEXT, required=True) for key in ("from", "to")}
+    source, target = (None if name is None else split(table, key, name) for key, name in names.items())
+    factor, bias = table.take("factor", kinds.NUMBER), table.take("bias", kinds.NUMBER)
+    unit = table.take("unit", kinds.TEXT)
+    table.finish()
+    return Connection(source, target, factor, bias, unit, table.place) if source and target else None
+
+
+def read_inputs(table: Table) -> dict[Port, float]:
+    """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
+    inputs = table.table("inputs")
+    return {port: float(value) for port, value in by_port(inputs, inputs.flat(kinds.NUMBER)).items()}
+
+
+def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows]:
+    """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
+    sweep = table.table("sweep")
+    file = sweep.take(ROWS, kinds.TEXT)
+    lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(kinds.LIST)
+    for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
+        sweep.note(name, "the same value is given twice. Remove one.")
+        del lists[name]
+    grid = {n: tuple(located(n, value, folder, sweep) for value in values) for n, values in lists.items()}
+    files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
+    if file is None:
+        return by_port(sweep, grid), ()
+    files.append(folder / file)
+    return by_port(sweep, grid), read_rows(folder / file, sweep)
+
+
+def read_rows(path: Path, sweep: Table) -> Rows:
+    """Values that belong together, from a CSV file with a column per parameter and a row per run."""
+    try:
+        columns = read_columns(path)
+    except (OSError, ValueError) as error:
+        problem = f"{path}: there is no such file" if isinstance(error, OSError) else str(error).rstrip(".")
+        sweep.note(ROWS, f"{problem}. A CSV file of numbers is expected, with a column per parameter. Correct it.")
+        return ()
+    twice = [name for name, _ in flattened(sweep.data) if name in columns]
+    if twice:
+        sweep.note(ROWS, f"`{twice[0]}` is given in {path.name} and in `[sweep]` too. Keep one.")
+    if not any(column.size for column in columns.values()):
+        sweep.note(ROWS, f"{path.name} has no rows. Add one per run.")
+    ends = [split(sweep, ROWS, name) for name in columns]
+    lines = zip(*(column.tolist() for column in columns.values()))
+    return tuple({end: value for end, value in zip(ends, line) if end} for line in lines)
+
+
+def by_port(table: Table, values: Mapping[str, T]) -> dict[Port, T]:
+    """Values by port instead of by name; what names none is noted."""
+    ends = {name: split(table, name, name) for name in values}
+    return {end: values[name] for name, end in ends.items() if end}
+
+
+def split(table: Table, key: str, name: str) -> Port | None:
+    """`component.variable` cut at its first dot."""
+    component, _, variable = name.partition(".")
+    if component and variable:
+        return Port(component, variable)
+    table.note(key, f"`{name}` found, `component.variable` expected. Correct the name.")
+    return None
+
+
+def read_record(table: Table) -> Record:
+    """Signals to record; all inputs and outputs if the section is missing."""
+    record = table.table("record")
+    signals = record.take("signals", kinds.TEXTS, ["*"])
+    decimation = record.take("decimation", kinds.COUNT, 1)
+    record.finish()
+    return Record(tuple(signals), decimation)
+
+
+def read_metrics(table: Table) -> tuple[Metric, ...]:
+    """Metrics in the order of the file."""
+    metrics = table.table("metrics")
+    read = [read_metric(metrics.table(name), name) for name in metrics.data]
+    return tuple(metric for metric in read if metric is not None)
+
+
+def read_metric(table: Table, name: str) -> Metric | None:
+    """One metric, or None if its kind or signal is missing."""
+    kind = table.choice("kind", tuple(KINDS))
+    signal = table.take("signal", kinds.TEXT, required=True)
+    reference = table.take("reference", kinds.NUMBER_OR_TEXT)
+    after, before = table.take("after", kinds.NUMBER), table.take("before", kinds.NUMBER)
+    where, time = table.take("where", kinds.TEXT), table.take("time", kinds.TEXT)
+    bounds = table.take("bounds", kinds.BOUNDS)
+    description, published = table.take("description", kinds.TEXT, ""), table.take("published", kinds.NUMBER)
+    title, label = table.take("table", kinds.TEXT, ""), table.take("label", kinds.TEXT, name)
+    table.finish()
+    if after is not None and before is not None and after >= before:
+        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
+    if kind is None or signal is None or not reference_fits(table, kind, reference):
+        return None
+    span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
+    shown = (description, published, title, label)
+    return Metric(name, kind, signal, reference, after, before, where, time, span, *shown)
+
+
+def reference_fits(table: Table, kind: str, reference: str | float | None) -> bool:
+    """True if a metric of this kind has the reference it needs, and none that it does not use."""
+    use, given = KINDS[kind].reference, reference is not None
+    if use == "axis" and not isinstance(reference, str):
+        problem = f"`{kind}` is of the curve over another signal. Name that signal."
+    elif use == "required" and not given and "reference" not in table.data:
+        problem = f"missing; `{kind}` compares with a signal, a parameter or a number. Add it."
+    elif use == "none" and given:
+        problem = f"`{kind}` uses no reference. Remove it."
+    else:
+        return True
+    table.note("reference", problem)
+    return False
+
+
+def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
+    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`."""
+    baseline = table.table("baseline")
+    default = f"baseline.{variant}.csv" if variant else "baseline.csv"
+    file = baseline.take("file", kinds.TEXT, default)
+    own = table.data["variants"][variant].get("baseline") if variant else None
+    if variant and not (isinstance(own, dict) and "file" in own):
+        file = default
+    signals, decimation = baseline.take("signals", kinds.TEXTS), baseline.take("decimation", kinds.COUNT, 1)
+    tolerance = read_tolerance(baseline, Tolerance())
+    exceptions = baseline.table("tolerances")
+    tables = {name: exceptions.table(name) for name in exceptions.data}
+    tolerances = {name: read_tolerance(own, tolerance) for name, own in tables.items()}
+    for read in (*tables.values(), baseline):
+        read.finish()
+    chosen = None if signals is None else tuple(signals)
+    declared = "baseline" in table.data
+    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, decimation)
+
+
+def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
+    """Tolerance of a table, each part by default that of the table around it."""
+    rtol = table.take("rtol", kinds.NOT_NEGATIVE, default.rtol)
+    return Tolerance(rtol, table.take("atol", kinds.NOT_NEGATIVE, default.atol))
