@@ -68,7 +68,7 @@ def run(folder, fmus, stop, step, drive=None, actuator=None):
 
 @pytest.fixture(scope="module")
 def cycles():
-    return cycle.run(RTS_VALVE, FIG_5, 2e-6, 2)
+    return cycle.soft_landing(RTS_VALVE, FIG_5, 2e-6, 2)
 
 
 @pytest.mark.parametrize(("step", "limit"), [(2e-6, 3e-9), (5e-6, 1e-8)])
@@ -86,7 +86,7 @@ def test_built_in_cycles_are_followed_again_and_again(tmp_path, fmus, cycles, st
 def test_table_of_another_actuator_is_followed(tmp_path, fmus):
     trajectory = FIG_5._replace(making_duration=5e-3, breaking_start=13e-3, hold_voltage=25.0)
     par = RTS_VALVE._replace(**{name.replace(".", "_"): value for name, value in WIDE.items()})
-    cycles = cycle.run(par, trajectory, 2e-6, 2)
+    cycles = cycle.soft_landing(par, trajectory, 2e-6, 2)
     write(tmp_path / "drive.csv", *voltage_table(cycles))
     result = run(tmp_path, fmus, 60e-3, 2e-6, {"soft_landing.file": "drive.csv"}, WIDE)
     assert deviation([*cycles, cycles[1]], result.times, result.signals["actuator.position"]) < 1e-8

@@ -16,7 +16,7 @@ from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
 @pytest.fixture(scope="session")
 def cycle() -> Samples:
-    return sampled(soft_landing())
+    return sampled(soft_landing()[-1])
 
 
 @pytest.fixture(scope="session")
@@ -27,5 +27,5 @@ def study(cycle: Samples) -> Study:
 @pytest.fixture(scope="session")
 def coarse() -> Study:
     """The same with a fifth of the samples."""
-    samples = sampled(soft_landing(), 100e-6)
+    samples = sampled(soft_landing()[-1], 100e-6)
     return Study(samples, fitted(samples, nominal(sample_time=100e-6)))

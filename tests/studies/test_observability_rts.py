@@ -21,7 +21,7 @@ SOME = [0, 30, 49, 50, 51, 53, 120, 246, 248, 249, 250, 251, 400, 499, 550, 552,
 
 @pytest.fixture(scope="module")
 def cycle():
-    s = sampled(soft_landing())
+    s = sampled(soft_landing()[-1])
     x = reference_states(s, own(MODEL), MODEL)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     return states[:-1], s.current[:-1], s.voltage[:-1], s.mode[:-1]

@@ -50,7 +50,7 @@ class Observed(NamedTuple):
 def along_reference_cycle(tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS)) -> Observed:
     """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
     m = nominal()
-    full = sampled(soft_landing(), m.T_s)
+    full = sampled(soft_landing()[-1], m.T_s)
     x = reference_states(full, own(m), m)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period

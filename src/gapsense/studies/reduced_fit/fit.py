@@ -56,7 +56,7 @@ def of_reference_cycle(par: Any) -> list[Fitted]:
     """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
     m, found = normalised(par), []
     for title, changes in SIMPLER.items():
-        s = sampled(soft_landing(RTS_VALVE._replace(**changes)), par.sample_time)
+        s = sampled(soft_landing(RTS_VALVE._replace(**changes))[-1], par.sample_time)
         chosen = s.mode == MOVING if "motion" in title else np.full(s.mode.shape, True)
         given = s.position[chosen], s.flux_linkage[chosen], s.current[chosen]
         found.append(Fitted(title, fit_core(*given, m), current_rms(*given, m._replace(**PUBLISHED))))

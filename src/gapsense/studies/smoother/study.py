@@ -40,7 +40,7 @@ def studied(core: str, seed: int) -> Study:
     """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for: fitted, or published."""
     if core not in ("fitted", "published"):
         raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")
-    samples = sampled(soft_landing())
+    samples = sampled(soft_landing()[-1])
     return Study(samples, fitted(samples, nominal()) if core == "fitted" else nominal(), seed)
 
 
