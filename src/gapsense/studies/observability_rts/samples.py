@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gapsense.derivative import linearise
 from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Model, is_moving, observation, transition
-from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
@@ -51,7 +51,7 @@ def along_reference_cycle(tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS)) 
     """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
     m = nominal()
     full = sampled(soft_landing()[-1], m.T_s)
-    x = reference_states(full, own(m), m)
+    x = reference_states(full, unvaried(m), m)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period
     found = {t: samples_needed(states[:-1], s.current, s.voltage, s.mode, m, t) for t in tolerances}

@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Model
-from gapsense.estimators.rts import motions
+from gapsense.estimators.rts import Floats, motions
 from gapsense.studies.smoother.batch import MOVING, Tuning, Varied
-from gapsense.studies.smoother.nominal import fitted, nominal
-from gapsense.studies.smoother.perturbation import chunks, errors, noise, perturbed
+from gapsense.studies.smoother.models import chunks, errors, fitted, noise, nominal, perturbed
 from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 from gapsense.studies.tasks import Facts
 
-Floats = NDArray[np.float64]
 NOISE = 2e-3  # sigma_i (58) [A]
 OPERATIONS = ("making", "breaking")
 
