@@ -29,8 +29,7 @@ from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
 from gapsense.kernel import Kernel
 from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step
-from gapsense.studies.smoother.nominal import nominal, own
-from gapsense.studies.smoother.perturbation import CHUNK, errors, noise, perturbed
+from gapsense.studies.smoother.models import CHUNK, errors, noise, nominal, perturbed, unvaried
 from gapsense.studies.smoother.runs import Estimator, filtered
 from gapsense.studies.smoother.study import Study
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
@@ -41,7 +40,7 @@ PASSES = 5
 
 def main() -> None:
     """Measure and print."""
-    study = Study(sampled(soft_landing()), nominal())
+    study = Study(sampled(soft_landing()[-1]), nominal())
     table = Table(title="Nanoseconds per step and run, in motion")
     table.add_column("what")
     table.add_column("ns", justify="right")
@@ -87,7 +86,7 @@ def over_runs(study: Study, runs: int) -> tuple[float, float]:
 def component(study: Study) -> tuple[float, Any]:
     """The generated Python of the component along the making, and its states (N, 5)."""
     s, m = study.samples, study.model
-    par = tuple(filter_parameters(m, Varied(*([value] for value in own(m))), 0, TUNING, Variant()))
+    par = tuple(filter_parameters(m, Varied(*([value] for value in unvaried(m))), 0, TUNING, Variant()))
     given = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist()))
     scalar, (first, landed) = Kernel(ekf).scalar, motions(s.mode)[0]
     state, _ = scalar["initial"](given[0], par)

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from gapsense.report import plot as figures
-from gapsense.studies.figures import draw
+from gapsense.studies.figures import drawer
 from gapsense.studies.semera.show import LABELS, snr
 
 
 @pytest.mark.parametrize("name", ["valve", "relay"])
 def test_figure_of_each_scenario_is_a_picture_of_sensible_size(request, name, tmp_path):
-    figure = draw(request.getfixturevalue(name), "semera")
+    figure = drawer("semera")(request.getfixturevalue(name))
     file = figures.save(figure, tmp_path / "new" / f"{name}.png")
     height, width = imread(file).shape[:2]
     assert 800 <= width <= 2000 and 800 <= height <= 2500
@@ -25,7 +25,7 @@ def test_figure_of_each_scenario_is_a_picture_of_sensible_size(request, name, tm
 
 
 def test_figure_3_of_semera_has_its_panels_and_curves(valve):
-    figure = draw(valve, "semera")
+    figure = drawer("semera")(valve)
     assert [axis.get_ylabel() for axis in figure.axes] == LABELS
     assert figure.get_suptitle() == valve.run.title
     assert [line.get_label() for line in figure.axes[3].lines] == ["offline integral", "integral", "SEMERA", "true"]
@@ -36,7 +36,7 @@ def test_figure_3_of_semera_has_its_panels_and_curves(valve):
 
 
 def test_overview_shows_every_signal_once_in_display_units(valve):
-    figure = draw(valve, "overview")
+    figure = drawer("overview")(valve)
     labels = [line.get_label() for axis in figure.axes for line in axis.lines]
     assert sorted(labels) == sorted(valve.signals)
     panel = next(axis for axis in figure.axes if axis.get_ylabel() == "mm")
@@ -73,13 +73,13 @@ def test_other_endings_and_figures_are_refused_with_what_there_is(valve, tmp_pat
     with pytest.raises(ValueError, match=r"x\.bmp`: figures are written as \.png, \.pdf or \.svg"):
         figures.save(Figure(), tmp_path / "x.bmp")
     with pytest.raises(ValueError, match=r"figure `pie`; there are overview, estimators, .*, semera, "):
-        draw(valve, "pie")
+        drawer("pie")(valve)
 
 
 def test_figure_names_the_signals_it_lacks(valve):
     signals = {n: v for n, v in valve.signals.items() if n not in ("offline.published", "valve.inductance")}
     with pytest.raises(ValueError, match=r"needs `valve\.inductance`, `offline\.published`, not recorded"):
-        draw(replace(valve, signals=signals), "semera")
+        drawer("semera")(replace(valve, signals=signals))
 
 
 def test_signal_to_noise_ratio_is_in_decibels_and_finite():

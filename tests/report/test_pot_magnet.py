@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapsense.studies.figures import draw
+from gapsense.studies.figures import drawer
 from gapsense.studies.pot_magnet.show import LABELS, last_edge
 
 
 def test_figures_4_to_7_have_their_panels_and_curves(magnet):
-    figure = draw(magnet, "pot_magnet")
+    figure = drawer("pot_magnet")(magnet)
     assert [axis.get_ylabel() for axis in figure.axes] == LABELS
     for axis in figure.axes[1:]:
         assert [line.get_label() for line in axis.lines][-4:] == ["true", "paper", "robust", "open loop"]
@@ -30,4 +30,4 @@ def test_edge_is_that_of_the_voltage(magnet):
 def test_figure_names_the_signals_it_lacks(magnet):
     signals = {n: v for n, v in magnet.signals.items() if n not in ("magnet.mode", "paper.position")}
     with pytest.raises(ValueError, match=r"needs `magnet\.mode`, `paper\.position`, not recorded"):
-        draw(replace(magnet, signals=signals), "pot_magnet")
+        drawer("pot_magnet")(replace(magnet, signals=signals))

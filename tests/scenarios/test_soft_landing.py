@@ -12,8 +12,8 @@ import pytest
 from gapsense import cosim
 from gapsense.fmi.tables import read_table
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.figures import draw
-from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.studies.figures import drawer
+from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import process_noise
 from gapsense.studies.soft_landing import cycle
 from gapsense.studies.soft_landing.show import LABELS, smoothed
@@ -68,7 +68,7 @@ def run(folder, fmus, stop, step, drive=None, actuator=None):
 
 @pytest.fixture(scope="module")
 def cycles():
-    return cycle.run(RTS_VALVE, FIG_5, 2e-6, 2)
+    return cycle.soft_landing(RTS_VALVE, FIG_5, 2e-6, 2)
 
 
 @pytest.mark.parametrize(("step", "limit"), [(2e-6, 3e-9), (5e-6, 1e-8)])
@@ -86,7 +86,7 @@ def test_built_in_cycles_are_followed_again_and_again(tmp_path, fmus, cycles, st
 def test_table_of_another_actuator_is_followed(tmp_path, fmus):
     trajectory = FIG_5._replace(making_duration=5e-3, breaking_start=13e-3, hold_voltage=25.0)
     par = RTS_VALVE._replace(**{name.replace(".", "_"): value for name, value in WIDE.items()})
-    cycles = cycle.run(par, trajectory, 2e-6, 2)
+    cycles = cycle.soft_landing(par, trajectory, 2e-6, 2)
     write(tmp_path / "drive.csv", *voltage_table(cycles))
     result = run(tmp_path, fmus, 60e-3, 2e-6, {"soft_landing.file": "drive.csv"}, WIDE)
     assert deviation([*cycles, cycles[1]], result.times, result.signals["actuator.position"]) < 1e-8
@@ -117,7 +117,7 @@ def test_estimators_know_what_table_ii_says_and_the_process_noise_of_the_cycle(c
     values = tomllib.loads((FOLDER / "parameters" / "estimators.toml").read_text(encoding="utf-8"))["values"]
     assert values["core.reluctance"] == pytest.approx(model.R_c0 * 1200.0**2)
     assert values["core.saturation"] == model.lam_sat
-    noise = np.sqrt(process_noise(samples, own(model), model)) / [1.0, 1.0, 1.0, 1.0, model.l_z]
+    noise = np.sqrt(process_noise(samples, unvaried(model), model)) / [1.0, 1.0, 1.0, 1.0, model.l_z]
     names = ("process.flux_linkage", "process.current_error", "process.force_error")
     assert [values[name] for name in names] == pytest.approx(noise[2:], rel=1e-3)
 
@@ -144,7 +144,7 @@ def test_orderings_of_the_paper_come_out(result):
 
 
 def test_figure_shows_cycles_and_errors(result):
-    drawn = draw(result, "soft_landing")
+    drawn = drawer("soft_landing")(result)
     assert [axis.get_ylabel() for axis in drawn.axes] == LABELS
     _, labels = drawn.axes[3].get_legend_handles_labels()
     assert labels == ["EKF", "ERTSS", "without e_i", "without e_F"]
@@ -155,4 +155,4 @@ def test_figure_shows_cycles_and_errors(result):
 def test_figure_names_what_is_not_recorded(result):
     less = replace(result, signals={n: v for n, v in result.signals.items() if n != "ertss.smoothed_time"})
     with pytest.raises(ValueError, match=r"`ertss\.smoothed_time`"):
-        draw(less, "soft_landing")
+        drawer("soft_landing")(less)

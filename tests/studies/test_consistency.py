@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gapsense.studies.consistency.errors import BOUND, INTERVAL, consistency, normalised_errors
 from gapsense.studies.smoother.batch import Variant
+from gapsense.studies.smoother.consistency import BOUND, INTERVAL, consistency, normalised_errors
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 

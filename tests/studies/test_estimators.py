@@ -22,7 +22,7 @@ from gapsense.studies.estimators import parameters as known
 from gapsense.studies.estimators import scenario
 from gapsense.studies.estimators import show as drawn
 from gapsense.studies.estimators.contenders import CONTENDERS, EKF, Contender
-from gapsense.studies.figures import draw
+from gapsense.studies.figures import drawer
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"
@@ -232,7 +232,7 @@ def test_plain_run(plain, tmp_path):
     assert {"ertss", "no_current_error", "integral_offline"} <= {c.component for c in CONTENDERS if c.published}
     assert found["integral_offline.latency"] == pytest.approx(20e-3, rel=1e-9)
     assert 4e-3 < found["ertss.latency"] < 7e-3 and 3.9e-3 < found["ertss.after_landing"] < 6e-3
-    assert imread(figures.save(draw(plain, "estimators"), tmp_path / "run.png")).std() > 0.01
+    assert imread(figures.save(drawer("estimators")(plain), tmp_path / "run.png")).std() > 0.01
 
 
 def test_what_is_not_recorded_is_told(plain):

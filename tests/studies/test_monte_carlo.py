@@ -15,16 +15,16 @@ from wrong_models import filter_parameters
 
 from gapsense import ledger
 from gapsense.estimators.rts import motions, smooth_record
-from gapsense.studies.monte_carlo.comparison import (
+from gapsense.studies.smoother.batch import Variant
+from gapsense.studies.smoother.comparison import (
     ESTIMATORS,
     WIDTHS,
     compare,
     errors_of_chunk,
     trajectories,
 )
-from gapsense.studies.monte_carlo.show import orderings
-from gapsense.studies.smoother.batch import Variant
-from gapsense.studies.smoother.perturbation import CHUNK, chunks, errors, noise, perturbed
+from gapsense.studies.smoother.models import CHUNK, chunks, errors, noise, perturbed
+from gapsense.studies.smoother.show import orderings
 from gapsense.studies.smoother.study import noise_of_width, study_of, tuning
 from gapsense.studies.tasks import compute, number
 
@@ -113,7 +113,7 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, sys
 from pathlib import Path
-from gapsense.studies.monte_carlo.comparison import compare
+from gapsense.studies.smoother.comparison import compare
 from gapsense.studies.smoother.study import study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 compare(study, [0.01, 0.02, 0.03, 0.05], 3, 2, Path(sys.argv[2]))

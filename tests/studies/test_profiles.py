@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from gapsense.cosim import run, sweep
 from gapsense.report import plot as figures
 from gapsense.report.table import text
-from gapsense.studies.figures import draw
+from gapsense.studies.figures import drawer
 from gapsense.studies.profiles import experiment
 from gapsense.studies.profiles import show as drawn
 
@@ -82,7 +82,7 @@ def test_no_motion_is_no_crash(first):
 def test_figures_are_pictures(first, bouncing, tmp_path):
     profiles = [experiment.line_up(result) for result in (first, bouncing)]
     for name, figure in {
-        "cycle": draw(first, "profiles"),
+        "cycle": drawer("profiles")(first),
         "trajectories": drawn.trajectories(profiles, "x"),
         "boxes": drawn.boxes(experiment.errors(profiles), "x"),
     }.items():

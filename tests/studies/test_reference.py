@@ -8,8 +8,7 @@ from scipy.integrate import quad
 from wrong_models import Textbook
 
 from gapsense.estimators.reduced_model import gap_law
-from gapsense.studies.smoother.nominal import fitted, nominal, own
-from gapsense.studies.smoother.perturbation import errors, gap_means, perturbed
+from gapsense.studies.smoother.models import errors, fitted, gap_means, nominal, perturbed, unvaried
 from gapsense.studies.smoother.reference import process_noise, reference_states, transition_errors
 
 RUNS, WIDTH = 3, 0.2
@@ -88,13 +87,13 @@ def test_fit_leaves_the_smallest_current_error(study):
 
     def cost(R_c0, lam_sat):
         wrong = m._replace(R_c0=R_c0, lam_sat=lam_sat)
-        return np.sum(reference_states(s, own(wrong), wrong).current_error ** 2)
+        return np.sum(reference_states(s, unvaried(wrong), wrong).current_error ** 2)
 
     best = cost(m.R_c0, m.lam_sat)
     for a, b in ((1.001, 1.0), (0.999, 1.0), (1.0, 1.0005), (1.0, 0.9995)):
         assert cost(a * m.R_c0, b * m.lam_sat) > best
     assert best < 0.1 * cost(1.75, 0.0238)
-    again = fitted(s, nominal(core_reluctance=1.2, core_saturation=0.03))
+    again = fitted(s, nominal()._replace(R_c0=1.2, lam_sat=0.03))
     assert (again.R_c0, again.lam_sat) == pytest.approx((m.R_c0, m.lam_sat), rel=1e-6)
 
 

@@ -8,7 +8,7 @@ from wrong_models import Textbook, filter_parameters
 
 from gapsense.estimators.rts import smooth_record
 from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, uncertain
-from gapsense.studies.smoother.perturbation import errors, gap_means, noise, perturbed
+from gapsense.studies.smoother.models import errors, gap_means, noise, perturbed
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 
 RUNS = 4

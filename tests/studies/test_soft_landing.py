@@ -10,7 +10,7 @@ from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Inputs
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.soft_landing.cycle import run, sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 from gapsense.studies.soft_landing.inverse import SoftLandingError
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics
 
@@ -29,7 +29,7 @@ SLOW = Trajectory(
 
 @pytest.fixture(scope="module")
 def cycles():
-    return run(RTS_VALVE, FIG_5, 2e-6, 3)
+    return soft_landing(RTS_VALVE, FIG_5, 2e-6, 3)
 
 
 def forward(par, cycles, micro_step=2e-6):
@@ -61,7 +61,7 @@ def forward(par, cycles, micro_step=2e-6):
     ],
 )
 def test_forward_simulation_gives_the_trajectory_back(par, trajectory, step):
-    cycles = run(par, trajectory, step, 2)
+    cycles = soft_landing(par, trajectory, step, 2)
     for cycle, positions in zip(cycles, forward(par, cycles, step)):
         assert np.abs(positions - cycle.position).max() < CLOSE
 
@@ -81,7 +81,7 @@ def test_independent_model_gives_the_trajectory_back(cycles):
 def test_reproduction_is_limited_by_the_steps_of_the_voltage_only():
     errors = []
     for step in (8e-6, 4e-6, 2e-6):
-        cycles = run(RTS_VALVE, FIG_5, step, 1)
+        cycles = soft_landing(RTS_VALVE, FIG_5, step, 1)
         errors.append(np.abs(forward(RTS_VALVE, cycles, step)[0] - cycles[0].position).max())
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.1)
 

@@ -27,32 +27,12 @@ def compute(
     file: Path | None = None,
     progress: Progress | None = None,
 ) -> Answers:
-    """Results of `function(setting, task)` for all tasks.
+    """Results of `function(setting, task)` for all tasks; the number of `workers` does not change them.
 
-    Parameters
-    ----------
-    function : callable
-        At the top level of a module, which the workers import; it returns what JSON can hold.
-    setting : mapping
-        The same for all tasks, of JSON.
-    tasks : sequence of mappings
-        What differs, of JSON.
-    workers : int
-        Processes; the numbers do not depend on it.
-    file : Path, optional
-        Takes a line per task as soon as it is done.  What is there for the same code, setting and task is not computed
-        again.
-    progress : callable, optional
-        Called after each task with tasks done and tasks in all.
-
-    Returns
-    -------
-    Answers
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After a Ctrl-C; the file has what was computed.
+    The function stands at the top level of a module, which the workers import.  `setting`, which all tasks share, the
+    tasks and the results are of JSON.  `file` takes a line per task as soon as it is done, and has it after a Ctrl-C,
+    which is a KeyboardInterrupt; what is there for the same code, setting and task is not computed again.  `progress`
+    is called after each task with tasks done and tasks in all.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers found, at least 1 expected. Correct `--workers`.")

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from gapsense.studies.estimators.contenders import CONTENDERS, NOISES, Contender
 from gapsense.studies.estimators.parameters import Valve, gap_table, wrong
-from gapsense.studies.smoother.perturbation import errors
+from gapsense.studies.smoother.models import errors
 
 SEED, DRAWS = 1, 16
 WIDTHS = {"rows_5.csv": 0.1, "rows_10.csv": 0.2}  # intervals of +-5 % and +-10 %, (55)

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense.derivative import linearise
 from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Model, is_moving, observation, transition
-from gapsense.studies.smoother.nominal import nominal, own
+from gapsense.estimators.rts import Floats
+from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
 
-Vector = npt.NDArray[np.float64]
 TOLERANCE = 1e-12
 OTHERS = (1e-9, 1e-10, 1e-11, 1e-13, 1e-14)  # tolerances to compare with
 STATES = 5
@@ -29,80 +28,71 @@ STATES = 5
 class Scales(NamedTuple):
     """What counts as one."""
 
-    state: Vector  # (5,)
+    state: Floats  # (5,)
     current: float  # [A]
 
 
 class Window(NamedTuple):
     """The outputs of samples i .. j, derived by the state at i."""
 
-    matrix: Vector  # (rows, 5), scaled (50)
-    transition: Vector  # (5, 5), scaled: what later rows are made of
+    matrix: Floats  # (rows, 5), scaled (50)
+    transition: Floats  # (5, 5), scaled: what later rows are made of
 
 
 class Observed(NamedTuple):
     """Samples of a cycle and how many each needs, by tolerance."""
 
     samples: Samples
-    needed: dict[float, Vector]  # (N,) each
+    needed: dict[float, Floats]  # (N,) each
 
 
 def along_reference_cycle(tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS)) -> Observed:
     """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
     m = nominal()
-    full = sampled(soft_landing(), m.T_s)
-    x = reference_states(full, own(m), m)
+    full = sampled(soft_landing()[-1], m.T_s)
+    x = reference_states(full, unvaried(m), m)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period
     found = {t: samples_needed(states[:-1], s.current, s.voltage, s.mode, m, t) for t in tolerances}
     return Observed(s, found)
 
 
-def scales(states: Vector, current: Vector) -> Scales:
+def scales(states: Floats, current: Floats) -> Scales:
     """Largest values along the cycle, for states (N, 5) and current (N,); 1 for what is zero all along."""
     largest = np.abs(states).max(axis=0)
     return Scales(np.where(largest > 0.0, largest, 1.0), float(np.abs(current).max()))
 
 
-def windows(i: int, states: Vector, voltage: Vector, mode: Vector, m: Model, scale: Scales) -> Iterator[Window]:
+def windows(i: int, states: Floats, voltage: Floats, mode: Floats, m: Model, scale: Scales) -> Iterator[Window]:
     """The windows of samples that begin with `i`, one sample longer each; the cycle repeats."""
     x, F = states[i].tolist(), np.eye(STATES)
     rows = [] if is_moving(mode[i - 1]) else [np.eye(STATES)[POSITION_PREV]]  # (48)
     for k in range(i, i + mode.size):
         q, u = float(mode[k % mode.size]), float(voltage[k % mode.size])
         _, H = linearise(observation, x, m)
-        rows.append(_floats(H)[0] * scale.state / scale.current @ F)
+        rows.append(np.array(H, float)[0] * scale.state / scale.current @ F)
         if not is_moving(q):
             rows.append(F[POSITION])
         x, F_k = linearise(transition, x, Held(u, q), m)
-        F = _floats(F_k) * scale.state / scale.state[:, None] @ F
+        F = np.array(F_k, float) * scale.state / scale.state[:, None] @ F
         yield Window(np.array(rows), F)
 
 
-def rank(matrix: Vector, tolerance: float = TOLERANCE) -> int:
+def rank(matrix: Floats, tolerance: float = TOLERANCE) -> int:
     """Number of singular values above `tolerance` times the largest one."""
     values = np.linalg.svd(matrix, compute_uv=False)
     return int(np.sum(values > tolerance * values[0]))
 
 
 def samples_needed(
-    states: Vector, current: Vector, voltage: Vector, mode: Vector, m: Model, tolerance: float = TOLERANCE
-) -> Vector:
+    states: Floats, current: Floats, voltage: Floats, mode: Floats, m: Model, tolerance: float = TOLERANCE
+) -> Floats:
     """Number of consecutive samples that make the state observable (51), for each sample; infinite where none do.
 
-    Parameters
-    ----------
-    states : (N, 5) array
-        Reference states (47), normalised.
-    current, voltage, mode : (N,) array
-        Samples of one period, of which the last is followed by the first.
-    m : Model
-        The reduced model.
-    tolerance : float
-        See `rank`.  It depends on the scaling, here by the largest values along the cycle.
+    The reference states (47), (N, 5) and normalised, the current, the voltage and the mode are those of one period, of
+    which the last sample is followed by the first.  `tolerance` (see `rank`) goes with the scaling, here by the largest
+    values along the cycle.
 
-    Notes
-    -----
     A state is unobservable for good once a component of it changes neither an output so far nor the state now: then no
     later output depends on it.
     """
@@ -117,7 +107,3 @@ def samples_needed(
         return math.inf
 
     return np.array([needed(i) for i in range(mode.size)])
-
-
-def _floats(matrix: Any) -> Vector:
-    return np.array(matrix, dtype=float)

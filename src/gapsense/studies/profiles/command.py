@@ -8,20 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import (
-    COMPONENT_FAILED,
-    INTERRUPTED,
-    Fmus,
-    Out,
-    Scenario,
-    Workers,
-    bar,
-    problem,
-    show,
-    stem,
-    study,
-    written,
-)
+from gapsense.cli import common
+from gapsense.cli.common import Fmus, Out, Scenario, Workers, bar, problem, show, study, written
 
 ALL = (None, "thresholds", "threshold_mode", "early")
 Variants = Annotated[
@@ -60,10 +48,10 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     for index, error in swept.errors.items():
         problem(f"run {index}: {error}")
     if swept.interrupted or not swept.kept:
-        raise typer.Exit(INTERRUPTED if swept.interrupted else COMPONENT_FAILED)
+        raise typer.Exit(common.INTERRUPTED if swept.interrupted else common.COMPONENT_FAILED)
     evaluated(swept.kept, to)
     if swept.errors:
-        raise typer.Exit(COMPONENT_FAILED)
+        raise typer.Exit(common.COMPONENT_FAILED)
 
 
 def evaluated(files: Sequence[Path], to: Path) -> None:
@@ -82,4 +70,4 @@ def evaluated(files: Sequence[Path], to: Path) -> None:
     title = f"{first.run.scenario}: {first.run.title}"
     show(title, *summary(lined_up, errors))
     drawn = {12: run_figure(first), 14: trajectories(lined_up, title), 15: boxes(errors, title)}
-    written(*(plot.save(figure, to / f"{stem(first)}_{number}.png") for number, figure in drawn.items()))
+    written(*(plot.save(figure, to / f"{common.stem(first)}_{number}.png") for number, figure in drawn.items()))

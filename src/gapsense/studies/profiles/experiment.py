@@ -16,9 +16,8 @@ import numpy.typing as npt
 from gapsense.cosim import Result
 from gapsense.estimators.ekf import Parameters
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.estimators.rts import Estimates, motions, smooth_record
+from gapsense.estimators.rts import Estimates, Floats, motions, smooth_record
 
-Vector = npt.NDArray[np.float64]
 FILTER, SMOOTHERS = "EKF", {"ERTSS": "ertss", "ERTSS\\e_i": "no_current_error", "ERTSS\\e_F": "no_force_error"}
 ESTIMATORS = (FILTER, *SMOOTHERS)
 OPERATIONS = ("making", "breaking")
@@ -28,14 +27,12 @@ SIGNALS = (
     *(f"{name}.smoothed_{s}" for name in SMOOTHERS.values() for s in ("published", "time", "position")),
 )
 HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
-LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)  # of the box plots [%]
 GAP_LAW: Any = {  # the formula; the table is of no importance then
     "gap_law": GapLaw.fringing,
     "gap_file_gap": [0.0, 1.0],
     "gap_file_reluctance": [0.0, 1.0],
     "gap_file_spline": [0.0, 0.0],
 }
-PUBLISHED = {"position": 0.1, "velocity": 130.0}  # 75 % of the errors of the ERTSS are smaller, about
 
 
 class Motion(NamedTuple):
@@ -51,15 +48,15 @@ class Motion(NamedTuple):
 class Curve(NamedTuple):
     """Normalised position [1] and velocity [1/s] at every sample; NaN where there is no estimate."""
 
-    position: Vector
-    velocity: Vector
+    position: Floats
+    velocity: Floats
 
 
 class Profile(NamedTuple):
     """One run, with all estimates at the samples that they are about."""
 
-    time: Vector
-    mode: Vector
+    time: Floats
+    mode: Floats
     true: Curve
     estimates: dict[str, Curve]
     motions: list[Motion]
@@ -69,8 +66,8 @@ class Profile(NamedTuple):
 class Errors(NamedTuple):
     """Absolute errors of all samples in motion, by estimator and operation."""
 
-    position: dict[tuple[str, str], Vector]
-    velocity: dict[tuple[str, str], Vector]
+    position: dict[tuple[str, str], Floats]
+    velocity: dict[tuple[str, str], Floats]
 
 
 def require(signals: Collection[str], scenario: str) -> None:
@@ -89,20 +86,10 @@ def line_up(result: Result) -> Profile:
     The smoothers of a co-simulation publish a motion late, sample by sample, and a landing meanwhile cuts it off.  So
     all motions are smoothed from the recorded measurements, by the same algorithm with the parameters of the FMUs, and
     held against what was published.
-
-    Parameters
-    ----------
-    result : Result
-        A run of the scenario `profiles`.
-
-    Returns
-    -------
-    Profile
     """
-    require(result.signals, result.run.scenario)
     low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
 
-    def curve(position: Vector, velocity: Vector) -> Curve:
+    def curve(position: Floats, velocity: Floats) -> Curve:
         return Curve((position - low) / (high - low), velocity / (high - low))
 
     position, mode = result["actuator.position"], result["sensor.mode_measured"]
@@ -115,7 +102,10 @@ def line_up(result: Result) -> Profile:
         published &= seen
         difference = max(difference, worst / (high - low))
         estimates[label] = curve(smoothed.position, smoothed.velocity)
-    found = [motion(first, landed, result.times, mode, published) for first, landed in motions(mode)]
+    found = [
+        Motion(a, b, OPERATIONS[int(result.times[a] > HALF)], mode[a - 1] == mode[b], bool(published[a:b].all()))
+        for a, b in motions(mode)
+    ]
     return Profile(result.times, mode, curve(position, velocity), estimates, found, difference)
 
 
@@ -141,28 +131,19 @@ def compared(result: Result, name: str, smoothed: Estimates) -> tuple[npt.NDArra
     return seen, float(np.max(difference, initial=0.0))
 
 
-def motion(first: int, landed: int, times: Vector, mode: Vector, published: npt.NDArray[np.bool_]) -> Motion:
-    """What is to be known of a motion."""
-    operation = OPERATIONS[int(times[first] > HALF)]
-    return Motion(first, landed, operation, mode[first - 1] == mode[landed], bool(published[first:landed].all()))
-
-
 def errors(profiles: Sequence[Profile]) -> Errors:
     """Absolute errors over all samples in motion of all profiles."""
-    keys = [*product(ESTIMATORS, OPERATIONS)]
-    return Errors(*({key: of(profiles, *key, quantity) for key in keys} for quantity in range(2)))
+    found = Errors({}, {})
+    for (k, of_quantity), estimator, operation in product(enumerate(found), ESTIMATORS, OPERATIONS):
+        parts = [
+            np.abs(profile.estimates[estimator][k] - profile.true[k])[m.first : m.landed]
+            for profile in profiles
+            for m in moved(profile, operation)
+        ]
+        of_quantity[estimator, operation] = np.concatenate([*parts, np.zeros(0)])
+    return found
 
 
 def moved(profile: Profile, operation: str) -> list[Motion]:
     """The motions of one operation."""
     return [m for m in profile.motions if m.operation == operation]
-
-
-def of(profiles: Sequence[Profile], estimator: str, operation: str, quantity: int) -> Vector:
-    """Absolute errors of position (0) or velocity (1)."""
-    parts = [
-        np.abs(profile.estimates[estimator][quantity] - profile.true[quantity])[m.first : m.landed]
-        for profile in profiles
-        for m in moved(profile, operation)
-    ]
-    return np.concatenate(parts) if parts else np.zeros(0)

@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 
 from gapsense.actuators.motion import MOVING
 from gapsense.estimators.reduced_model import Model, current, gap_law, normalised
+from gapsense.estimators.rts import Floats
 from gapsense.files import read_columns
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
-Floats = NDArray[np.float64]
 FEWEST = 10  # samples
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II
 COLUMNS = ("time", "voltage", "current", "position")  # of a record
@@ -56,10 +56,9 @@ def of_reference_cycle(par: Any) -> list[Fitted]:
     """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
     m, found = normalised(par), []
     for title, changes in SIMPLER.items():
-        s = sampled(soft_landing(RTS_VALVE._replace(**changes)), par.sample_time)
+        s = sampled(soft_landing(RTS_VALVE._replace(**changes))[-1], par.sample_time)
         chosen = s.mode == MOVING if "motion" in title else np.full(s.mode.shape, True)
-        given = s.position[chosen], s.flux_linkage[chosen], s.current[chosen]
-        found.append(Fitted(title, fit_core(*given, m), current_rms(*given, m._replace(**PUBLISHED))))
+        found.append(_fitted(title, s.position[chosen], s.flux_linkage[chosen], s.current[chosen], m))
     return found
 
 
@@ -74,8 +73,12 @@ def of_record(file: Path, par: Any, held: bool) -> list[Fitted]:
     if late.size:
         raise ValueError(f"{file}, line {late[0] + 3}: `time` does not rise. Correct the file.")
     m = normalised(par)
-    given = position, integrated_flux(time, voltage, current, m.R, held), current
-    return [Fitted(file.name, fit_core(*given, m), current_rms(*given, m._replace(**PUBLISHED)))]
+    return [_fitted(file.name, position, integrated_flux(time, voltage, current, m.R, held), current, m)]
+
+
+def _fitted(title: str, position: Floats, flux_linkage: Floats, measured: Floats, m: Model) -> Fitted:
+    published = _left(*_samples(position, flux_linkage, measured, m), m._replace(**PUBLISHED))
+    return Fitted(title, fit_core(position, flux_linkage, measured, m), float(np.sqrt(np.mean(published**2))))
 
 
 def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> CoreFit:
@@ -94,40 +97,26 @@ def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, 
     and West, with as many lags as the errors of neighbouring samples are alike.  They say how well the samples fix the
     two numbers, not how true the model is.
     """
-    z, lam, i = _samples(position, flux_linkage, measured, m)
-    R_g = [gap_law(float(at), m)[0] for at in z]
+    R_g, lam, i = _samples(position, flux_linkage, measured, m)
 
     def residual(logs: Floats) -> Floats:
         """In logarithms both numbers stay positive."""
-        tried = m._replace(R_c0=m.R_c0 * float(np.exp(logs[0])), lam_sat=m.lam_sat * float(np.exp(logs[1])))
-        return np.asarray(i - [current(R, float(at), 0.0, tried) for R, at in zip(R_g, lam)])
+        R_c0, lam_sat = np.exp(logs).tolist()
+        return _left(R_g, lam, i, m._replace(R_c0=m.R_c0 * R_c0, lam_sat=m.lam_sat * lam_sat))
 
     tight = 1e-14
     found = least_squares(residual, np.zeros(2), jac="3-point", xtol=tight, ftol=tight, gtol=tight)
     values = np.array([m.R_c0, m.lam_sat]) * np.exp(found.x)
     stds = values * standard_errors(found.jac, found.fun)
     rms = float(np.sqrt(np.mean(found.fun**2)))
-    return CoreFit(float(values[0]), float(values[1]), float(stds[0]), float(stds[1]), rms, i.size)
-
-
-def current_rms(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> float:
-    """What a given core leaves of the current [A]."""
-    z, lam, i = _samples(position, flux_linkage, measured, m)
-    left = [k - current(gap_law(float(at), m)[0], float(flux), 0.0, m) for at, flux, k in zip(z, lam, i)]
-    return float(np.sqrt(np.mean(np.square(left))))
+    return CoreFit(float(values[0]), float(values[1]), float(stds[0]), float(stds[1]), rms, len(i))
 
 
 def integrated_flux(time: ArrayLike, voltage: ArrayLike, measured: ArrayLike, resistance: float, held: bool) -> Floats:
     """Flux linkage of a measured record: the integral of u - R i from a start at rest and without flux [Wb].
 
-    Parameters
-    ----------
-    time, voltage, measured : (N,) arrays
-        Sample times [s], voltage [V] and current [A].
-    resistance : float
-        Of the coil [ohm].
-    held : bool
-        Whether the voltage holds from each sample to the next; otherwise it is straight between them, as the current.
+    From the sample times [s], the voltage [V], the current [A] and the resistance of the coil [ohm].  The voltage is
+    `held` from each sample to the next, or else straight between them, as the current.
     """
     t, u, i = (np.asarray(values, float) for values in (time, voltage, measured))
     applied = np.append(0.0, np.cumsum(np.diff(t) * u[:-1])) if held else cumulative_trapezoid(u, t, initial=0.0)
@@ -155,12 +144,18 @@ def standard_errors(J: Floats, residual: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ B @ inverse) * n / (n - J.shape[1]), 0.0)))
 
 
-def _samples(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> tuple[Floats, ...]:
-    """Normalised position, flux linkage and current."""
+def _samples(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, m: Model) -> tuple[Any, Any, Any]:
+    """Reluctance of the gap, flux linkage and current."""
     arrays = tuple(np.asarray(values, float) for values in (position, flux_linkage, measured))
     sizes = [a.shape for a in arrays]
     if len(set(sizes)) > 1 or arrays[0].ndim != 1 or arrays[0].size < FEWEST:
         raise ValueError(f"position, flux linkage and current have shapes {sizes}; expected equal (N,), N >= {FEWEST}.")
     if not all(np.all(np.isfinite(a)) for a in arrays):
         raise ValueError("position, flux linkage or current is not finite somewhere. Leave those samples out.")
-    return (arrays[0] - m.z_min) / m.l_z, arrays[1], arrays[2]
+    z, lam, i = ((arrays[0] - m.z_min) / m.l_z).tolist(), arrays[1].tolist(), arrays[2].tolist()
+    return [gap_law(at, m)[0] for at in z], lam, i
+
+
+def _left(R_g: list[float], lam: list[float], i: list[float], m: Model) -> Floats:
+    """What the model leaves of the currents [A]."""
+    return np.array([measured - current(R, flux, 0.0, m) for R, flux, measured in zip(R_g, lam, i)])

@@ -10,14 +10,13 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
+from gapsense.estimators.rts import Floats
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar, Vector
 from gapsense.studies.smoother.batch import Code, Variant, Varied, compiled, varied_model
 
-Floats = NDArray[np.float64]
 BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache
 
 
@@ -36,19 +35,7 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
 
     The current error is i - f_i*(z, lambda, 0) (47c); the force error is what the position of the next sample needs,
     m (z_next - f_z*(z, z_prev, lambda, 0, q)) / T_s^2 (47d), so that the position has no process noise.
-
-    Parameters
-    ----------
-    samples : Samples
-        Voltage, current, mode, position and flux linkage at multiples of T_s [SI], (N,); the mover rests at both ends.
-    varied : Varied
-        Parameters of each run, (runs,) or numbers.
-    m : Model
-        What does not vary, and the sampling period.
-
-    Returns
-    -------
-    Reference
+    The samples, of SI units, are at multiples of T_s, and the mover rests at both ends of them.
     """
     z = (samples.position - m.z_min) / m.l_z
     before, after = np.append(z[0], z[:-1]), np.append(z[1:], z[-1])

@@ -6,23 +6,11 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Model, is_moving, limit
-from gapsense.estimators.rts import motions
-from gapsense.studies.smoother.batch import (
-    Row,
-    Tuning,
-    Variant,
-    Varied,
-    backward_step,
-    forward_step,
-    landed,
-    open_step,
-    start,
-)
-
-Floats = NDArray[np.float64]
+from gapsense.estimators.rts import Floats, motions
+from gapsense.studies.smoother import batch
+from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
 
 
 class Estimator(NamedTuple):
@@ -44,38 +32,27 @@ class Motion(NamedTuple):
 def filtered(record: Any, current: Floats, varied: Varied, estimator: Estimator) -> Iterator[Motion]:
     """Run the filter over a record, and give every motion when it has landed.
 
-    Parameters
-    ----------
-    record : Samples
-        Its voltage and mode are the inputs of all runs; it starts at rest.
-    current : (N, runs) array
-        Measured currents [A].
-    varied : Varied
-        Parameters of each run.
-    estimator : Estimator
-        The rest of the filter.
-
-    Yields
-    ------
-    Motion
+    The voltage and the mode of the record, which starts at rest, are the inputs of all runs; the measured currents
+    (N, runs) [A] and the parameters in `varied` are those of each.
     """
     variant, tuning, m = estimator
     v, q, end = record.voltage.tolist(), record.mode.tolist(), _end(record)
     with np.errstate(all="ignore"):  # both branches of a condition may be computed, and one may be meaningless
-        row, kept = start(m, variant, q[0])(varied), list[Row]()
+        row, kept = batch.start(m, variant, q[0])(varied), list[Row]()
         for k in range(1, end):
-            row = forward_step(m, variant, q[k - 1], q[k])(row, (v[k - 1], current[k]), varied, tuning)
+            row = batch.forward_step(m, variant, q[k - 1], q[k])(row, (v[k - 1], current[k]), varied, tuning)
             if is_moving(q[k]):
                 kept.append(row)
             elif is_moving(q[k - 1]):
                 yield Motion(k - len(kept), kept, row)
-                row, kept = landed(row, variant, q[k]), []
+                row, kept = batch.landed(row, variant, q[k]), []
 
 
 def smoothed(motion: Motion, record: Any, varied: Varied, estimator: Estimator) -> Iterator[Row]:
     """Smoothed estimates of the samples of a motion, from the last one back to the first."""
-    back, later = backward_step(estimator.model, estimator.variant), motion.landing
-    for row, voltage in zip(reversed(motion.filtered), reversed(_voltages(motion, record))):
+    back, later = batch.backward_step(estimator.model, estimator.variant), motion.landing
+    voltages = record.voltage[motion.first : motion.first + len(motion.filtered)].tolist()
+    for row, voltage in zip(reversed(motion.filtered), reversed(voltages)):
         with np.errstate(all="ignore"):
             later = back(row, (voltage,), later, varied, estimator.tuning)
         yield later
@@ -87,13 +64,9 @@ def open_loop(record: Any, varied: Varied, m: Model) -> Iterator[tuple[int, Row]
     row: Row = (limit(q[0]), limit(q[0]), 0.0)
     for k in range(1, _end(record)):
         with np.errstate(all="ignore"):
-            row = open_step(m, q[k - 1], q[k])(row, (v[k - 1],), varied)
+            row = batch.open_step(m, q[k - 1], q[k])(row, (v[k - 1],), varied)
         if is_moving(q[k]):
             yield k, row
-
-
-def _voltages(motion: Motion, record: Any) -> list[float]:
-    return record.voltage[motion.first : motion.first + len(motion.filtered)].tolist()  # type: ignore[no-any-return]
 
 
 def _end(record: Any) -> int:

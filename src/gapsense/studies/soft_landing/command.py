@@ -1,4 +1,4 @@
-"""Soft landing: a drive voltage for an actuator."""
+"""Soft landing: a drive voltage for an actuator, and the reference cycle of [RTS]."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import command, show
+from gapsense.cli.common import FigureFile, command, show, study, written
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
@@ -31,13 +31,14 @@ def soft_landing(
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
     from gapsense.studies.identification.transfer import parameters_of
-    from gapsense.studies.soft_landing import table
-    from gapsense.studies.soft_landing.cycle import run
+    from gapsense.studies.soft_landing import cycle, table
     from gapsense.studies.soft_landing.show import phases
 
     device = parameters_of("reluctance_actuator", parameters)
     motions = making_start, making_duration, breaking_start, breaking_duration
-    cycles = run(device, Trajectory(period, *motions, hold_voltage, lead), highest_voltage=highest_voltage)
+    cycles = cycle.soft_landing(
+        device, Trajectory(period, *motions, hold_voltage, lead), highest_voltage=highest_voltage
+    )
     times, voltages = table.voltage_table(cycles)
     deviation = table.deviation(cycles, *table.played(device, times, voltages))
     table.write(to, times, voltages)
@@ -47,3 +48,17 @@ def soft_landing(
         f'{to}: {times.size} rows. In DriveVoltage set waveform = "soft_landing", soft_landing.file = "{to}", '
         f"soft_landing.period = {period:g}, soft_landing.repeat_from = {period:g}.",
     )
+
+
+@study("reference-cycle")
+def reference_cycle(parameters: File = None, to: FigureFile = Path("results/reference_cycle.png")) -> None:
+    """Figure 5 of [RTS]: the cycle with soft landing that its analyses take as the truth."""
+    from gapsense.report import plot
+    from gapsense.studies.identification.transfer import parameters_of
+    from gapsense.studies.soft_landing.cycle import soft_landing
+    from gapsense.studies.soft_landing.show import figure, phases
+
+    plot.check_file(to)
+    cycle = soft_landing(parameters_of("reluctance_actuator", parameters))[-1]
+    show(phases(cycle))
+    written(plot.save(figure(cycle), to))

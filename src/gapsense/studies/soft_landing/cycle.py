@@ -15,8 +15,8 @@ import numpy as np
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.soft_landing.inverse import SoftLandingError
-from gapsense.studies.soft_landing.phases import Cycle, Setup, Vector, balancing_voltage, move, rest
+from gapsense.studies.soft_landing.inverse import Cycle, SoftLandingError, Vector
+from gapsense.studies.soft_landing.phases import Setup, balancing_voltage, move, rest
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory
 
 INSTANT = 1e-12  # [s]; times that are closer are the same
@@ -40,8 +40,8 @@ def soft_landing(
     step: float = 2e-6,
     cycles: int = 2,
     highest_voltage: float = 200.0,
-) -> Cycle:
-    """Last of some cycles of making and breaking without impact, from a core that was never magnetized.
+) -> list[Cycle]:
+    """Cycles of making and breaking without impact, from a core that was never magnetized.
 
     Parameters
     ----------
@@ -61,13 +61,6 @@ def soft_landing(
     SoftLandingError
         If the motion is impossible for this actuator or this drive, with the instant and the reason.
     """
-    return run(actuator, trajectory, step, cycles, highest_voltage)[-1]
-
-
-def run(
-    actuator: Parameters, trajectory: Trajectory, step: float = 2e-6, cycles: int = 2, highest_voltage: float = 200.0
-) -> list[Cycle]:
-    """All cycles; arguments of `soft_landing`."""
     check(actuator, trajectory, step)
     par = actuator._replace(micro_step=step)
     fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
@@ -81,28 +74,21 @@ def run(
 
 def check(actuator: Parameters, trajectory: Trajectory, step: float) -> None:
     """Refuse what cannot be a cycle; all problems at once."""
-    c = trajectory
+    c, lower, upper = trajectory, actuator.stop_lower, actuator.stop_upper
     making_end, breaking_end = c.making_start + c.making_duration, c.breaking_start + c.breaking_duration
+    shortest, latest = min(step, c.lead, c.making_duration, c.breaking_duration), c.period + INSTANT
     problems = {
-        f"`stop_lower` of {actuator.stop_lower} m must be below `stop_upper` of {actuator.stop_upper} m": (
-            actuator.stop_lower < actuator.stop_upper
-        ),
-        f"`spring_rest` of {actuator.spring_rest} m must be above `stop_upper` of {actuator.stop_upper} m, or nothing "
-        "holds the mover there": actuator.spring_rest > actuator.stop_upper,
-        "`step`, `lead`, `making_duration` and `breaking_duration` must be positive": (
-            min(step, c.lead, c.making_duration, c.breaking_duration) > 0.0
-        ),
-        f"the voltage of the making begins {c.lead} s before `making_start` of {c.making_start} s, before the period": (
-            c.making_start >= c.lead
-        ),
+        f"`stop_lower` of {lower} m must be below `stop_upper` of {upper} m": lower < upper,
+        f"`spring_rest` of {actuator.spring_rest} m must be above `stop_upper` of {upper} m, or nothing holds the "
+        "mover there": actuator.spring_rest > upper,
+        "`step`, `lead`, `making_duration` and `breaking_duration` must be positive": shortest > 0.0,
+        f"the voltage of the making begins {c.lead} s before `making_start` of {c.making_start} s, before the "
+        "period": c.making_start >= c.lead,
         f"the voltage of the breaking begins {c.lead} s before `breaking_start` of {c.breaking_start} s, before the "
         f"making has landed at {making_end:.6g} s": c.breaking_start - c.lead >= making_end - INSTANT,
-        f"the breaking lands at {breaking_end:.6g} s, after the period of {c.period} s": (
-            breaking_end <= c.period + INSTANT
-        ),
+        f"the breaking lands at {breaking_end:.6g} s, after the period of {c.period} s": breaking_end <= latest,
     }
-    found = [text for text, is_right in problems.items() if not is_right]
-    if found:
+    if found := [text for text, is_right in problems.items() if not is_right]:
         raise SoftLandingError("; ".join(found) + ".")
 
 
@@ -121,29 +107,20 @@ def sampled(cycle: Cycle, sample_time: float = 20e-6) -> Samples:
 
     after = np.minimum(k + 1, cycle.time.size - 1)
     lands = (cycle.mode[k] == MOVING) & is_row & (cycle.time[after] <= time + INSTANT)
-    return Samples(
-        time=time,
-        voltage=at(cycle.voltage),
-        current=at(cycle.current),
-        mode=cycle.mode[np.where(lands, after, k)],
-        position=at(cycle.position),
-        velocity=at(cycle.velocity),
-        flux_linkage=at(cycle.flux_linkage),
-    )
+    columns = {name: at(getattr(cycle, name)) for name in Samples._fields}
+    return Samples(**{**columns, "time": time, "mode": cycle.mode[np.where(lands, after, k)]})
 
 
 def _cycle(run: Setup, c: Trajectory, state: State) -> tuple[Cycle, State]:
     """One cycle: rest, lead and motion, for the making and for the breaking."""
-    making_end, breaking_end = c.making_start + c.making_duration, c.breaking_start + c.breaking_duration
     upper, lower = run.par.stop_upper, run.par.stop_lower
+    making = Motion(c.making_start, c.making_duration, upper, lower)
+    breaking = Motion(c.breaking_start, c.breaking_duration, lower, upper)
     parts = []
-    for begin, voltage, m in (
-        (0.0, 0.0, Motion(c.making_start, c.making_duration, upper, lower)),
-        (making_end, c.hold_voltage, Motion(c.breaking_start, c.breaking_duration, lower, upper)),
-    ):
+    for begin, voltage, m in ((0.0, 0.0, making), (making.start + making.duration, c.hold_voltage, breaking)):
         waiting, state = rest(run, state, begin, m.start - c.lead, voltage)
         lead, state = rest(run, state, m.start - c.lead, m.start, balancing_voltage(run, state, m, c.lead))
         moving, state = move(run, state, m)
         parts += [waiting, lead, moving]
-    waiting, state = rest(run, state, breaking_end, c.period, 0.0)
+    waiting, state = rest(run, state, breaking.start + breaking.duration, c.period, 0.0)
     return Cycle(*(np.concatenate(columns) for columns in zip(*parts, waiting))), state

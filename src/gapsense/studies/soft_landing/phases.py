@@ -3,41 +3,23 @@
 from __future__ import annotations
 
 import math
-from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gapsense.actuators import motion, reluctance_actuator
 from gapsense.actuators.magnetics import flux_force, smooth_gap_law
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN
+from gapsense.actuators.motion import CLOSED, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State
 from gapsense.actuators.reluctance_steps import Actuator
 from gapsense.kernel import Kernel
-from gapsense.studies.soft_landing.inverse import SoftLandingError, follow, needed_flux
+from gapsense.studies.soft_landing.inverse import Cycle, SoftLandingError, Vector, follow, needed_flux
 from gapsense.studies.soft_landing.trajectory import Motion
 
-Vector = npt.NDArray[np.float64]
+KERNEL = Kernel(reluctance_actuator)
 BALANCE = 1e-6  # net force that counts as none, in forces of the spring
 LOCK = 1e9  # rest position of the spring that holds the mover on its stop, by 1 N/m
-
-
-class Cycle(NamedTuple):
-    """One period, arrays (n,); at the ends of the phases, where the voltage may jump, a time comes twice."""
-
-    time: Vector
-    voltage: Vector
-    position: Vector
-    velocity: Vector
-    acceleration: Vector
-    flux: Vector
-    effective_field: Vector
-    core_field: Vector
-    current: Vector
-    mode: Vector
-    flux_linkage: Vector
 
 
 class Setup(NamedTuple):
@@ -54,7 +36,7 @@ def balancing_voltage(run: Setup, state: State, m: Motion, lead: float) -> float
     par = _locked(run.par, state.mode)
 
     def lacking(voltage: float) -> float:
-        return float(kernel().step(state, Inputs(m.start, lead, voltage), par)[0].flux - target)
+        return float(KERNEL.step(state, Inputs(m.start, lead, voltage), par)[0].flux - target)
 
     low, high = lacking(-run.highest), lacking(run.highest)
     if not low < 0.0 < high:
@@ -69,10 +51,10 @@ def balancing_voltage(run: Setup, state: State, m: Motion, lead: float) -> float
 def rest(run: Setup, state: State, begin: float, end: float, voltage: float) -> tuple[Cycle, State]:
     """Samples of the mover at rest under a constant voltage, and the state at the end."""
     par, times = _locked(run.par, state.mode), _grid(begin, end, run.par.micro_step)
-    rows = [kernel().step(state, Inputs(begin, 0.0, voltage), par)]
+    rows = [KERNEL.step(state, Inputs(begin, 0.0, voltage), par)]
     for before, t in zip(times[:-1].tolist(), times[1:].tolist()):
-        rows.append(kernel().step(rows[-1][0], Inputs(t, t - before, voltage), par))
-    flux = np.array([s.flux for s, _ in rows])
+        rows.append(KERNEL.step(rows[-1][0], Inputs(t, t - before, voltage), par))
+    flux, H_e, H_c, i = np.array([(s.flux, s.effective_field, o.core_field, o.current) for s, o in rows]).T
     _, slope, _ = smooth_gap_law(state.position, run.act.gap)
     spring = motion.spring_force(state.position, run.act.mover)
     leaving = motion.inward(state.mode, flux_force(flux, slope) + spring) > BALANCE * abs(spring)
@@ -81,36 +63,28 @@ def rest(run: Setup, state: State, begin: float, end: float, voltage: float) -> 
             f"t = {times[leaving.argmax()]:.6g} s: the mover leaves its stop under {voltage:.4g} V, before its time. "
             "Correct `hold_voltage`, or `lead`."
         )
-    held = np.ones(times.size)
-    cycle = Cycle(
-        time=times,
-        voltage=voltage * held,
-        position=state.position * held,
-        velocity=0.0 * held,
-        acceleration=0.0 * held,
-        flux=flux,
-        effective_field=np.array([s.effective_field for s, _ in rows]),
-        core_field=np.array([o.core_field for _, o in rows]),
-        current=np.array([o.current for _, o in rows]),
-        mode=state.mode * held,
-        flux_linkage=run.par.coil_turns * flux,
-    )
-    return cycle, rows[-1][0]
+    u, z, none, mode = (np.full(times.size, value) for value in (voltage, state.position, 0.0, state.mode))
+    return Cycle(times, u, z, none, none, flux, H_e, H_c, i, mode, run.par.coil_turns * flux), rows[-1][0]
 
 
 def move(run: Setup, state: State, m: Motion) -> tuple[Cycle, State]:
     """Samples of the motion, and the state of the mover landed."""
     times = _grid(m.start, m.start + m.duration, run.par.micro_step)
-    rows = follow(m, state.effective_field, run.act, times)
-    beyond = next((r for r in rows if not abs(r.voltage) <= run.highest), None)
-    if beyond:
+    cycle = follow(m, state.effective_field, run.act, times)
+    beyond = ~(np.abs(cycle.voltage) <= run.highest)
+    if beyond.any():
+        k = beyond.argmax()
         raise SoftLandingError(
-            f"t = {beyond.time:.6g} s: this motion needs {beyond.voltage:.4g} V, more than `highest_voltage` of "
+            f"t = {times[k]:.6g} s: this motion needs {cycle.voltage[k]:.4g} V, more than `highest_voltage` of "
             f"{run.highest} V. Make its duration longer than {m.duration} s, or `highest_voltage` higher."
         )
-    last, mode = rows[-1], CLOSED if m.last < m.first else OPEN
-    cycle = Cycle(*np.array([(*r, MOVING, run.par.coil_turns * r.flux) for r in rows]).T)
-    return cycle, State(last.flux, last.effective_field, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
+    flux, H_e, mode = float(cycle.flux[-1]), float(cycle.effective_field[-1]), CLOSED if m.last < m.first else OPEN
+    return cycle, State(flux, H_e, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
+
+
+def parts(cycle: Cycle) -> list[Any]:
+    """Rows of each phase of a cycle."""
+    return np.split(np.arange(cycle.time.size), np.flatnonzero(np.diff(cycle.time) == 0.0) + 1)
 
 
 def _grid(begin: float, end: float, step: float) -> Vector:
@@ -120,9 +94,3 @@ def _grid(begin: float, end: float, step: float) -> Vector:
 def _locked(par: Parameters, mode: float) -> Parameters:
     """The actuator with its mover held on its stop by a spring that never gives way."""
     return par._replace(spring_stiffness=1.0, spring_rest=LOCK if mode == OPEN else -LOCK)
-
-
-@cache
-def kernel() -> Kernel:
-    """The actuator on floats."""
-    return Kernel(reluctance_actuator)

@@ -1,4 +1,4 @@
-"""A cycle with soft landing in numbers; four estimators side by side, smoothed values at their own times."""
+"""A cycle with soft landing in numbers and as Fig. 5 of [RTS]; four estimators beside each other."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from rich.table import Table
 
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, dress, legend, line, recorded, stack
 from gapsense.report.table import table
-from gapsense.studies.soft_landing.phases import Cycle
+from gapsense.studies.soft_landing.inverse import Cycle
+from gapsense.studies.soft_landing.phases import parts
 
 SMOOTHERS = {
     "ertss": ("ERTSS", FIRST),
@@ -23,12 +24,15 @@ LABELS = ["voltage / V", "current / mA", "position / mm", "position\nerror / um"
 HEIGHTS = [1.0, 1.0, 1.5, 1.7, 1.7]
 QUANTITIES = (("position", 1e6), ("velocity", 1e3))
 LINTHRESH = 10.0  # errors are linear up to it, then logarithmic
-RANGES = (  # heading, field, factor
-    ("voltage / V", "voltage", 1.0),
-    ("current / mA", "current", 1e3),
-    ("flux / uWb", "flux", 1e6),
-    ("core field / (A/m)", "core_field", 1.0),
-)
+SHOWN = {  # of a cycle: label and factor
+    "voltage": ("voltage / V", 1.0),
+    "current": ("current / mA", 1e3),
+    "flux": ("flux / uWb", 1e6),
+    "core_field": ("core field / (A/m)", 1.0),
+    "position": ("position / mm", 1e3),
+}
+RANGES, PANELS = [*SHOWN][:4], ("position", "flux", "current", "voltage")
+THIN, WIDE = 1.0, 3.0  # at rest and in motion
 MODES = {CLOSED: "closed", MOVING: "moving", OPEN: "open"}
 
 
@@ -43,12 +47,32 @@ class Smoothed(NamedTuple):
 def phases(cycle: Cycle) -> Table:
     """Range of voltage, current, flux and field in each phase."""
     rows = []
-    for part in np.split(np.arange(cycle.time.size), np.flatnonzero(np.diff(cycle.time) == 0.0) + 1):
+    for part in parts(cycle):
         begin, end = 1e3 * cycle.time[part[[0, -1]]]
         if end > begin:
-            cells = (_range(factor * getattr(cycle, field)[part]) for _, field, factor in RANGES)
+            cells = (_range(SHOWN[name][1] * getattr(cycle, name)[part]) for name in RANGES)
             rows.append([MODES[cycle.mode[part[0]]], f"{begin:.4g}", f"{end:.4g}", *cells])
-    return table("", ["phase", "from / ms", "to / ms", *(heading for heading, _, _ in RANGES)], rows)
+    return table("", ["phase", "from / ms", "to / ms", *(SHOWN[name][0] for name in RANGES)], rows)
+
+
+def figure(cycle: Cycle) -> Figure:
+    """Fig. 5: position, flux, current and voltage over time, and flux over field; the wide lines are the motions."""
+    drawn = Figure(figsize=(11.0, 6.5), layout="constrained")
+    grid = drawn.add_gridspec(len(PANELS), 2, width_ratios=(1.5, 1.0))
+    first = None
+    for k, name in enumerate(PANELS):
+        axis = drawn.add_subplot(grid[k, 0], sharex=first)
+        first = first or axis
+        label, factor = SHOWN[name]
+        _panel(axis, f"({'abcd'[k]}) {label}", 1e3 * cycle.time, factor * getattr(cycle, name), cycle.mode == MOVING)
+        axis.tick_params(labelbottom=k == len(PANELS) - 1)
+    axis.set_xlabel("time / ms")
+    loop = drawn.add_subplot(grid[:, 1])
+    _panel(loop, "(e) flux / uWb", 1e-3 * cycle.core_field, 1e6 * cycle.flux, cycle.mode == MOVING)
+    loop.set_xlabel("field in the core / (kA/m)")
+    drawn.suptitle("Soft landing: making and breaking without impact, as in Fig. 5 of [RTS]")
+    drawn.align_ylabels()
+    return drawn
 
 
 def run_figure(result: Result) -> Figure:
@@ -64,9 +88,8 @@ def run_figure(result: Result) -> Figure:
     line(position, t, 1e3 * result["ekf.position"][rows], SECOND, "EKF")
     line(position, t, 1e3 * result["actuator.position"][rows], TRUE, "true")
     for k, moving in enumerate(_motions(smoothed(result, "ertss", "position"))):
-        position.plot(
-            1e3 * moving.time, 1e3 * moving.values, "--", color=FIRST, linewidth=2.0, label=None if k else "ERTSS"
-        )
+        label = None if k else "ERTSS"
+        position.plot(1e3 * moving.time, 1e3 * moving.values, "--", color=FIRST, linewidth=2.0, label=label)
     legend(position)
     for axis, (quantity, factor) in zip(errors, QUANTITIES):
         _errors(axis, result, quantity, factor)
@@ -82,6 +105,13 @@ def smoothed(result: Result, name: str, quantity: str) -> Smoothed:
     nearest = np.clip(np.searchsorted(result.times, at[order] - 1e-9), 0, result.times.size - 1)
     values = result[f"{name}.smoothed_{quantity}"][rows][order]
     return Smoothed(at[order], values, result[f"actuator.{quantity}"][nearest])
+
+
+def _panel(axis: Any, label: str, x: Any, y: Any, is_moving: Any) -> None:
+    axis.plot(x, y, color=FIRST, linewidth=THIN)
+    axis.plot(x, np.where(is_moving, y, np.nan), color=FIRST, linewidth=WIDE, solid_capstyle="butt")
+    axis.set_ylabel(label)
+    dress(axis)
 
 
 def _range(values: Vector) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,33 +9,24 @@ import numpy as np
 
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters
-from gapsense.studies.soft_landing.phases import Cycle, Vector, kernel
+from gapsense.studies.soft_landing.inverse import Cycle, Vector
+from gapsense.studies.soft_landing.phases import KERNEL, parts
 
 PIECES = 100  # per motion
 
 
 def voltage_table(cycles: Sequence[Cycle], pieces: int = PIECES) -> tuple[Vector, Vector]:
-    """Times and voltages of consecutive cycles, linear in between; a time that comes twice is a jump.
+    """Times [s] and voltages [V] of consecutive cycles, linear in between; a time that comes twice is a jump.
 
-    Parameters
-    ----------
-    cycles : sequence of Cycle
-        From `soft_landing.run`.
-    pieces : int
-        Straight pieces per motion.
-
-    Notes
-    -----
-    In the motions it is the line of least squares: its error has no mean on any pair of pieces, so that it hardly
-    changes the flux.  With 100 pieces the valve of [RTS] follows to 5e-10 m; a line through points of the
-    voltage, which lies on one side of a curve all along, is some hundred times worse.
+    In each motion it is the line of so many `pieces` of least squares: its error has no mean on any pair of pieces, so
+    that it hardly changes the flux.  With 100 pieces the valve of [RTS] follows to 5e-10 m; a line through points of
+    the voltage, which lies on one side of a curve all along, is some hundred times worse.
     """
     times, voltages = [], []
     for k, cycle in enumerate(cycles):
-        ends = [0, *(np.flatnonzero(np.diff(cycle.time) == 0.0) + 1), cycle.time.size]
-        for a, b in zip(ends[:-1], ends[1:]):
-            t, u = cycle.time[a:b], cycle.voltage[a:b]
-            is_constant = t.size == 1 or cycle.mode[a] != MOVING
+        for part in parts(cycle):
+            t, u = cycle.time[part], cycle.voltage[part]
+            is_constant = t.size == 1 or cycle.mode[part[0]] != MOVING
             knots = t[[0, -1]] if is_constant else np.linspace(t[0], t[-1], min(pieces, t.size // 4) + 1)
             times.append(k * cycle.time[-1] + knots)
             voltages.append(u[[0, -1]] if is_constant else _line(t, u, knots))
@@ -47,9 +37,7 @@ def write(path: Path, times: Vector, voltages: Vector) -> Path:
     """Write a table that DriveVoltage reads."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "voltage"])
-        writer.writerows([f"{t:.12g}", f"{u:.12g}"] for t, u in zip(times.tolist(), voltages.tolist()))
+        np.savetxt(file, np.column_stack([times, voltages]), "%.12g", ",", header="time,voltage", comments="")
     return path
 
 
@@ -57,10 +45,10 @@ def played(actuator: Parameters, times: Vector, voltages: Vector, step: float = 
     """Times k `step` and the positions there [m], of the actuator under the mean of the table over each step."""
     points = step * np.arange(round(times[-1] / step) + 1)
     means = np.diff(_integral(times, voltages, points)) / step
-    state, _ = kernel().initial(Inputs(0.0, 0.0, 0.0), actuator)
+    state, _ = KERNEL.initial(Inputs(0.0, 0.0, 0.0), actuator)
     positions = [state.position]
     for t, mean in zip(points[1:].tolist(), means.tolist()):
-        state, _ = kernel().step(state, Inputs(t, step, mean), actuator)
+        state, _ = KERNEL.step(state, Inputs(t, step, mean), actuator)
         positions.append(state.position)
     return points, np.array(positions)
 

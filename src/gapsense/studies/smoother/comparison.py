@@ -7,19 +7,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapsense.estimators.reduced_model import Model
-from gapsense.estimators.rts import motions
+from gapsense.estimators.rts import Floats, motions
 from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
-from gapsense.studies.smoother.perturbation import chunks
+from gapsense.studies.smoother.models import chunks
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.studies.smoother.study import OPERATIONS, Study, drawn, noise_of_width, operation_of, study_of, tuning
 from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.studies.tasks import Facts, compute
 from gapsense.workers import Progress
 
-Floats = NDArray[np.float64]
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
 VARIANTS = {"ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0), "ERTSS without e_F": Variant(1.0, 0.0)}
 ESTIMATORS = ("EKF", *VARIANTS, "open loop")
@@ -55,43 +53,27 @@ def compare(
     file: Path | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Compare the estimators over widths of the parameter errors, each with its own process noise (60).
+    """Compare the estimators over widths of the parameter errors (55), each with its own process noise (60).
 
-    Parameters
-    ----------
-    study : Study
-        What all runs share.
-    widths : sequence of float
-        Lengths of the interval of the relative parameter errors (55).
-    runs : int
-        Number of runs at each width.
-    workers : int
-        Processes; the numbers do not depend on it.
-    file : Path, optional
-        Takes what is computed, chunk by chunk; another call goes on from there.
-    progress : callable, optional
-        Called with tasks done and tasks in all.
-
-    Returns
-    -------
-    Comparison
+    The number of `workers` does not change the numbers.  `file` takes what is computed, chunk by chunk; another call
+    goes on from there.  `progress` is called with tasks done and tasks in all.
     """
     if runs < 1 or not widths or min(widths) < 0.0 or max(widths) >= 2.0:
         raise ValueError(
             f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative, all below 200 % (no"
             " parameter changes its sign). Correct them."
         )
-    parts = chunks(runs)
+    parts, tell = chunks(runs), progress or (lambda done, total: None)
     tasks: list[Facts] = [{"width": width, "runs": runs} for width in widths]
-    total = len(tasks) * (1 + len(parts))
-    noises = compute(noise_of_width, study.facts(), tasks, workers, file, _shifted(progress, 0, total))
+    count, total = len(tasks), len(tasks) * (1 + len(parts))
+    noises = compute(noise_of_width, study.facts(), tasks, workers, file, lambda done, _: tell(done, total))
     tunings = [tuning(variances, study) for variances in noises.results]
     tasks = [
         {"width": width, "chunk": chunk, "runs": size, "tuning": [*tuned]}
         for width, tuned in zip(widths, tunings)
         for chunk, size in parts
     ]
-    found = compute(errors_of_chunk, study.facts(), tasks, workers, file, _shifted(progress, len(widths), total))
+    found = compute(errors_of_chunk, study.facts(), tasks, workers, file, lambda done, _: tell(count + done, total))
     groups = [found.results[k : k + len(parts)] for k in range(0, len(tasks), len(parts))]
     squares = np.array([np.sum([part["squares"] for part in group], axis=0) for group in groups])
     worst = [max(Worst(*part["worst"]) for part in group) for group in groups]
@@ -149,15 +131,10 @@ def reference_squares(samples: Samples, m: Model) -> Floats:
     steps = np.diff(z, prepend=z[0])
     found = np.zeros((len(OPERATIONS), len(QUANTITIES)))
     for first, landed in motions(samples.mode):
-        moving = slice(first, landed)
-        found[operation_of(samples, first)] += [np.sum(z[moving] ** 2), np.sum(steps[moving] ** 2)]
+        found[operation_of(samples, first)] += [np.sum(x[first:landed] ** 2) for x in (z, steps)]
     return found
 
 
 def positions(samples: Samples, m: Model) -> Floats:
     """Normalised position of the reference (47a)."""
     return np.asarray((samples.position - m.z_min) / m.l_z)
-
-
-def _shifted(progress: Progress | None, done: int, total: int) -> Progress | None:
-    return None if progress is None else lambda now, _: progress(done + now, total)

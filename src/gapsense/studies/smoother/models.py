@@ -1,19 +1,36 @@
-"""Wrong parameters and measurement noise of the Monte Carlo studies of [RTS], (52)-(58)."""
+"""The reduced model of [RTS] with right and with wrong parameters, and measurement noise, (52)-(58)."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from gapsense.estimators.reduced_model import Model, gap_law
+from gapsense.estimators.reduced_model import Model, gap_law, normalised
+from gapsense.estimators.rts import Floats
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.studies.reduced_fit.fit import fit_core
 from gapsense.studies.smoother.batch import Varied
 
-Floats = NDArray[np.float64]
 ERRORS = 8  # parameters that are wrong (52)
 CHUNK = 5000  # runs that share a generator, and are computed at once
+
+
+def nominal() -> Model:
+    """The reduced model (13)-(17) with the right parameters: those of the actuator, and the core of Table II."""
+    return normalised(kernel_parameters(own("ekf"), {}))
+
+
+def fitted(samples: Any, m: Model) -> Model:
+    """The model with R_c0* and lambda_sat that leave the smallest current errors (47c) in a cycle, in least squares."""
+    return fit_core(samples.position, samples.flux_linkage, samples.current, m).model(m)
+
+
+def unvaried(m: Model) -> Varied:
+    """A single run without errors."""
+    return Varied(*(getattr(m, name) for name in Varied._fields))
 
 
 @cache
@@ -30,17 +47,9 @@ def perturbed(m: Model, errors: Floats) -> Varied:
     are an offset and a tilt.
     """
     mean, mean_slope = gap_means(m)
-    e = dict(zip(("m", "k_sp", "z_sp", "c_f", "R_c0", "lam_sat", "mean", "mean_slope"), errors))
-    return Varied(
-        m=m.m * (1.0 + e["m"]),
-        k_sp=m.k_sp * (1.0 + e["k_sp"]),
-        z_sp=m.z_sp * (1.0 + e["z_sp"]),
-        c_f=m.c_f * (1.0 + e["c_f"]),
-        R_c0=m.R_c0 * (1.0 + e["R_c0"]),
-        lam_sat=m.lam_sat * (1.0 + e["lam_sat"]),
-        gap_offset=m.gap_offset + mean * e["mean"],
-        gap_tilt=m.gap_tilt + mean_slope * e["mean_slope"],
-    )
+    *relative, of_mean, of_slope = errors
+    values = {name: getattr(m, name) * (1.0 + e) for name, e in zip(Varied._fields, relative)}
+    return Varied(**values, gap_offset=m.gap_offset + mean * of_mean, gap_tilt=m.gap_tilt + mean_slope * of_slope)
 
 
 def errors(seed: int, chunk: int, runs: int) -> Floats:

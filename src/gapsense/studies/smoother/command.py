@@ -1,4 +1,4 @@
-"""Monte Carlo comparison of the estimators of [RTS], and the options that it shares with the consistency."""
+"""The studies of the smoother of [RTS]: the comparison of the estimators, and the consistency of its covariances."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def monte_carlo(
     """
     from gapsense.files import write_atomically, write_columns
     from gapsense.report import plot
-    from gapsense.studies.monte_carlo.comparison import WIDTHS, compare
-    from gapsense.studies.monte_carlo.show import columns, errors, noises, orderings, tables, worst_case
+    from gapsense.studies.smoother.comparison import WIDTHS, compare
+    from gapsense.studies.smoother.show import columns, errors, noises, orderings, tables, worst_case
     from gapsense.studies.smoother.study import studied
 
     chosen, reference = numbers(widths) or WIDTHS, studied(core, seed)
@@ -43,10 +43,30 @@ def monte_carlo(
     show(*tables(found), noises(found), *orderings(found), f"{found.computed} tasks computed now.")
     write_atomically(to / "monte_carlo.csv", lambda file: write_columns(file, columns(found)))
     k = min(range(len(chosen)), key=lambda k: abs(chosen[k] - DRAWN))
-    written(
-        plot.save(errors(found), to / "monte_carlo.png"),
-        plot.save(worst_case(reference, found, k), to / "monte_carlo_worst.png"),
-    )
+    drawn = {"monte_carlo": errors(found), "monte_carlo_worst": worst_case(reference, found, k)}
+    written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
+
+
+@study("consistency")
+def consistency(
+    runs: Runs = 10_000,
+    width: Annotated[float, typer.Option(help="Width of the parameter errors in percent", min=0.0)] = 1.0,
+    seed: Seed = 1,
+    core: Core = "fitted",
+    to: Out = Path("results"),
+) -> None:
+    """Normalised errors of the smoother against its covariances: Figs. 7 and 8 of [RTS]."""
+    from gapsense.report import plot
+    from gapsense.studies.smoother import consistency as covariances
+    from gapsense.studies.smoother.show import single, squared, summary
+    from gapsense.studies.smoother.study import studied
+
+    reference = studied(core, seed)
+    with bar("running") as progress:
+        found = covariances.consistency(reference, width / 100.0, runs, progress)
+    show(summary(found))
+    drawn = {"consistency_nees": squared(found), "consistency_nee": single(found)}
+    written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
 
 
 def numbers(text: str) -> tuple[float, ...]:

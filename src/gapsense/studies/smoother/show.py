@@ -1,7 +1,8 @@
-"""Figures 9 and 10 of [RTS] and their numbers."""
+"""Figures 7 to 10 of [RTS] and their numbers."""
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,19 +11,14 @@ from rich.table import Table
 
 from gapsense.files import Columns
 from gapsense.report import plot
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector
 from gapsense.report.table import table
-from gapsense.studies.monte_carlo.comparison import (
-    ESTIMATORS,
-    QUANTITIES,
-    Comparison,
-    positions,
-    trajectories,
-)
+from gapsense.studies.smoother.comparison import ESTIMATORS, QUANTITIES, Comparison, positions, trajectories
+from gapsense.studies.smoother.consistency import BOUND, INTERVAL, PUBLISHED, STATES, Band, Consistency
 from gapsense.studies.smoother.study import OPERATIONS, Study, moving
 
 STYLES = dict(zip(ESTIMATORS, ((SECOND, "s"), (FIRST, "o"), (THIRD, "^"), ("#8250df", "v"), (FAINT, "x"))))
-CASES = [(q, o) for q in range(len(QUANTITIES)) for o in range(len(OPERATIONS))]
+CASES = [*np.ndindex(len(QUANTITIES), len(OPERATIONS))]
 WITHIN = 0.1  # width up to which ERTSS must be better than without e_i
 
 
@@ -107,9 +103,57 @@ def orderings(found: Comparison) -> list[str]:
 
 def columns(found: Comparison) -> Columns:
     """All errors for a CSV file."""
-    names = [(e, o, q) for e in range(len(ESTIMATORS)) for o in range(len(OPERATIONS)) for q in range(len(QUANTITIES))]
-    errors = {f"{ESTIMATORS[e]}, {OPERATIONS[o]}, {QUANTITIES[q]}": found.nrmse[:, e, o, q] for e, o, q in names}
-    return {"width": np.array(found.widths), **errors}
+    heads = map(", ".join, product(ESTIMATORS, OPERATIONS, QUANTITIES))
+    return {"width": np.array(found.widths), **dict(zip(heads, found.nrmse.reshape(len(found.widths), -1).T))}
+
+
+def squared(found: Consistency) -> Figure:
+    """Fig. 7: mean and 5-95 % of NEES along both motions, with the 90 % interval of its theory."""
+    title = f"Normalised estimation errors squared, {found.runs} runs"
+    figure, axes = plot.panels(title, 1, len(OPERATIONS), size=(9.0, 3.6), sharey=True)
+    for axis, operation, name in zip(axes[0], found.operations, OPERATIONS):
+        _band(axis, operation.time, operation.nees, INTERVAL)
+        axis.axhline(len(STATES), color=SECOND, linewidth=0.9, linestyle=":", label="its mean")
+        axis.set(title=name, xlabel="time / ms", yscale="log")
+    axes[0, 0].set_ylabel("NEES")
+    plot.legend_below(figure)
+    return figure
+
+
+def single(found: Consistency) -> Figure:
+    """Fig. 8: the same for the error of each state."""
+    title, shape = f"Normalised estimation errors, {found.runs} runs", (len(STATES), len(OPERATIONS))
+    figure, axes = plot.panels(title, *shape, size=(9.0, 9.0), sharex="col", sharey="row")
+    for s, o in np.ndindex(shape):
+        _band(axes[s, o], found.operations[o].time, found.operations[o].nee[s], (-BOUND, BOUND))
+        axes[s, 0].set_ylabel(f"NEE of {STATES[s]}")
+        axes[0, o].set_title(OPERATIONS[o])
+        axes[-1, o].set_xlabel("time / ms")
+    figure.align_ylabels()
+    plot.legend_below(figure)
+    return figure
+
+
+def summary(found: Consistency) -> Table:
+    """Numbers beside the published."""
+    inside, full_rank = (f"{100 * part:.2f} %" for part in (found.inside, found.inside_full_rank))
+    rows = [
+        ["NEES inside the 90 % interval", "90 %", f"{100 * PUBLISHED['inside']:.2f} %", inside],
+        ["mean NEES", f"{len(STATES)}", f"{PUBLISHED['mean']}", f"{found.mean:.4f}"],
+        ["both without the first sample of each motion (rank 4)", "", "", f"{full_rank}, {found.mean_full_rank:.4f}"],
+    ]
+    for state, part in zip(STATES, found.nee_inside):
+        rows.append([f"NEE of {state} within +-{BOUND:.3f}", "90 %", "", f"{100 * part:.2f} %"])
+    return table(f"Consistency of the ERTSS, {found.runs} runs", ["", "theory", "published", "this study"], rows)
+
+
+def _band(axis: Any, time: Vector, band: Band, interval: Any) -> None:
+    """Mean and 5-95 % of the runs, and the interval of the theory."""
+    label = "5 to 95 % of the runs"
+    axis.fill_between(1e3 * time, band.low, band.high, color=FIRST, alpha=0.25, linewidth=0, label=label)
+    axis.plot(1e3 * time, band.mean, color=FIRST, linewidth=1.2, label="mean")
+    for value, name in zip(interval, ("90 % interval of the theory", None)):
+        axis.axhline(value, color=SECOND, linewidth=0.9, linestyle="--", label=name)
 
 
 def _count(cases: Any) -> str:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from gapsense.estimators.rts import Floats
 from gapsense.studies.smoother.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
-from gapsense.studies.smoother.perturbation import chunks
+from gapsense.studies.smoother.models import chunks
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
 from gapsense.studies.smoother.study import Study, drawn, moving, noise_of_width, operation_of, tuning
 from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.workers import Progress
 
-Floats = NDArray[np.float64]
 CONFIDENCE = 0.9
 STATES = ("z_k*", "z_(k-1)*", "lambda_k", "e_i,k", "e_F,k")
 INTERVAL = chi2.ppf([0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2], len(STATES))  # of NEES
@@ -51,27 +51,14 @@ class Consistency(NamedTuple):
     inside_full_rank: float  # both without the first sample of each motion: its past position is known exactly
     mean_full_rank: float
     nee_inside: list[float]  # part of all NEE of each state within `BOUND`
-    tuning: Tuning
     runs: int
 
 
 def consistency(study: Study, width: float = 0.01, runs: int = 10_000, progress: Progress | None = None) -> Consistency:
-    """Normalised errors squared (62) and normalised errors (63) of the smoothed states in motion.
+    """Normalised errors squared (62) and normalised errors (63) of the smoothed states in motion, over some runs.
 
-    Parameters
-    ----------
-    study : Study
-        What all runs share.
-    width : float
-        Length of the interval of the relative parameter errors (55).
-    runs : int
-        Number of runs.
-    progress : callable, optional
-        Called with chunks done and chunks in all.
-
-    Returns
-    -------
-    Consistency
+    `width` is the length of the interval of the relative parameter errors (55); `progress` is called with chunks done
+    and chunks in all.
     """
     tuned = tuning(noise_of_width(study.facts(), {"width": width, "runs": runs}), study)
     parts = chunks(runs)
@@ -85,31 +72,22 @@ def consistency(study: Study, width: float = 0.01, runs: int = 10_000, progress:
     nees = np.concatenate([values[0] for values in whole])
     full_rank = np.concatenate([values[0][1:] for values in whole])
     nee = np.concatenate([values[1:] for values in whole], axis=1)
-    return Consistency(
-        operations=[_summary(study.samples, k, values) for k, values in enumerate(whole)],
-        inside=_inside(nees),
-        mean=float(np.mean(nees)),
-        inside_full_rank=_inside(full_rank),
-        mean_full_rank=float(np.mean(full_rank)),
-        nee_inside=[float(np.mean(np.abs(e[np.isfinite(e)]) <= BOUND)) for e in nee],
-        tuning=tuned,
-        runs=runs,
-    )
+    nee_inside = [float(np.mean(np.abs(e[np.isfinite(e)]) <= BOUND)) for e in nee]
+    operations = [_summary(study.samples, k, values) for k, values in enumerate(whole)]
+    return Consistency(operations, *_inside_and_mean(nees), *_inside_and_mean(full_rank), nee_inside, runs)
 
 
-def _inside(nees: Floats) -> float:
-    return float(np.mean((nees >= INTERVAL[0]) & (nees <= INTERVAL[1])))
+def _inside_and_mean(nees: Floats) -> tuple[float, float]:
+    return float(np.mean((nees >= INTERVAL[0]) & (nees <= INTERVAL[1]))), float(np.mean(nees))
 
 
 def normalised_errors(row: Row, true: Row, variant: Variant) -> tuple[Any, list[Any]]:
     """NEES (62) and the NEE (63) of each uncertain state of an estimate in motion; NaN for one known exactly."""
     with np.errstate(all="ignore"):
         (nees,) = squared_error(variant)(row, true)
-        states, place, found = uncertain(variant, MOVING), 5, []
-        for a, k in enumerate(states):
-            found.append((row[k] - true[k]) / np.sqrt(row[place]))
-            place += len(states) - a
-    return nees, found
+        states = uncertain(variant, MOVING)
+        diagonal = 5 + np.cumsum([0, *range(len(states), 1, -1)])  # of the triangle behind the five means
+        return nees, [(row[k] - true[k]) / np.sqrt(row[place]) for k, place in zip(states, diagonal)]
 
 
 def _normalised(study: Study, width: float, tuned: Tuning, chunk: int, runs: int) -> Iterator[tuple[int, Floats]]:
@@ -119,15 +97,12 @@ def _normalised(study: Study, width: float, tuned: Tuning, chunk: int, runs: int
     estimator = Estimator(Variant(), tuned, study.model)
     truth = reference_states(samples, varied, study.model)
     for motion in filtered(samples, measured, varied, estimator):
-        values = np.empty((1 + len(STATES), len(motion.filtered) - LEFT_OUT, runs))
-        rows = smoothed(motion, samples, varied, estimator)
-        for back, row in enumerate(rows):
-            place = len(motion.filtered) - 1 - back
-            if back >= LEFT_OUT:
-                k = motion.first + place
-                true = (*(a[k] for a in truth[:3]), *(a[:, k] for a in truth[3:]))
-                nees, nee = normalised_errors(row, true, estimator.variant)
-                values[0, place], values[1:, place] = nees, nee
+        count = len(motion.filtered) - LEFT_OUT
+        values = np.empty((1 + len(STATES), count, runs))
+        rows = islice(smoothed(motion, samples, varied, estimator), LEFT_OUT, None)
+        for place, row in zip(range(count - 1, -1, -1), rows):
+            true = tuple(a[..., motion.first + place] for a in truth)
+            values[0, place], values[1:, place] = normalised_errors(row, true, estimator.variant)
         yield operation_of(samples, motion.first), values
 
 
