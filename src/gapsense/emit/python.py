@@ -1,11 +1,12 @@
-"""Print a traced graph as scalar Python (stdlib only), or as numpy code over N runs."""
+"""Print a traced graph as scalar Python (stdlib only) or as numpy code over N runs, and compile it: only here."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from gapsense.emit.names import renamed
-from gapsense.emit.printer import Printer
+from gapsense.emit.printer import Graph, Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
 
@@ -138,3 +139,17 @@ def row(array, index):
 
     def _memory(self, size: int) -> str:
         return f"zeros(({size}, runs))"
+
+
+def namespace(source: str, name: str) -> dict[str, Any]:
+    """What the source of a module defines; `name` stands for its file in tracebacks."""
+    space: dict[str, Any] = {}
+    exec(compile(source, f"<{name}>", "exec"), space)
+    return space
+
+
+def compiled(graph: Graph, language: type[Python] = Python) -> Callable[..., Any]:
+    """The function of a graph, on flat tuples, as scalar Python or as numpy code."""
+    source = f"{language.head}\n\n{language(graph).source()}"
+    function: Callable[..., Any] = namespace(source, f"{graph.name}, generated")[graph.name]
+    return function
