@@ -19,23 +19,9 @@ _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost ev
 def derivative(
     y: Any, x: Expr, memo: dict[tuple[int, int], Any] | None = None, held: frozenset[int] = frozenset()
 ) -> Any:
-    """Derivative dy/dx on the same graph, in forward mode; through `cond`, not through `loop`.
+    """Derivative dy/dx on the same graph, in forward mode, 0.0 for none; through `cond`, not through `loop`.
 
-    Parameters
-    ----------
-    y : scalar
-        Traced value, or a constant.
-    x : Expr
-        Input, or a value on the way to `y`.
-    memo : dict, optional
-        Derivatives with respect to the same `x` found earlier.
-    held : frozenset of int, optional
-        Numbers (`Expr.id`) of other values that count as constants.
-
-    Returns
-    -------
-    scalar
-        0.0 where `y` does not depend on `x`.
+    `memo` has the derivatives by the same `x` found earlier, `held` the `Expr.id` of values that count as constants.
     """
     if not isinstance(x, Expr):
         raise TraceError(f"a derivative by the constant {x!r}. Use a traced value; a loop() must also start from one.")

@@ -20,21 +20,15 @@ Columns = Mapping[str, npt.NDArray[Any]]
 def write_atomically(path: Path, write: Callable[[TextIO], None]) -> None:
     """Write to a temporary name in the same folder, then rename; a failure leaves the old file as it was."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    os.umask(mask := os.umask(0))  # which temporary files do not follow by themselves
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             write(file)
-        Path(name).chmod(0o666 & ~mask())
+        Path(name).chmod(0o666 & ~mask)
         Path(name).replace(path)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def mask() -> int:
-    """The process's file mode mask, which temporary files do not follow by themselves."""
-    value = os.umask(0)
-    os.umask(value)
-    return value
 
 
 def write_columns(file: TextIO, columns: Columns) -> None:

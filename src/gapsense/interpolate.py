@@ -21,12 +21,7 @@ class Cubic(NamedTuple):
 def spline_piece(x: Scalar, knots: Array, values: Array, curvatures: Array) -> Cubic:
     """The piece of a spline that holds at `x`; beyond its ends the second derivative stays.
 
-    Parameters
-    ----------
-    x : scalar
-        Where.
-    knots, values, curvatures : tables
-        Increasing places, at least two; the values and the second derivatives of the spline there.
+    `knots` are increasing places, at least two; `values` and `curvatures` the spline and its second derivative there.
     """
     k = locate(knots, x)
     left, right = load(knots, k), load(knots, k, 1)

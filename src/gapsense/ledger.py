@@ -59,8 +59,9 @@ class Ledger:
         self.file.parent.mkdir(parents=True, exist_ok=True)
         line = json.dumps({"key": self.key, **entry})
         with self.file.open("ab+") as file:
-            file.write(("" if is_complete(file.tell(), self.file) else "\n").encode())
-            file.write(f"{line}\n".encode())
+            file.seek(max(file.tell() - 1, 0))
+            is_torn = file.read(1) not in (b"", b"\n")
+            file.write((b"\n" if is_torn else b"") + line.encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
 
@@ -68,15 +69,6 @@ class Ledger:
 def kept(folder: Path, index: int) -> Path:
     """File for the recorded signals of a run."""
     return folder / f"{index:05d}.csv"
-
-
-def is_complete(size: int, path: Path) -> bool:
-    """True if a file of this size is empty or ends with a line end."""
-    if size == 0:
-        return True
-    with path.open("rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) == b"\n"
 
 
 def parsed(line: str) -> Entry:

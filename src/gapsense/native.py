@@ -41,27 +41,16 @@ def zig_version() -> str | None:
 class Library:
     """A C library of one source file, besides headers in the same folder.
 
-    Attributes
-    ----------
-    module : str
-        Module that `python -m` runs to build the library.
-    source, binary : Path
-        For `x.c` the compiler defines `X_FINGERPRINT`, which the source puts behind `gapsense-x:` into the binary.
-    exports : tuple of str
-        Functions that the binary must export.
-    options, libraries : tuple of str
-        Options for the compiler, and for the linker at the end of the command.
-    headers : callable, optional
-        Gives the folder of headers from elsewhere.
+    For `x.c` the compiler defines `X_FINGERPRINT`, which the source puts behind `gapsense-x:` into the binary.
     """
 
-    module: str
+    module: str  # that `python -m` runs to build the library
     source: Path
     binary: Path
-    exports: tuple[str, ...]
-    options: tuple[str, ...] = ()
-    libraries: tuple[str, ...] = ()
-    headers: Callable[[], Path] | None = None
+    exports: tuple[str, ...]  # functions that the binary must export
+    options: tuple[str, ...] = ()  # for the compiler
+    libraries: tuple[str, ...] = ()  # for the linker, at the end of the command
+    headers: Callable[[], Path] | None = None  # gives the folder of headers from elsewhere
 
     @property
     def flags(self) -> tuple[str, ...]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gapsense.problems import suggest
 
@@ -17,11 +16,11 @@ else:
     import tomli as tomllib
 
 Value = float | int | bool | str
+INFINITE = (-math.inf, math.inf)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A type that a value may have: the test, and its name in messages."""
+class Kind(NamedTuple):
+    """A type that a value may have: its name in messages, and the test."""
 
     name: str
     accepts: Callable[[Any], bool]
@@ -47,21 +46,14 @@ TABLE = Kind("a table", lambda value: isinstance(value, dict))
 TABLES = Kind("an array of tables", lambda value: isinstance(value, list) and all(isinstance(v, dict) for v in value))
 TEXTS = Kind("a list of texts", lambda value: isinstance(value, list) and all(isinstance(v, str) for v in value))
 NUMBER_OR_TEXT = Kind("a name or a finite number", lambda value: isinstance(value, str) or is_number(value))
-SCALAR = Kind(
-    "a finite number, a truth value or a text", lambda value: isinstance(value, (bool, str)) or is_number(value)
-)
+SCALAR = Kind("a finite number, a truth value or a text", lambda v: isinstance(v, (bool, str)) or is_number(v))
 LIST = Kind(
     "a list of finite numbers, truth values or texts",
     lambda value: isinstance(value, list) and bool(value) and all(map(SCALAR.accepts, value)),
 )
 BOUNDS = Kind(
     "a pair [lowest, highest] in rising order (`-inf` and `inf` are allowed)",
-    lambda value: (
-        isinstance(value, list)
-        and len(value) == 2
-        and all(is_number(v) or (isinstance(v, float) and math.isinf(v)) for v in value)
-        and value[0] <= value[1]
-    ),
+    lambda v: isinstance(v, list) and len(v) == 2 and all(is_number(x) or x in INFINITE for x in v) and v[0] <= v[1],
 )
 
 
@@ -172,10 +164,8 @@ def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 def found(value: Any) -> str:
     """How a message names a value that was not expected."""
-    if isinstance(value, dict):
-        return "a table"
-    if isinstance(value, list):
-        return "a list"
+    if isinstance(value, (dict, list)):
+        return "a table" if isinstance(value, dict) else "a list"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 
 class DisplayUnit(NamedTuple):
-    """A unit for display: value in it = factor * SI value."""
+    """A unit for display."""
 
     name: str
-    factor: float
+    factor: float  # value in it = factor * SI value
 
 
 class Unit(NamedTuple):

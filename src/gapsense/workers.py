@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from queue import Queue
 from threading import Thread
@@ -45,12 +46,14 @@ def complete(
     """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C."""
     tell, total = progress or (lambda done, total: None), len(numbers)
     pending = deque(number for number in numbers if number not in known)
+    left = range(total - len(pending), total)
     answers: Queue[Entry | Exception] = Queue()
-    processes = [Worker(job) for _ in range(min(job.workers, len(pending)))]
+    processes: list[Worker] = []
     try:
-        for process in processes:
-            Thread(target=feed, args=(process, pending, answers), daemon=True).start()
-        for done in range(total - len(pending), total):
+        for _ in left[: job.workers]:
+            processes.append(Worker(job))
+            Thread(target=feed, args=(processes[-1], pending, answers), daemon=True).start()
+        for done in left:
             tell(done, total)
             answer = answers.get()
             if isinstance(answer, Exception):
@@ -70,7 +73,7 @@ def complete(
 def feed(process: Worker, pending: deque[int], answers: Queue[Entry | Exception]) -> None:
     """Give one process number after number until none is left."""
     try:
-        process.start()
+        process.prepare()
         while pending:
             answers.put(process.ask(pending.popleft()))
     except IndexError:
@@ -86,11 +89,7 @@ class Worker:
         self.job = job
         self.folder = tempfile.TemporaryDirectory(prefix="gapsense-worker-", ignore_cleanup_errors=True)
         self.log = Path(self.folder.name, "errors.txt")
-        self.process: subprocess.Popen[str] | None = None
-
-    def start(self) -> None:
-        """Start it and wait until it has prepared for its task."""
-        roots = [PACKAGE.parent, *([root(self.job.guest)] if self.job.guest else [])]
+        roots = [PACKAGE.parent, *([root(job.guest)] if job.guest else [])]
         paths = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
         temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self.folder.name)
         with self.log.open("wb") as errors:
@@ -104,6 +103,9 @@ class Worker:
                 env={**os.environ, **temporary, "PYTHONPATH": paths},
                 start_new_session=True,
             )
+
+    def prepare(self) -> None:
+        """Wait until it has prepared for its task."""
         request = {"prepare": importable_name(self.job.prepare), "task": self.job.task}
         if problems := self.talk(json.dumps(request), "starting")["problems"]:
             raise ScenarioError(problems)
@@ -114,42 +116,25 @@ class Worker:
 
     def talk(self, line: str, doing: str) -> Entry:
         """Send one line, return the answer; raise RuntimeError if the process has died of it."""
-        if self.process is None or self.process.stdin is None or self.process.stdout is None:
-            raise RuntimeError("the worker process was not started.")
-        try:
-            self.process.stdin.write(line + "\n")
-            self.process.stdin.flush()
-        except OSError:
-            pass  # it has died; the missing answer tells so below
-        answer = self.process.stdout.readline()
+        with suppress(OSError):  # if it has died; the missing answer tells so below
+            print(line, file=self.process.stdin, flush=True)
+        answer = self.process.stdout.readline() if self.process.stdout else ""
         if not answer.endswith("\n"):
-            raise RuntimeError(f"a worker process died ({self.process.wait()}) at {doing}: {self.last_words()}")
+            words = self.log.read_text(encoding="utf-8", errors="replace").strip()
+            said = words[-SHOWN:] or "it wrote nothing. Run that seed alone with `run`."
+            raise RuntimeError(f"a worker process died ({self.process.wait()}) at {doing}: {said}")
         parsed: Entry = json.loads(answer)
         return parsed
 
-    def last_words(self) -> str:
-        """End of what the process wrote to its error stream."""
-        text = self.log.read_text(encoding="utf-8", errors="replace").strip()
-        return text[-SHOWN:] or "it wrote nothing. Run that seed alone with `run`."
-
     def close(self) -> None:
         """End the process, in the middle of a run if need be, and remove its temporary files."""
-        if self.process is not None:
-            end(self.process)
-        self.folder.cleanup()
-
-
-def end(process: subprocess.Popen[str]) -> None:
-    """Let a process end by itself for a moment, then kill it."""
-    try:
-        if process.stdin is not None:
-            process.stdin.close()
-        process.wait(timeout=PATIENCE)
-    except (OSError, subprocess.TimeoutExpired):
-        process.kill()
-        process.wait()
-    if process.stdout is not None:
-        process.stdout.close()
+        with self.folder, self.process:
+            try:
+                if self.process.stdin:
+                    self.process.stdin.close()
+                self.process.wait(timeout=PATIENCE)
+            except (OSError, subprocess.TimeoutExpired):
+                self.process.kill()
 
 
 def importable_name(function: Callable[..., Any]) -> str:
@@ -184,7 +169,9 @@ def source_file(function: Callable[..., Any]) -> Path:
 
 def main() -> None:
     """Be a worker: answer requests until the input ends."""
-    answers = private_output()
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what FMUs print goes to the error stream from now on
+    sys.stdout = sys.stderr
     request = json.loads(sys.stdin.readline())
     try:
         answer: Answer = imported(request["prepare"])(request["task"])
@@ -195,18 +182,9 @@ def main() -> None:
         send(answers, answer(int(line)))
 
 
-def private_output() -> TextIO:
-    """The process's output for answers only: what FMUs print goes to the error stream from now on."""
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    sys.stdout = sys.stderr
-    return answers
-
-
 def send(answers: TextIO, message: Mapping[str, Any]) -> None:
     """Write one answer."""
-    answers.write(json.dumps(message) + "\n")
-    answers.flush()
+    print(json.dumps(message), file=answers, flush=True)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 LOUD = """
 import contextlib, sys
-from gapsense.cli import app, scenarios
+from gapsense.cli import app, common
 
 @contextlib.contextmanager
 def bar(title):
@@ -24,7 +24,7 @@ def bar(title):
             said.append(print(title))
     yield progress
 
-scenarios.bar = bar  # says when the run is under way
+common.bar = bar  # says when the run is under way
 app()
 """
 

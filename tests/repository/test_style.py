@@ -77,7 +77,7 @@ def test_generated_code_is_compiled_in_one_place():
         for node in ast.walk(tree(path))
         if isinstance(node, ast.Name) and node.id in ("exec", "eval", "compile")
     }
-    assert calls == {"src/gapsense/emit/compiled.py"}
+    assert calls == {"src/gapsense/emit/python.py"}
 
 
 def test_no_file_knows_a_machine():

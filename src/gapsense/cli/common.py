@@ -89,19 +89,15 @@ def reported() -> Iterator[None]:
         problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
     except (OSError, ValueError, TraceError) as error:
-        for sentence in told(error):
+        sentences = getattr(error, "problems", [str(error)])
+        if isinstance(error, OSError) and error.filename:
+            sentences = [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]
+        for sentence in sentences:
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
         problem("interrupted.", "yellow")
         raise typer.Exit(INTERRUPTED) from None
-
-
-def told(error: OSError | ValueError | TraceError) -> list[str]:
-    """What went wrong, all of it; the operating system's errors with the path first."""
-    if isinstance(error, OSError) and error.filename:
-        return [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]
-    return getattr(error, "problems", [str(error)])
 
 
 def stop_if_interrupted(result: cosim.Result) -> None:
@@ -118,13 +114,6 @@ def bar(title: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-def keep(error: cosim.FmuError, folder: Path) -> None:
-    """Save what was recorded before a component failed, and say where."""
-    if error.result is not None and error.result.times.size:
-        file = error.result.save(folder / f"{stem(error.result)}.csv")
-        problem(f"{file}: {error.result.times.size} rows from before the failure.", "yellow")
 
 
 def stem(result: cosim.Result) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from types import MappingProxyType
+from itertools import count
 from typing import Any
 
 from gapsense.emit.printer import Printer
-from gapsense.records import ARRAYS, fields, names
+from gapsense.records import ARRAYS, names
 from gapsense.trace import BOOLEAN, Expr, Region
 
 
@@ -16,21 +15,15 @@ class C(Printer):
     """C99 without dependencies; `-DSINGLE` builds it in float."""
 
     end = ";"
-    forms: Mapping[str, str] = MappingProxyType(
-        {
-            "unary": "F({op})({b[0]})",
-            "neg": "(-{a[0]})",
-            "not": "(!{a[0]})",
-            "and": "({a[0]} && {a[1]})",
-            "or": "({a[0]} || {a[1]})",
-            "where": "({a[0]} ? {a[1]} : {a[2]})",
-            "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
-            "whole": "(int)({0})",
-            "table": "{a[0]}[{i}{shift}]",
-            "load": "{a[0]}[{i}{shift}]",
-            "store": "{a[0]}[{i}{shift}] = {b[2]}",
-        }
-    )
+    forms = Printer.forms | {
+        "unary": "F({op})({b[0]})",
+        "not": "(!{a[0]})",
+        "and": "({a[0]} && {a[1]})",
+        "or": "({a[0]} || {a[1]})",
+        "where": "({a[0]} ? {a[1]} : {a[2]})",
+        "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
+        "whole": "(int)({0})",
+    }
     head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
    constant and calls exp, log, sin, cos or tanh, with -fno-builtin-exp and so on: folded at compile time, these are
    rounded otherwise than by the library. */
@@ -57,8 +50,7 @@ static inline int locate(const real *table, int size, real x)
 }
 """
 
-    def number(self, value: Any) -> str:
-        """As in `Printer`."""
+    def _number(self, value: Any) -> str:
         if isinstance(value, bool):
             return str(int(value))
         if math.isfinite(value):
@@ -72,15 +64,13 @@ static inline int locate(const real *table, int size, real x)
         )
         return name
 
-    def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        """As in `Printer`."""
+    def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         self.write(f"real {', '.join(targets)};")
         self.block(f"if ({self.bare(c)}) {{", regions[0], targets, a)
         self.block("} else {", regions[1], targets, b)
         self.write("}")
 
-    def repeat(self, node: Expr, targets: list[str]) -> None:
-        """As in `Printer`."""
+    def _repeat(self, node: Expr, targets: list[str]) -> None:
         body, _, new, stop, limit = node.extra
         for target, start in zip(targets, node.args):
             self.write(f"real {target} = {self.bare(start)};")
@@ -117,32 +107,24 @@ static inline int locate(const real *table, int size, real x)
         return signature + "\n".join(self.lines) + "\n}\n"
 
     def _unpack(self, name: str, cls: type, symbols: list[Expr]) -> None:
-        scalars = arrays = 0
-        is_array = {field: layout.kind in ARRAYS for field, layout in fields(cls).items()}
+        scalars, arrays = count(), count()
         for symbol, entry in zip(symbols, names(cls)):
             self.text[symbol.id] = text = f"{name}_{entry}"
-            if is_array.get(entry, False):
-                if symbol.id in self.uses:
-                    self._unpack_array(text, symbol.extra, arrays)
-                arrays += 1
+            k = next(arrays if symbol.extra in ARRAYS else scalars)
+            if symbol.id not in self.uses:
+                continue
+            if symbol.extra == "memory":
+                self.write(f"real *const {text} = memory[{k}]; (void){text};")
+            elif symbol.extra == "table":
+                self.write(f"const real *const {text} = tables[{k}];")
+                self.write(f"const int {text}_size = table_sizes[{k}]; (void){text}_size;")
             else:
-                if symbol.id in self.uses:
-                    self.write(f"const real {text} = {name}[{scalars}];")
-                scalars += 1
-
-    def _unpack_array(self, text: str, kind: str, index: int) -> None:
-        if kind == "memory":
-            self.write(f"real *const {text} = memory[{index}]; (void){text};")
-        else:
-            self.write(f"const real *const {text} = tables[{index}];")
-            self.write(f"const int {text}_size = table_sizes[{index}]; (void){text}_size;")
+                self.write(f"const real {text} = {name}[{k}];")
 
     def _pack(self, target: str, entries: list[Any]) -> None:
-        scalars = arrays = 0
+        scalars, arrays = count(), count()
         for entry in entries:
             if isinstance(entry, list):
-                self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{arrays}][k] = R(0.0);")
-                arrays += 1
+                self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{next(arrays)}][k] = R(0.0);")
             elif not (isinstance(entry, Expr) and (entry.op == "store" or entry.extra == "memory")):
-                self.write(f"{target}[{scalars}] = {self.ref(entry)};")
-                scalars += 1
+                self.write(f"{target}[{next(scalars)}] = {self.ref(entry)};")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any, ClassVar, NamedTuple
 
 from gapsense.trace import UNARY, Expr, Region, Tape, TraceError
 
@@ -50,7 +50,13 @@ def _bare(text: str) -> str:
 class Printer(ABC):
     """Walks the live nodes in order; subclasses say how the statements and expressions of one language look."""
 
-    forms: Mapping[str, str]  # text of an operation with operands `a`, or `b` without outer parentheses
+    forms: ClassVar[dict[str, str]] = {  # text of an operation with operands `a`, or `b` without outer parentheses
+        "unary": "{op}({b[0]})",
+        "neg": "(-{a[0]})",
+        "table": "{a[0]}[{i}{shift}]",
+        "load": "{a[0]}[{i}{shift}]",
+        "store": "{a[0]}[{i}{shift}] = {b[2]}",
+    }
     condition_uses = 1  # how often the text of a condition is printed
     end = ""  # of a statement
 
@@ -124,7 +130,7 @@ class Printer(ABC):
 
     def ref(self, value: Any) -> str:
         """Text of an operand."""
-        return self.text[value.id] if isinstance(value, Expr) else self.number(value)
+        return self.text[value.id] if isinstance(value, Expr) else self._number(value)
 
     def bare(self, value: Any) -> str:
         """Text of an operand that stands alone."""
@@ -142,11 +148,11 @@ class Printer(ABC):
             self.holders[node.id] = [self.fresh("c") if k in self.live[node.id] else "" for k in range(len(outs))]
             live = [(self.holders[node.id][k], *[*outs.values()][k]) for k in sorted(self.live[node.id])]
             targets, a, b = map(list, zip(*live))
-            self.branch(node.args[0], (then, otherwise), targets, a, b)
+            self._branch(node.args[0], (then, otherwise), targets, a, b)
         elif node.op == "loop":
             self.holders[node.id] = [self.fresh("v") for _ in node.args]
             self.text.update((v.id, t) for v, t in zip(node.extra[1], self.holders[node.id]))
-            self.repeat(node, self.holders[node.id])
+            self._repeat(node, self.holders[node.id])
         elif node.op == "get":
             self.text[node.id] = self.holders[node.args[0].id][node.extra]
         elif node.op == "store":
@@ -188,7 +194,7 @@ class Printer(ABC):
         self.assign(targets, values)
         self.depth -= 1
 
-    def number(self, value: Any) -> str:
+    def _number(self, value: Any) -> str:
         """Text of a constant, exact."""
         return repr(value)
 
@@ -198,11 +204,11 @@ class Printer(ABC):
         return name
 
     @abstractmethod
-    def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
+    def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         """Print a condition: `targets` become the values `a` of the first region or `b` of the second."""
 
     @abstractmethod
-    def repeat(self, node: Expr, targets: list[str]) -> None:
+    def _repeat(self, node: Expr, targets: list[str]) -> None:
         """Print a loop; its variables are the `targets`."""
 
     @abstractmethod

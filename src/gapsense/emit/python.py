@@ -1,13 +1,12 @@
-"""Print a traced graph as scalar Python (stdlib only), or as numpy code over N runs."""
+"""Print a traced graph as scalar Python (stdlib only) or as numpy code over N runs, and compile it: only here."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import Any
 
 from gapsense.emit.names import renamed
-from gapsense.emit.printer import Printer
+from gapsense.emit.printer import Graph, Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
 
@@ -18,48 +17,37 @@ class Python(Printer):
     head = """from bisect import bisect_left
 from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
 """
-    forms: Mapping[str, str] = MappingProxyType(
-        {
-            "unary": "{op}({b[0]})",
-            "fabs": "abs({b[0]})",
-            "floor": "float(floor({b[0]}))",
-            "neg": "(-{a[0]})",
-            "not": "(not {a[0]})",
-            "where": "({a[1]} if {b[0]} else {a[2]})",
-            "locate": "(bisect_left({a[0]}, {b[1]}, 1, len({a[0]}) - 1) - 1)",
-            "whole": "int({0})",
-            "table": "{a[0]}[{i}{shift}]",
-            "load": "{a[0]}[{i}{shift}]",
-            "store": "{a[0]}[{i}{shift}] = {b[2]}",
-        }
-    )
+    forms = Printer.forms | {
+        "fabs": "abs({b[0]})",
+        "floor": "float(floor({b[0]}))",
+        "not": "(not {a[0]})",
+        "where": "({a[1]} if {b[0]} else {a[2]})",
+        "locate": "(bisect_left({a[0]}, {b[1]}, 1, len({a[0]}) - 1) - 1)",
+        "whole": "int({0})",
+    }
     extra_argument = ""
 
-    def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        """As in `Printer`."""
+    def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         self.block(f"if {self.bare(c)}:", regions[0], targets, a)
         self.block("else:", regions[1], targets, b)
 
-    def repeat(self, node: Expr, targets: list[str]) -> None:
-        """As in `Printer`."""
+    def _repeat(self, node: Expr, targets: list[str]) -> None:
         body, _, new, stop, limit = node.extra
         self.assign(targets, list(node.args))
         self.write(f"for _ in range({limit}):")
         self.depth += 1
         self.region(body)
-        self.advance(targets, new, stop)
+        self._advance(targets, new, stop)
         self.depth -= 1
 
-    def advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
-        """End a round of a loop."""
+    def _advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
         done = self.fresh("b")
         self.write(f"{done} = {self.bare(stop)}")
         self.write(f"{', '.join(targets)} = {', '.join(map(self.bare, new))}")
         self.write(f"if {done}:")
         self.write("    break")
 
-    def memory(self, size: int) -> str:
-        """Array memory at the start."""
+    def _memory(self, size: int) -> str:
         return f"[0.0] * {size}"
 
     def source(self) -> str:
@@ -76,7 +64,7 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
         return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(renamed(self.lines)) + "\n"
 
     def _tuple(self, entries: list[Any]) -> str:
-        texts = [self.memory(len(e)) if isinstance(e, list) else self.ref(e) for e in entries]
+        texts = [self._memory(len(e)) if isinstance(e, list) else self.ref(e) for e in entries]
         return f"({', '.join(texts)}{',' * (len(texts) == 1)})"
 
 
@@ -99,34 +87,30 @@ def row(array, index):
     # branches are computed for all runs: an index that means nothing must not fail in a run that does not use it
     return clip(index, 0, len(array) - 1)
 """
-    forms: Mapping[str, str] = MappingProxyType(
-        {
-            "unary": "{op}({b[0]})",
-            "neg": "(-{a[0]})",
-            "not": "logical_not({b[0]})",
-            "and": "({a[0]} & {a[1]})",
-            "or": "({a[0]} | {a[1]})",
-            "where": "where({b[0]}, {b[1]}, {b[2]})",
-            "locate": "locate({a[0]}, {b[1]})",
-            "whole": "asarray({0}).astype(int)",
-            "table": "{a[0]}[row({a[0]}, {i}{shift})]",
-            "load": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)]",
-            "store": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)] = {b[2]}",
-        }
-    )
+    forms = Printer.forms | {
+        "not": "logical_not({b[0]})",
+        "and": "({a[0]} & {a[1]})",
+        "or": "({a[0]} | {a[1]})",
+        "where": "where({b[0]}, {b[1]}, {b[2]})",
+        "locate": "locate({a[0]}, {b[1]})",
+        "whole": "asarray({0}).astype(int)",
+        "table": "{a[0]}[row({a[0]}, {i}{shift})]",
+        "load": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)]",
+        "store": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)] = {b[2]}",
+    }
     extra_argument = ", runs"
     condition_uses = 2
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
         """As arrays."""
-        for target, value in zip(targets, values):
-            self.write(f"{target} = {self.array(value)}")
+        for target, value in zip(targets, map(self.array, values)):
+            self.write(f"{target} = {value}")
 
     def array(self, value: Any) -> str:
         """Text of an array: a division of two plain numbers in a branch that no run takes would raise an error."""
         return self.bare(value) if isinstance(value, Expr) else f"asarray({value!r})"
 
-    def branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
+    def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         """Compute each branch for all runs if any run takes it, and choose if both are taken."""
         everyone = self.fresh("b")
         self.write(f"{everyone} = all_({self.bare(c)})")
@@ -138,12 +122,12 @@ def row(array, index):
             self.write(f"{target} = {value} if {everyone} else where({self.bare(c)}, {value}, {target})")
         self.depth -= 1
 
-    def repeat(self, node: Expr, targets: list[str]) -> None:
+    def _repeat(self, node: Expr, targets: list[str]) -> None:
         """As in Python, with `busy` for the runs that have not stopped."""
         self.write(f"busy{targets[0]} = asarray(True)")
-        super().repeat(node, targets)
+        super()._repeat(node, targets)
 
-    def advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
+    def _advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
         """End a round of a loop: runs that have stopped keep what they have."""
         busy, done = f"busy{targets[0]}", self.fresh("b")
         self.write(f"{done} = {self.bare(stop)}")
@@ -153,6 +137,19 @@ def row(array, index):
         self.write(f"if not any_({busy}):")
         self.write("    break")
 
-    def memory(self, size: int) -> str:
-        """Array memory at the start."""
+    def _memory(self, size: int) -> str:
         return f"zeros(({size}, runs))"
+
+
+def namespace(source: str, name: str) -> dict[str, Any]:
+    """What the source of a module defines; `name` stands for its file in tracebacks."""
+    space: dict[str, Any] = {}
+    exec(compile(source, f"<{name}>", "exec"), space)
+    return space
+
+
+def compiled(graph: Graph, language: type[Python] = Python) -> Callable[..., Any]:
+    """The function of a graph, on flat tuples, as scalar Python or as numpy code."""
+    source = f"{language.head}\n\n{language(graph).source()}"
+    function: Callable[..., Any] = namespace(source, f"{graph.name}, generated")[graph.name]
+    return function

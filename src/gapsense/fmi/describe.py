@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense.fmi.ports import Component, Port
@@ -22,8 +21,9 @@ def complete(root: Element, component: Component, guid: str, version: str) -> El
     """Add to pythonfmu's `modelDescription.xml` what importers check; no build time: equal sources, equal bytes."""
     root.attrib.pop("generationDateAndTime", None)
     root.attrib.update(IDENTITY, guid=guid, version=version)
-    _add_units(root, component)
-    _set_experiment(root, component)
+    times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
+    _insert(root, "LogCategories", _units(component))
+    _insert(root, "ModelVariables", Element("DefaultExperiment", times))
     for variable, port in zip(root.iterfind("ModelVariables/ScalarVariable"), component.ports):
         if variable.get("name") != port.name:
             raise ValueError(f"{component.name}: variable {variable.get('name')} where {port.name} was expected.")
@@ -38,36 +38,33 @@ def text(root: Element) -> bytes:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, "unicode")}\n'.encode()
 
 
-def _add_units(root: Element, component: Component) -> None:
+def _insert(root: Element, tag: str, new: Element) -> None:
+    """Put an element in front of the one called `tag`."""
+    root.insert(list(root).index(_find(root, tag)), new)
+
+
+def _units(component: Component) -> Element:
     definitions, names = Element("UnitDefinitions"), {port.unit for port in component.ports}
     if unknown := sorted(names - set(UNITS)):
         raise ValueError(f"{component.name}: unit {', '.join(unknown)} is not known. Add it to gapsense/units.py.")
     for name in sorted(names):
         unit = SubElement(definitions, "Unit", name=name)
         SubElement(unit, "BaseUnit", {k: str(v) for k, v in base_exponents(name).items()})
-        display = UNITS[name].display
-        if display:
+        if display := UNITS[name].display:
             SubElement(unit, "DisplayUnit", name=display.name, factor=repr(display.factor))
-    root.insert(list(root).index(_find(root, "LogCategories")), definitions)
-
-
-def _set_experiment(root: Element, component: Component) -> None:
-    attributes = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
-    root.insert(list(root).index(_find(root, "ModelVariables")), Element("DefaultExperiment", attributes))
+    return definitions
 
 
 def _complete_variable(variable: Element, port: Port) -> None:
     value = variable[0]
     if port.kind == "Real":
         value.set("unit", port.unit)
-        display = UNITS[port.unit].display
-        if display:
+        if display := UNITS[port.unit].display:
             value.set("displayUnit", display.name)
         value.set("nominal", repr(float(port.nominal)))
         if "start" in value.attrib:
             value.set("start", repr(float(port.start)))  # pythonfmu rounds to 16 digits
-    if port.kind in ("Real", "Integer"):
-        convert = float if port.kind == "Real" else int
+    if convert := {"Real": float, "Integer": int}.get(port.kind):
         value.attrib.update({k: repr(convert(v)) for k, v in (("min", port.min), ("max", port.max)) if v is not None})
 
 
@@ -84,13 +81,8 @@ def _set_structure(root: Element, component: Component) -> None:
     for tag, more in (("Outputs", []), ("InitialUnknowns", parameters)):
         node = SubElement(structure, tag)
         for port in component.of("output"):
-            SubElement(
-                node, "Unknown", index=index[port.name], dependencies=_indices(index, (*port.feedthrough, *more))
-            )
-
-
-def _indices(index: dict[str, str], names: Iterable[str]) -> str:
-    return " ".join(sorted((index[n] for n in names), key=int))
+            needed = sorted((index[name] for name in (*port.feedthrough, *more)), key=int)
+            SubElement(node, "Unknown", index=index[port.name], dependencies=" ".join(needed))
 
 
 def _find(root: Element, tag: str) -> Element:

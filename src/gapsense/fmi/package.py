@@ -53,21 +53,10 @@ class {name}(Slave):
 
 
 def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = None) -> Path:
-    """Build `destination/<Name>.fmu` from a component's folder; the same sources and values give the same bytes.
+    """Build `<Name>.fmu` in a folder from that of a component; the same sources and values give the same bytes.
 
-    Parameters
-    ----------
-    folder : Path
-        With component.py and what belongs to it.
-    destination : Path
-        Folder for the FMU.
-    values : mapping, optional
-        Start values of parameters, in place of those of the port table.
-
-    Raises
-    ------
-    ValueError
-        With all values that the component does not take, or what its folder lacks.
+    `values` are start values of parameters, in place of those of the port table.  A ValueError tells all of them that
+    the component does not take, or what its folder lacks.
     """
     component, given = load_component(folder), values or {}
     checked(component, given, folder)
@@ -84,7 +73,8 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
         stock = _build_stock(Path(temporary), component, files, identity[:12], resources)
-        members = _members(stock)
+        with zipfile.ZipFile(stock) as archive:
+            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, UUID(identity[:32]))
     destination.mkdir(parents=True, exist_ok=True)
     return _write(members, destination / f"{component.name}.fmu")
@@ -100,11 +90,9 @@ def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, 
 
 
 def _started(port: Port, value: Any) -> Port:
-    if port.columns:
-        return port._replace(start=Path(value).name)
-    if port.kind != "Real":
-        return port._replace(start=value)
-    return port._replace(start=float(value), nominal=abs(float(value)) or 1.0)
+    if port.kind == "Real":
+        return port._replace(start=float(value), nominal=abs(float(value)) or 1.0)
+    return port._replace(start=Path(value).name if port.columns else value)
 
 
 def check_records(component: Component, kernel: Kernel) -> None:
@@ -112,7 +100,7 @@ def check_records(component: Component, kernel: Kernel) -> None:
     expected = {
         "Inputs": [p.field for p in component.of("input")],
         "Outputs": [p.field for p in component.of("output")],
-        "Parameters": [f for p in component.of("parameter") for f in _parameter_fields(p.field, p.columns)],
+        "Parameters": [f for p in component.of("parameter") for f in _parameter_fields(p)],
     }
     for record, ports in expected.items():
         have = [f for f in fields(getattr(kernel.module, record)) if record != "Inputs" or f not in ("time", "dt")]
@@ -132,8 +120,8 @@ def check_records(component: Component, kernel: Kernel) -> None:
             )
 
 
-def _parameter_fields(field: str, columns: tuple[str, ...]) -> list[str]:
-    return [f"{field}_{column_name(c)}" for c in columns] or [field]
+def _parameter_fields(port: Port) -> list[str]:
+    return [f"{port.field}_{column_name(c)}" for c in port.columns] or [port.field]
 
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
@@ -160,20 +148,13 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
     script = work / f"{component.name}_{build}.py"
     script.write_text(SCRIPT.format(**about), encoding="utf-8")
     resources = [Path(shutil.copy2(path, work)) for path in paths]
-    sys.path.insert(
-        0, str(work)
-    )  # pythonfmu imports the script from here, and instantiates it for the model description
+    sys.path.insert(0, str(work))  # where pythonfmu imports the script, to instantiate it for the model description
     try:
         return Path(FmuBuilder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
     finally:  # as if nothing had been imported: this process may load the FMU later
         sys.path[:] = [p for p in sys.path if p != str(work)]
         for name in [n for n in sys.modules if n.partition(".")[0] in (package.name, script.stem)]:
             del sys.modules[name]
-
-
-def _members(fmu: Path) -> dict[str, bytes]:
-    with zipfile.ZipFile(fmu) as archive:
-        return {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
 
 
 def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:

@@ -11,6 +11,7 @@ import json
 import math
 import sys
 import traceback
+from functools import partialmethod
 from typing import Any, NoReturn
 
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
@@ -21,6 +22,7 @@ from .values import ValuesError, fields, problems
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
 TOLERANCE = 1e-9  # relative, on times: hosts round
+SAVED = ("build", "signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")
 # The script's globals, held because pythonfmu's wrapper drops one reference too many at each instantiation.
 HELD: list[dict[str, Any]] = []
 
@@ -67,7 +69,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
                 self._initialize()
             return signals[self.inputs :] if refs == self.all_outputs else [signals[r] for r in refs]
         except IndexError:
-            return [float(self._parameter(r, "Real")) for r in refs]
+            return [float(value) for value in self._get("Real", refs)]
         except BaseException as error:
             self._fail(error)
 
@@ -80,30 +82,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             if 0 <= r < inputs:
                 signals[r] = value
             else:
-                self._set_parameters([r], [value], "Real")
+                self._set("Real", [r], [value])
 
-    def get_integer(self, refs: list[int]) -> list[int]:
-        return [self._parameter(r, "Integer") for r in refs]
-
-    def set_integer(self, refs: list[int], values: list[int]) -> None:
-        self._set_parameters(refs, values, "Integer")
-
-    def get_boolean(self, refs: list[int]) -> list[bool]:
-        return [self._parameter(r, "Boolean") for r in refs]
-
-    def set_boolean(self, refs: list[int], values: list[bool]) -> None:
-        self._set_parameters(refs, values, "Boolean")
-
-    def get_string(self, refs: list[int]) -> list[str]:
-        return [self._parameter(r, "String") for r in refs]
-
-    def set_string(self, refs: list[int], values: list[str]) -> None:
-        self._set_parameters(refs, values, "String")
-
-    def _parameter(self, ref: int, kind: str) -> Any:
+    def _get(self, kind: str, refs: list[int]) -> list[Any]:
         try:
-            self._port(ref, kind)
-            return self.parameters[ref - len(self.signals)] if ref >= len(self.signals) else self.signals[ref]
+            for ref in refs:
+                self._port(ref, kind)
+            values = [*self.signals, *self.parameters]
+            return [values[ref] for ref in refs]
         except BaseException as error:
             self._fail(error)
 
@@ -113,12 +99,16 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             raise Refusal(f"there is no {kind} variable with value reference {ref}. Read the model description again.")
         return ports[ref]
 
-    def _set_parameters(self, refs: list[int], values: list[Any], kind: str) -> None:
+    def _set(self, kind: str, refs: list[int], values: list[Any]) -> None:
         try:
             for ref, value in zip(refs, values):
                 self._set_parameter(self._port(ref, kind), ref, value)
         except BaseException as error:
             self._fail(error)
+
+    get_integer, set_integer = partialmethod(_get, "Integer"), partialmethod(_set, "Integer")
+    get_boolean, set_boolean = partialmethod(_get, "Boolean"), partialmethod(_set, "Boolean")
+    get_string, set_string = partialmethod(_get, "String"), partialmethod(_set, "String")
 
     def _set_parameter(self, port: Port, ref: int, value: Any) -> None:
         if port.causality == "output":
@@ -227,23 +217,20 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         if names:
             raise Refusal(f"{what} {', '.join(f'`{n}`' for n in names)} is not finite. {advice}.")
 
-    # --- parameters ---
-
     def _given(self) -> dict[str, Any]:
         return {port.name: value for port, value in zip(self.component.of("parameter"), self.parameters)}
 
     # --- saving the state: all of it ---
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return _copied(self, self.build)
+        return {name: _copy(getattr(self, name)) for name in SAVED}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         saved = state.get("build", "unknown (its bytes cannot be read)")
         if saved != self.build:
             self._fail(Refusal(f"the saved state is of build {saved}, this is {self.build}. Save it with this FMU."))
         for name, value in state.items():
-            if name != "build":
-                setattr(self, name, _copy(value))
+            setattr(self, name, _copy(value))
         self.constants = self.kernel.constants(self.par) if self.par else ()
 
     @staticmethod
@@ -287,28 +274,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
 def _variable(port: Port) -> Any:
     """The pythonfmu variable of a port; describe.py completes its XML."""
-    start = {} if port.causality == "output" else {"start": port.start}
-    initial = Fmi2Initial.calculated if port.causality == "output" else None
     return KINDS[port.kind](
         port.name,
         causality=Fmi2Causality[port.causality],
         variability=Fmi2Variability[port.variability],
         description=port.description,
-        initial=initial,
         getter=lambda: port.start,
-        **start,
+        **({"initial": Fmi2Initial.calculated} if port.causality == "output" else {"start": port.start}),
     )
-
-
-SAVED = ("signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")
-
-
-def _copied(slave: Slave, build: str) -> dict[str, Any]:
-    return {"build": build, **{name: _copy(getattr(slave, name)) for name in SAVED}}
 
 
 def _copy(value: Any) -> Any:
     """A copy that shares no list with the original, at most two levels deep."""
-    return (
-        [list(v) if isinstance(v, (list, tuple)) else v for v in value] if isinstance(value, (list, tuple)) else value
-    )
+    if not isinstance(value, (list, tuple)):
+        return value
+    return [list(v) if isinstance(v, (list, tuple)) else v for v in value]

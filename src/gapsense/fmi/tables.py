@@ -14,12 +14,8 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     """Columns of a CSV file with a header; the first must not decrease.
 
     `rising:y` is a column `y` that must increase from row to row, `integral:y` is the integral of `y` over the first
-    column, `spline:y` the second derivative of its cubic spline.
-
-    Raises
-    ------
-    ValueError
-        With all problems of the file: missing columns, cells without a finite number, too few rows, rows out of order.
+    column, `spline:y` the second derivative of its cubic spline.  A ValueError has all problems of the file: missing
+    columns, cells without a finite number, too few rows, rows out of order.
     """
     if not path.is_file():
         raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {', '.join(columns)}.")

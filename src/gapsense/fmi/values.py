@@ -34,19 +34,8 @@ class ValuesError(ValueError):
 def fields(component: Component, given: Mapping[str, Any], folder: str | Path) -> dict[str, Any]:
     """Fields of the kernel's `Parameters`: numbers, the index of a choice, a list for each column of a table.
 
-    Parameters
-    ----------
-    component : Component
-        Its parameters have their start values where none is given.
-    given : mapping
-        Values by the names of parameters.
-    folder : str or Path
-        Where the component's own tables lie; others are found from the working folder on.
-
-    Raises
-    ------
-    ValuesError
-        With all `problems`, and those of the tables.
+    Parameters that are not `given`, by name, have their start values.  The component's own tables lie in `folder`;
+    others are found from the working folder on.  A ValuesError has all `problems`, and those of the tables.
     """
     found = problems(component, given)
     made: dict[str, Any] = {}
@@ -112,12 +101,10 @@ def _range(port: Port) -> str:
 
 
 def _excess(limit: Limit, values: Mapping[str, Any]) -> str:
-    factors = (
-        values[name] if power > 0 else 1.0 / values[name] for name, power in limit.powers for _ in range(abs(power))
-    )
-    value = math.prod(factors)
-    is_below = value < limit.below
-    return "" if is_below else f"{limit.text()} is {value:g}; expected less than {limit.below:g}: {limit.reason}."
+    powers = [(values[name], power) for name, power in limit.powers]
+    product = math.prod(x if power > 0 else 1.0 / x for x, power in powers for _ in range(abs(power)))
+    found = f"{limit.text()} is {product:g}; expected less than {limit.below:g}: {limit.reason}."
+    return "" if product < limit.below else found
 
 
 def _tables(port: Port, file: str, folder: Path) -> dict[str, list[float]]:

@@ -69,15 +69,8 @@ def stack(title: str, labels: list[str], heights: list[float] | None = None) -> 
 
 def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None = None, **style: Any) -> None:
     """A held signal: a step at each communication point."""
-    axis.plot(
-        1e3 * times,
-        values,
-        color=color,
-        label=label,
-        linewidth=style.pop("linewidth", 1.0),
-        drawstyle="steps-post",
-        **style,
-    )
+    style = {"linewidth": 1.0, **style}
+    axis.plot(1e3 * times, values, color=color, label=label, drawstyle="steps-post", **style)
 
 
 def display(unit: str) -> tuple[str, float]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-_FOLDER = Path(__file__).resolve().parent
-
-SOURCE = _FOLDER / "turn.c"
-BINARY = _FOLDER / "linux64" / "turn.so"
+SOURCE = Path(__file__).resolve().with_name("turn.c")
+BINARY = SOURCE.with_name("linux64") / "turn.so"
 
 
 class Link(ctypes.Structure):
@@ -41,13 +38,8 @@ class Turn(ctypes.Structure):
 
 def entry() -> Callable[..., int] | None:
     """Function `turn` of the library, or None where it does not load: Python then does the same, more slowly."""
-    return _load(BINARY)
-
-
-@cache
-def _load(binary: Path) -> Callable[..., int] | None:
     try:
-        function: Callable[..., int] = ctypes.CDLL(str(binary)).turn
+        function: Callable[..., int] = ctypes.CDLL(str(BINARY)).turn
     except OSError:  # another platform, or no file
         return None
     return function

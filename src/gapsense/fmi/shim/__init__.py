@@ -6,8 +6,6 @@ under the name `WRAPPER`, which the library opens at run time. What it does and 
 
 from pathlib import Path
 
-_FOLDER = Path(__file__).resolve().parent
-
-SOURCE = _FOLDER / "shim.c"
-BINARY = _FOLDER / "linux64" / "shim.so"
+SOURCE = Path(__file__).resolve().with_name("shim.c")
+BINARY = SOURCE.with_name("linux64") / "shim.so"
 WRAPPER = "pythonfmu-export.bin"
