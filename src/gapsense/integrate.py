@@ -40,10 +40,21 @@ def least(a: Scalar, b: Scalar) -> Scalar:
 def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
     """States after `dt`, and the integrals of the integrands over `dt`; classical Runge-Kutta method of order 4.
 
-    `first` is `rate(y)`, where it is known.  What more `rate` returns than rates and integrands is returned as of the
-    last stage, which lies at the end of the step with an error of order 3: good enough to see a switch coming, at no
-    cost.  A record stays one.  Explicit: stable up to about 2.7 time constants per step, accurate to 1e-9 below about a
-    twentieth of one.
+    Parameters
+    ----------
+    rate : callable
+        What more it returns than rates and integrands is returned as of the last stage, which lies at the end of the
+        step with an error of order 3: good enough to see a switch coming, at no cost.
+    y : sequence of scalars
+        States at the start; a record stays one, and so do the integrands.
+    dt : scalar
+        Step.
+    first : tuple, optional
+        `rate(y)`, where it is known.
+
+    Notes
+    -----
+    Explicit: stable up to about 2.7 time constants per step, accurate to 1e-9 below about a twentieth of one.
     """
     half = 0.5 * dt
     k1, q1, *_ = rate(y) if first is None else first
@@ -60,9 +71,19 @@ def rk4_until(
 ) -> tuple[Scalar, Any, Any, Scalar]:
     """Length of the step, states after it, integrals over it, and whether it ends where `margin(y)` becomes negative.
 
-    The margin is continuous in the states, and those returned lie just beyond its zero.  One that is negative at the
-    start gives a step of no length; one that becomes negative and positive again inside the step is not seen.  Unless
-    `is_live`, the end is not looked for: many runs at once compute branches that they do not take.
+    Parameters
+    ----------
+    rate, y, dt
+        As for `rk4`.
+    margin : callable
+        Continuous in the states; negative once the step must end.  The states returned lie just beyond its zero.
+    is_live : scalar
+        Whether to look for the end at all: many runs at once compute branches that they do not take.
+
+    Notes
+    -----
+    A margin that is negative at the start gives a step of no length; one that becomes negative and positive again
+    inside the step is not seen.
     """
     after = partial(rk4, rate, y)
     y_next, sums = after(dt)
@@ -90,11 +111,20 @@ def _weighted(k1: Scalar, k2: Scalar, k3: Scalar, k4: Scalar) -> Scalar:
 def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, at_end: Scalar) -> Scalar:
     """First known length in (0, `end`] at which `value` is negative; 0 if it is negative at the start.
 
-    `value` is a continuous function of the length, for instance a distance after a step of that length; it is
-    `at_start` at 0, and at `end` `at_end`, which is negative.  Regula falsi with the Illinois rule.  Trials keep half
-    the final width away from the ends of the bracket, so that an end which is the zero itself closes it at once.  The
-    end beyond the crossing is returned: a step of that length has certainly crossed.  A value that is flatter than a
-    parabola at its zero is found late or not at all (`end`).
+    Parameters
+    ----------
+    value : callable
+        Continuous function of the length, for instance a distance after a step of that length.
+    end : float
+        Length at which it is negative.
+    at_start, at_end : float
+        Its values at 0 and at `end`.
+
+    Notes
+    -----
+    Regula falsi with the Illinois rule.  Trials keep half the final width away from the ends of the bracket, so that an
+    end which is the zero itself closes it at once.  The end beyond the crossing is returned: a step of that length has
+    certainly crossed.  A value that is flatter than a parabola at its zero is found late or not at all (`end`).
     """
     width = CLOSENESS * end
 

@@ -21,7 +21,12 @@ class Cubic(NamedTuple):
 def spline_piece(x: Scalar, knots: Array, values: Array, curvatures: Array) -> Cubic:
     """The piece of a spline that holds at `x`; beyond its ends the second derivative stays.
 
-    `knots` are increasing places, at least two; `values` and `curvatures` the spline and its second derivative there.
+    Parameters
+    ----------
+    x : scalar
+        Where.
+    knots, values, curvatures : tables
+        Increasing places, at least two; the values and the second derivatives of the spline there.
     """
     k = locate(knots, x)
     left, right = load(knots, k), load(knots, k, 1)

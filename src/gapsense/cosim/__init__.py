@@ -5,11 +5,13 @@
 >>> print(result.metrics["semera_resistance_rmse"])  # doctest: +SKIP
 """
 
+from gapsense.cosim.compare import compare
 from gapsense.cosim.junit import write_junit
 from gapsense.cosim.load import load
 from gapsense.cosim.master import Master
+from gapsense.cosim.metrics import Measured
 from gapsense.cosim.record import FmuError, Result, read_result
-from gapsense.cosim.regression import Outcome, find_scenarios, test_scenario, test_scenarios, update_baseline
+from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
 from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sweep import Sweep, sweep
@@ -18,12 +20,15 @@ from gapsense.problems import ScenarioError
 __all__ = [
     "FmuError",
     "Master",
+    "Measured",
     "Outcome",
     "Result",
     "Scenario",
     "ScenarioError",
     "Sweep",
+    "Update",
     "check",
+    "compare",
     "find_scenarios",
     "load",
     "prepare",

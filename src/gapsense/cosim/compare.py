@@ -30,7 +30,20 @@ def thinned(result: Result, baseline: Baseline) -> Result:
 
 
 def compare(result: Result, baseline: Baseline) -> list[str]:
-    """Everything in which a complete result differs from its baseline, one sentence each."""
+    """Everything in which a result differs from its baseline.
+
+    Parameters
+    ----------
+    result : Result
+        Complete.
+    baseline : Baseline
+        Whose file exists.
+
+    Returns
+    -------
+    list of str
+        Differences, one sentence each; empty if the result is as before.
+    """
     try:
         columns = read_columns(baseline.file)
     except (OSError, ValueError) as error:

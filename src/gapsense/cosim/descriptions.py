@@ -68,7 +68,22 @@ def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
 
 
 def describe(path: Path) -> Description:
-    """Model description of an FMI 2.0 co-simulation FMU; a ValueError says in one sentence why it cannot be used."""
+    """Model description of an FMU file.
+
+    Parameters
+    ----------
+    path : Path
+        FMI 2.0 co-simulation FMU with a binary for this platform.
+
+    Returns
+    -------
+    Description
+
+    Raises
+    ------
+    ValueError
+        Saying in one sentence why the FMU cannot be used.
+    """
     import fmpy  # here, so that what reads no FMU starts fast
 
     try:

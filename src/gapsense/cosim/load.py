@@ -31,7 +31,21 @@ class Draft:
 def load(path: str | Path, variant: str | None = None) -> Scenario:
     """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
 
-    Raises ScenarioError with all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
+    Parameters
+    ----------
+    path : str or Path
+        Scenario file, or its folder.
+    variant : str, optional
+        Name of a variant in the file.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ScenarioError
+        With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
     """
     draft = read_draft(path, variant)
     if draft.problems or draft.scenario is None:

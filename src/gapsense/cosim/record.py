@@ -111,7 +111,15 @@ class Result:
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON); each appears complete or not at all.
 
-        The folder is made if there is none. Returns the path of the CSV file.
+        Parameters
+        ----------
+        path : str or Path
+            Name of the CSV file; its folder is made if there is none.
+
+        Returns
+        -------
+        Path
+            The CSV file.
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,7 +149,18 @@ Measure = Callable[[Result], Mapping[str, float]]
 
 
 def read_result(path: str | Path) -> Result:
-    """Result that was saved as `path` (CSV) and its side-car, bit for bit."""
+    """Result that was saved as `path` and its side-car.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV file.
+
+    Returns
+    -------
+    Result
+        Equal to the one saved, bit for bit.
+    """
     path = Path(path)
     data = read_json(path.with_suffix(".json"))
     columns = read_columns(path)

@@ -53,10 +53,21 @@ class {name}(Slave):
 
 
 def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = None) -> Path:
-    """Build `<Name>.fmu` in a folder from that of a component; the same sources and values give the same bytes.
+    """Build `destination/<Name>.fmu` from a component's folder; the same sources and values give the same bytes.
 
-    `values` are start values of parameters, in place of those of the port table.  A ValueError tells all of them that
-    the component does not take, or what its folder lacks.
+    Parameters
+    ----------
+    folder : Path
+        With component.py and what belongs to it.
+    destination : Path
+        Folder for the FMU.
+    values : mapping, optional
+        Start values of parameters, in place of those of the port table.
+
+    Raises
+    ------
+    ValueError
+        With all values that the component does not take, or what its folder lacks.
     """
     component, given = load_component(folder), values or {}
     checked(component, given, folder)

@@ -55,11 +55,21 @@ def read_record(
     period: float | None = None,
     needs: str = "periods",
 ) -> Record:
-    """Record of a CSV file, checked; an InputError tells all that is wrong with it at once.
+    """Record of a file, checked; a RecordError tells all that is wrong with it at once.
 
-    For `names` see `read_columns`, for `convention` `to_record`; `period` is the length of an operation [s], where
-    rising edges of the voltage do not tell it.  What it `needs`: `periods`, complete ones from rest on, to identify
-    from; `rest`, a start at rest, to simulate; `samples`, nothing but sound samples.
+    Parameters
+    ----------
+    path : Path
+        CSV file.
+    names : mapping, optional
+        See `read_columns`.
+    convention : str
+        See `to_record`.
+    period : float, optional
+        Length of an operation [s], where rising edges of the voltage do not tell it.
+    needs : str
+        `periods`: complete periods from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
+        nothing but sound samples.
     """
     problems: list[str] = []
     columns = read_columns(path, names or {}, problems)

@@ -64,10 +64,23 @@ def identify(
     period: float | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Identified:
-    """Parameters that fit one or more records best; each begins at rest and has complete periods, see `operations`.
+    """Parameters that fit one or more records best.
 
-    The `known` ones are also the first guesses.  Least squares starts from these and from random points; with 0 starts
-    the multi-directional search of the paper is used instead.
+    Parameters
+    ----------
+    records : sequence of Record
+        Each begins at rest and has complete periods.
+    known : Parameters
+        Known parameters, and first guesses of the fitted ones.
+    starts : int
+        Starts of least squares: the first guess, and random ones.  With 0 the multi-directional search of the paper is
+        used instead, from the first guess.
+    seed : int
+        Of the random starts.
+    period : float, optional
+        See `operations`.
+    progress : callable
+        Called with fits done and fits in all.
     """
     prepared = [model.prepare(record, period) for record in records]
     experiments = [experiment for experiment, _ in prepared]

@@ -29,10 +29,20 @@ class Minimum(NamedTuple):
 def search(
     value: Callable[[Vector], float], start: Vector, size: float = 0.1, tolerance: float = 1e-6, limit: int = 5_000
 ) -> Minimum:
-    """Minimum of a function of a point (n,).
+    """Minimum of a function.
 
-    The vertices are `start` and points at the distance `size` from it along the axes.  The search ends when none is
-    farther than `tolerance` from the best one along any axis, or when `limit` values have been computed.
+    Parameters
+    ----------
+    value : callable
+        Of a point (n,).
+    start : (n,) array
+        First vertex.
+    size : float
+        Distance of the other vertices from it, along the axes.
+    tolerance : float
+        The search ends when no vertex is farther than this from the best one along any axis,
+    limit : int
+        or when so many values have been computed.
     """
     simplex = np.vstack([start, start + size * np.eye(start.size)])
     values = np.array([value(x) for x in simplex])

@@ -89,10 +89,19 @@ def samples_needed(
 ) -> Floats:
     """Number of consecutive samples that make the state observable (51), for each sample; infinite where none do.
 
-    The reference states (47), (N, 5) and normalised, the current, the voltage and the mode are those of one period, of
-    which the last sample is followed by the first.  `tolerance` (see `rank`) goes with the scaling, here by the largest
-    values along the cycle.
+    Parameters
+    ----------
+    states : (N, 5) array
+        Reference states (47), normalised.
+    current, voltage, mode : (N,) array
+        Samples of one period, of which the last is followed by the first.
+    m : Model
+        The reduced model.
+    tolerance : float
+        See `rank`.  It depends on the scaling, here by the largest values along the cycle.
 
+    Notes
+    -----
     A state is unobservable for good once a component of it changes neither an output so far nor the state now: then no
     later output depends on it.
     """

@@ -115,8 +115,14 @@ def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, 
 def integrated_flux(time: ArrayLike, voltage: ArrayLike, measured: ArrayLike, resistance: float, held: bool) -> Floats:
     """Flux linkage of a measured record: the integral of u - R i from a start at rest and without flux [Wb].
 
-    From the sample times [s], the voltage [V], the current [A] and the resistance of the coil [ohm].  The voltage is
-    `held` from each sample to the next, or else straight between them, as the current.
+    Parameters
+    ----------
+    time, voltage, measured : (N,) arrays
+        Sample times [s], voltage [V] and current [A].
+    resistance : float
+        Of the coil [ohm].
+    held : bool
+        Whether the voltage holds from each sample to the next; otherwise it is straight between them, as the current.
     """
     t, u, i = (np.asarray(values, float) for values in (time, voltage, measured))
     applied = np.append(0.0, np.cumsum(np.diff(t) * u[:-1])) if held else cumulative_trapezoid(u, t, initial=0.0)

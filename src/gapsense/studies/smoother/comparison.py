@@ -53,10 +53,26 @@ def compare(
     file: Path | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Compare the estimators over widths of the parameter errors (55), each with its own process noise (60).
+    """Compare the estimators over widths of the parameter errors, each with its own process noise (60).
 
-    The number of `workers` does not change the numbers.  `file` takes what is computed, chunk by chunk; another call
-    goes on from there.  `progress` is called with tasks done and tasks in all.
+    Parameters
+    ----------
+    study : Study
+        What all runs share.
+    widths : sequence of float
+        Lengths of the interval of the relative parameter errors (55).
+    runs : int
+        Number of runs at each width.
+    workers : int
+        Processes; the numbers do not depend on it.
+    file : Path, optional
+        Takes what is computed, chunk by chunk; another call goes on from there.
+    progress : callable, optional
+        Called with tasks done and tasks in all.
+
+    Returns
+    -------
+    Comparison
     """
     if runs < 1 or not widths or min(widths) < 0.0 or max(widths) >= 2.0:
         raise ValueError(
