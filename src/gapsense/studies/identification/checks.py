@@ -55,7 +55,7 @@ def read_record(
     period: float | None = None,
     needs: str = "periods",
 ) -> Record:
-    """Record of a file, checked; a RecordError tells all that is wrong with it at once.
+    """Record of a file, checked; an InputError tells all that is wrong with it at once.
 
     Parameters
     ----------
