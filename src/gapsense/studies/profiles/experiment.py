@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result
 from gapsense.estimators.ekf import Parameters
-from gapsense.estimators.reduced_model import GapLaw
 from gapsense.estimators.rts import Estimates, Floats, motions, smooth_record
+from gapsense.fmi.components import kernel_parameters, own
 
 FILTER, SMOOTHERS = "EKF", {"ERTSS": "ertss", "ERTSS\\e_i": "no_current_error", "ERTSS\\e_F": "no_force_error"}
 ESTIMATORS = (FILTER, *SMOOTHERS)
@@ -27,12 +27,6 @@ SIGNALS = (
     *(f"{name}.smoothed_{s}" for name in SMOOTHERS.values() for s in ("published", "time", "position")),
 )
 HALF = 20e-3  # the making has the first half of the cycle, the breaking the second [s]
-GAP_LAW: Any = {  # the formula; the table is of no importance then
-    "gap_law": GapLaw.fringing,
-    "gap_file_gap": [0.0, 1.0],
-    "gap_file_reluctance": [0.0, 1.0],
-    "gap_file_spline": [0.0, 0.0],
-}
 
 
 class Motion(NamedTuple):
@@ -115,10 +109,10 @@ def from_record(result: Result, name: str) -> Estimates:
     known = {key[len(start) :].replace(".", "_"): v for key, v in result.parameters.items() if key.startswith(start)}
     if known["gap_law"] != "fringing":
         raise ValueError(f"`{name}.gap.law` is `{known['gap_law']}`; this study needs the law `fringing`. Change it.")
-    numbers = {field: float(known[field]) for field in Parameters._fields if field not in GAP_LAW}
-    par = Parameters(**numbers, **GAP_LAW)
+    ekf: Parameters = kernel_parameters(own("ekf"), {})
+    numbers = {field: float(value) for field, value in known.items() if field in ekf._fields and field != "gap_law"}
     voltage, current, mode = (result[f"sensor.{signal}_measured"] for signal in ("voltage", "current", "mode"))
-    return smooth_record(voltage, current, mode, par).smoothed
+    return smooth_record(voltage, current, mode, ekf._replace(**numbers)).smoothed
 
 
 def compared(result: Result, name: str, smoothed: Estimates) -> tuple[npt.NDArray[np.bool_], float]:

@@ -59,9 +59,9 @@ def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
 def transition_errors(samples: Any, varied: Varied, m: Model) -> Floats:
     """w_k = x_(k+1) - f(x_k, u_k) (59) of all states, runs and samples: (5, runs, N - 1)."""
     x = reference_states(samples, varied, m)
-    now = [a[..., :-1] for a in (*x, samples.voltage, samples.mode)]
+    now, held = [a[..., :-1] for a in x], (samples.voltage[:-1], samples.mode[:-1])
     with np.errstate(all="ignore"):
-        predicted = _transition_code(m)(now, [np.atleast_1d(value)[:, None] for value in varied])
+        predicted = _transition_code(m)(now, held, [np.atleast_1d(value)[:, None] for value in varied])
     return np.stack([a[..., 1:] - f for a, f in zip(np.broadcast_arrays(*x), predicted)])
 
 
@@ -94,14 +94,6 @@ class _State(NamedTuple):
     x: Annotated[Array, Vector(5)]
 
 
-class _Driven(NamedTuple):
-    """A state and the inputs."""
-
-    x: Annotated[Array, Vector(5)]
-    voltage: Scalar
-    mode: Scalar
-
-
 @cache
 def _error_code(m: Model) -> Code:
     def errors(at: _At, varied: Varied) -> _Errors:
@@ -116,7 +108,7 @@ def _error_code(m: Model) -> Code:
 
 @cache
 def _transition_code(m: Model) -> Code:
-    def predicted(at: _Driven, varied: Varied) -> _State:
-        return _State(transition(at.x, Held(at.voltage, at.mode), varied_model(m, varied, Variant())))
+    def predicted(now: _State, held: Held, varied: Varied) -> _State:
+        return _State(transition(now.x, held, varied_model(m, varied, Variant())))
 
-    return compiled(predicted, at=_Driven, varied=Varied)
+    return compiled(predicted, now=_State, held=Held, varied=Varied)
