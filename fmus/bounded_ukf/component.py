@@ -1,12 +1,10 @@
 """Port table of the bounded unscented Kalman filter."""
 
-from pathlib import Path
-
-from gapsense.fmi.components import load_component
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
 
 BOTH = ("voltage", "current")  # the voltage too, with the option to use the sample at the end of an interval
-EKF = load_component(Path(__file__).parents[1] / "ekf")
+EKF = load_component(own("ekf"))
 
 OWN = {
     "current_error": output(

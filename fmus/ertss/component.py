@@ -1,12 +1,10 @@
 """Port table of the extended Rauch-Tung-Striebel smoother: that of the filter, and what it says later."""
 
-from pathlib import Path
-
-from gapsense.fmi.components import load_component
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import output
 
 BOTH = ("current", "mode")
-EKF = load_component(Path(__file__).parents[1] / "ekf")
+EKF = load_component(own("ekf"))
 
 COMPONENT = EKF._replace(
     name="Ertss",

@@ -91,7 +91,7 @@ def test_components_import_the_makers_of_port_tables_only():
     folder = SRC.parents[1] / "fmus"
     for path in sorted(folder.glob("*/component.py")):
         modules = {n.module for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom)}
-        assert modules <= {"gapsense.fmi.ports", "gapsense.fmi.components", "pathlib"}, name_of(path)
+        assert modules <= {"gapsense.fmi.ports", "gapsense.fmi.components"}, name_of(path)
 
 
 @pytest.mark.parametrize(
