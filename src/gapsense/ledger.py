@@ -14,18 +14,22 @@ from gapsense.files import sha256
 
 Entry = dict[str, Any]
 PACKAGE = Path(__file__).resolve().parent
-SOURCES = (".py", ".c", ".h")
+SOURCES = (".py", ".c", ".h", ".csv")
 
 
 def key(facts: Any) -> str:
-    """Hash of all that decides results: facts (of JSON), the sources of this package, the version of numpy."""
+    """Hash of all that decides results: facts (of JSON), our sources, the version of numpy."""
     return fingerprint([facts, sources(), np.__version__])
 
 
 def sources() -> dict[str, str]:
-    """Hash of every source file of this package; taken anew each time, since it may be edited while a program runs."""
-    files = sorted(path for path in PACKAGE.rglob("*") if path.suffix in SOURCES)
-    return {path.relative_to(PACKAGE).as_posix(): sha256(path) for path in files}
+    """Hash of every source file of this package and of the port tables, whose start values studies take.
+
+    Taken anew each time, since it may be edited while a program runs.
+    """
+    checkout = PACKAGE.parents[1]
+    files = sorted(p for root in (PACKAGE, checkout / "fmus") for p in root.rglob("*") if p.suffix in SOURCES)
+    return {path.relative_to(checkout).as_posix(): sha256(path) for path in files}
 
 
 def fingerprint(facts: Any) -> str:

@@ -19,7 +19,7 @@ class InputError(ValueError):
     """What a user gave is wrong; `problems` lists everything found, one sentence each."""
 
     def __init__(self, problems: Sequence[str]) -> None:
-        self.problems = list(problems)
+        self.problems = list(dict.fromkeys(problems))
         super().__init__("\n".join(self.problems))
 
 
