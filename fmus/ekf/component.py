@@ -65,6 +65,13 @@ COMPONENT = Component(
         option("option.current_error", "Estimate the current error e_i, as in the paper", True),
         parameter("process.flux_linkage", "Wb", "Standard deviation of its process noise, per sample", 19e-6, min=0.0),
         parameter("process.current_error", "A", "Standard deviation of its process noise, per sample", 2.2e-3, min=0.0),
+        parameter(
+            "process.current_error_memory",
+            "s",
+            "Time constant with which the current error is forgotten at rest; 0: it never is, as in the paper",
+            0.66e-3,
+            min=0.0,
+        ),
         parameter("process.force_error", "N", "Standard deviation of its process noise, per sample", 21e-3, min=0.0),
         parameter("noise.current", "A", "Standard deviation of the current noise", 2e-3, min=1e-12),
         parameter("prior.flux_linkage", "Wb", "Flux linkage at the start", 0.0),

@@ -59,6 +59,7 @@ class Parameters(NamedTuple):
     option_current_error: Scalar  # 1: with e_i
     process_flux_linkage: Scalar  # standard deviation of w_lambda, per sample [Wb]
     process_current_error: Scalar  # that of w_ei [A]
+    process_current_error_memory: Scalar  # time constant of e_i at rest; 0: it is never forgotten, as in the paper [s]
     process_force_error: Scalar  # that of w_eF [N]
     noise_current: Scalar  # sigma_i [A]
     prior_flux_linkage: Scalar  # lambda_0 [Wb]
