@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 
 from gapsense.actuators import reluctance_actuator
+from gapsense.estimators.ekf import process_noise, tuning
+from gapsense.estimators.reduced_model import normalised
 from gapsense.estimators.rts import Estimates, smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.studies.devices import RTS_VALVE, driven
 from gapsense.studies.estimators.parameters import VALVE, reduced
 
-T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4
+T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4  # sampling period and samples of the usual signals
 
 
 class Signals(NamedTuple):
-    """Samples every `T_S`: a square wave of 30 V, 10 ms on and 10 ms off; 2 mA of noise."""
+    """Samples of a square wave of 30 V, 10 ms on and 10 ms off; 2 mA of noise."""
 
     voltage: np.ndarray
     current: np.ndarray
@@ -32,20 +34,21 @@ class Signals(NamedTuple):
 
 
 @cache
-def square_wave() -> Signals:
-    k = np.arange(START + CYCLES * 2 * HALF) - START
-    voltage = np.where((k >= 0) & (k % (2 * HALF) < HALF), 30.0, 0.0)
+def square_wave(sample_time: float = T_S) -> Signals:
+    per = T_S / sample_time
+    k = np.arange(round((START + CYCLES * 2 * HALF) * per)) - round(START * per)
+    voltage = np.where((k >= 0) & (k % round(2 * HALF * per) < HALF * per), 30.0, 0.0)
     current, *others = driven(
-        reluctance_actuator, RTS_VALVE, voltage, T_S, "current", "mode", "position", "flux_linkage"
+        reluctance_actuator, RTS_VALVE, voltage, sample_time, "current", "mode", "position", "flux_linkage"
     ).T
     return Signals(voltage, current + 2e-3 * np.random.default_rng(1).standard_normal(k.size), *others)
 
 
-def believed(memory: float | None = None, resistance: float = 1.0) -> Any:
+def believed(memory: float | None = None, resistance: float = 1.0, sample_time: float = T_S) -> Any:
     """The parameters of the benchmark, with a factor of the resistance; `memory` 0 is the paper, None the default."""
     wrong = reduced(VALVE._replace(resistance=VALVE.resistance * resistance))
     memories = {} if memory is None else {"process.current_error_memory": memory}
-    return kernel_parameters(own("ekf"), {**wrong, **memories})
+    return kernel_parameters(own("ekf"), {**wrong, **memories, "sample_time": sample_time})
 
 
 class Errors(NamedTuple):
@@ -57,11 +60,11 @@ class Errors(NamedTuple):
 
 
 def errors(par: Any, after: int = START + 2 * HALF, **changed: np.ndarray) -> Errors:
-    """Errors from a sample on, in a run with some of the measurements changed."""
-    s = square_wave()
+    """Errors from a time on, in samples of `T_S`, in a run with some of the measurements changed."""
+    s = square_wave(par.sample_time)
     measured = s._replace(**changed)
     found = smooth_record(measured.voltage, measured.current, measured.mode, par)
-    later = np.arange(s.mode.size) >= after
+    later = np.arange(s.mode.size) * par.sample_time >= after * T_S
     moving = later & (s.mode == 2.0)
 
     def rms(estimates: Estimates, name: str, where: np.ndarray) -> float:
@@ -101,3 +104,15 @@ def test_one_wrong_sample_is_forgotten_within_the_next_operation(wrong: dict[str
 def test_with_the_right_resistance_it_costs_little() -> None:
     paper, found = (errors(believed(memory)) for memory in (0.0, None))
     assert found.ekf < paper.ekf and found.ertss < 1.1 * paper.ertss and found.flux_linkage < paper.flux_linkage
+
+
+def test_the_tuning_holds_at_another_sampling_period() -> None:
+    """The process noise is a rate: one of so much per sample has 137 um and 20 um here."""
+    paper, found = (errors(believed(memory, sample_time=5e-6)) for memory in (0.0, None))
+    assert paper.ekf < 70.0 and found.ekf < 6.0 and found.ertss < 1.2  # 65, 4.7 and 1.04 um
+    fast, usual = (
+        np.array(process_noise(normalised(p), tuning(p)), float) for p in (believed(sample_time=5e-6), believed())
+    )
+    np.testing.assert_allclose(4.0 * fast, usual, rtol=1e-15)
+    par = believed()
+    assert usual[2, 2] == par.process_flux_linkage**2 and usual[3, 3] == par.process_current_error**2
