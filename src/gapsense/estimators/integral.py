@@ -90,7 +90,6 @@ class Sample(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
     (u, i), health = _readings(0.0, 0.0, inputs, par)
-    size = 2 * LENGTH + 1
     state = State(
         resistance=par.prior_resistance,
         voltage_sum=0.0,
@@ -107,9 +106,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         last_start=inputs.time,
         before=i,
         last_before=i,
-        voltage_sums=zeros(size),
-        current_sums=zeros(size),
-        currents=zeros(size),
+        voltage_sums=zeros(SPARE + 1),
+        current_sums=zeros(SPARE + 1),
+        currents=zeros(SPARE + 1),
     )
     return state, Outputs(
         resistance=par.prior_resistance,
