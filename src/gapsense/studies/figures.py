@@ -14,10 +14,16 @@ from gapsense.report import plot
 
 def drawer(kind: str) -> Callable[[Result], Figure]:
     """What draws the figures of a kind; a ValueError tells what there is, before a long run."""
-    shows = {name.split(".")[-2]: import_module(name) for name in studies.modules("show")}
-    drawers = {name: show.run_figure for name, show in shows.items() if hasattr(show, "run_figure")}
-    known: dict[str, Callable[[Result], Figure]] = {"overview": plot.overview, **drawers}
-    if kind not in known:
-        kinds = ", ".join(known)
+    if kind == "overview":
+        return plot.overview
+    shows = {name.split(".")[-2]: name for name in studies.modules("show")}
+    found: Callable[[Result], Figure] | None = run_figure(shows[kind]) if kind in shows else None
+    if found is None:
+        kinds = ", ".join(["overview", *(other for other, name in shows.items() if run_figure(name))])
         raise ValueError(f"the scenario asks for figure `{kind}`; there are {kinds}. Correct its key `figure`.")
-    return known[kind]
+    return found
+
+
+def run_figure(name: str) -> Callable[[Result], Figure] | None:
+    """The function of that name in a study's `show.py`, if it has one."""
+    return getattr(import_module(name), "run_figure", None)
