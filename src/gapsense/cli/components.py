@@ -37,14 +37,15 @@ def build(
 
     root = root or find_checkout()
     folders = find_components(root / "fmus", names or ())
-    values = taken(folders, parameters or [], find_components(root / "fmus"))
+    values = taken(folders, parameters, find_components(root / "fmus")) if parameters else {}
     failures = 0
     for folder in folders:
-        path = package.build(folder, to or root / "build" / "fmus", values[folder])
+        given = values.get(folder, {})
+        path = package.build(folder, to or root / "build" / "fmus", given)
         problems = validate_fmu(str(path))
-        given = f", {len(values[folder])} start values given" if parameters else ""
         word = "INVALID" if problems else "valid"
-        show(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {word}{given}")
+        more = f", {len(given)} start values given" if parameters else ""
+        show(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {word}{more}")
         for sentence in problems:
             problem(f"  {sentence}")
         failures += bool(problems)

@@ -45,7 +45,8 @@ def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] 
     Each takes the parameters that it has.  A name that none of them has, nor those in the folders `known`, is refused
     together with all values that a component does not take.
     """
-    values, components = read_values(files), {folder: load_component(folder) for folder in (*folders, *known)}
+    values = read_values(files)
+    components = {folder: load_component(folder) for folder in dict.fromkeys((*folders, *known))}
     names = {port.name for component in components.values() for port in component.of("parameter")}
     where = ", ".join(file.name for file in files)
     problems = [f"{where}: {unknown(name, names)}" for name in values if name not in names]
