@@ -9,9 +9,10 @@ COMPONENT = Component(
     description="Flux linkage by integration, with the resistance recalculated at the start of each operation",
     kernel="gapsense.estimators.integral",
     step_size=50e-6,
+    survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage", nominal=30.0),
-        input_("current", "A", "Measured coil current", nominal=0.4),
+        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         output("resistance", "Ohm", "Mean resistance of the last operation", nominal=76.0, feedthrough=BOTH),
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
@@ -34,6 +35,7 @@ COMPONENT = Component(
         output(
             "published_time", "s", "Time of the sample that the estimates belong to", nominal=0.01, feedthrough=BOTH
         ),
+        output("health", "1", "1: fine; 0: a reading was lost", min=0.0, max=1.0, feedthrough=BOTH),
         sample_time(50e-6),
         parameter("prior.resistance", "Ohm", "Resistance until the first operation has ended", 77.5, min=0.0),
         parameter("prior.inductance", "H", "Inductance at rest", 50e-3, min=0.0),
@@ -44,5 +46,7 @@ COMPONENT = Component(
         ),
         parameter("edge.voltage", "V", "An operation starts when the voltage rises above it", 15.0),
         option("offline", "Publish an operation after it has ended, with the resistance that it gave", False),
+        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),
+        parameter("range.current", "A", "A reading beyond plus or minus this counts as lost", 5.0, min=1e-9),
     ),
 )

@@ -1,6 +1,12 @@
 """Port table of the pot magnet."""
 
-from gapsense.fmi.ports import Component, choice, fixed, input_, output, parameter
+from gapsense.fmi.ports import Component, Limit, choice, fixed, input_, output, parameter
+
+# Terms of R / L with the armature at the lower stop, over mu_0 and, for the gap, over 2: below 0.48e6 / s each.
+CORE = (("core.length", 1), ("coil.turns", -2), ("core.permeability", -1), ("pole.area", -1))
+GAP = (("stop.upper", 1), ("coil.turns", -2), ("pole.area", -1))
+FAST = "the coil would settle within microseconds, and be integrated in steps of nanoseconds"
+RESISTANCES = ("coil.resistance", "coil.resistance_upper")
 
 COMPONENT = Component(
     name="PotMagnet",
@@ -8,6 +14,7 @@ COMPONENT = Component(
     kernel="gapsense.actuators.pot_magnet",
     stop_time=0.2,
     step_size=100e-6,
+    limits=tuple(Limit((*term, (R, 1)), below, FAST) for R in RESISTANCES for term, below in ((CORE, 0.6), (GAP, 0.3))),
     ports=(
         input_("voltage", "V", "Coil voltage, held during the step", nominal=24.0),
         output("current", "A", "Coil current", nominal=0.2),
@@ -43,6 +50,6 @@ COMPONENT = Component(
         parameter("current.on", "A", "Least current for a lift i_on", 0.1, min=1e-9),
         parameter("current.off", "A", "Current below which it drops i_off", 0.02, min=1e-9),
         fixed("initial.position", "m", "Position at the start", 0.0, min=0.0),
-        fixed("micro_step", "s", "Longest step of the integrator", 25e-6, min=1e-9),
+        fixed("micro_step", "s", "Longest step of the integrator", 25e-6, min=1e-7),
     ),
 )

@@ -64,6 +64,6 @@ COMPONENT = Component(
         fixed("stop.lower", "m", "Smallest gap z_min", 0.4e-3, min=0.0),
         fixed("stop.upper", "m", "Largest gap z_max", 1.4e-3, min=1e-9),
         fixed("initial.position", "m", "Gap at the start", 1.4e-3, min=0.0),
-        fixed("micro_step", "s", "Longest step of the integrator", 10e-6, min=1e-9),
+        fixed("micro_step", "s", "Longest step of the integrator", 10e-6, min=1e-7),
     ),
 )

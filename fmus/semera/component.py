@@ -9,9 +9,10 @@ COMPONENT = Component(
     description="SEMERA: resistance, inductance and flux linkage from the coil's voltage and current",
     kernel="gapsense.estimators.semera",
     step_size=50e-6,
+    survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage", nominal=30.0),
-        input_("current", "A", "Measured coil current", nominal=0.4),
+        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         output("resistance", "Ohm", "Estimated coil resistance", nominal=76.0, feedthrough=BOTH),
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),
@@ -33,6 +34,7 @@ COMPONENT = Component(
         output("innovation_std", "V", "Standard deviation expected of the innovation", feedthrough=BOTH),
         output("flux", "Wb", "Estimated flux; 0 while coil.turns is 0", nominal=2e-5, feedthrough=BOTH),
         output("reluctance", "1/H", "Estimated reluctance; 0 while coil.turns is 0", nominal=1e7, feedthrough=BOTH),
+        output("health", "1", "1: fine; 0: a reading was lost", min=0.0, max=1.0, feedthrough=BOTH),
         sample_time(50e-6),
         parameter("prior.resistance", "Ohm", "Expected resistance at the start", 77.5, min=0.0),
         parameter("prior.resistance_std", "Ohm", "Its standard deviation", 1.0, min=0.0),
@@ -45,7 +47,16 @@ COMPONENT = Component(
         parameter(
             "gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
         ),
-        option("gate.update", "Noise-only samples update the filter, as in the paper", True),
+        option("gate.update", "Noise-only samples update the filter, at the end of a decay or always", True),
+        parameter(
+            "gate.decay",
+            "s",
+            "Longest time after an operation in which they do; 0: always, before the first one too, as in the paper",
+            5e-3,
+            min=0.0,
+        ),
+        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),
+        parameter("range.current", "A", "A reading beyond plus or minus this counts as lost", 5.0, min=1e-9),
         parameter("coil.turns", "1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0),
     ),
 )

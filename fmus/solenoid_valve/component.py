@@ -42,6 +42,6 @@ COMPONENT = Component(
         fixed("stop.lower", "m", "Smallest gap h_min", 0.0, min=0.0),
         fixed("stop.upper", "m", "Largest gap h_max", 0.9e-3, min=1e-9),
         fixed("initial.position", "m", "Gap at the start", 0.9e-3, min=0.0),
-        fixed("micro_step", "s", "Longest step of the integrator", 12.5e-6, min=1e-9),
+        fixed("micro_step", "s", "Longest step of the integrator", 12.5e-6, min=1e-7),
     ),
 )

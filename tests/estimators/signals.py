@@ -40,5 +40,6 @@ def valve_like(
 TABLE_II = semera.Parameters(
     sample_time=DT, prior_resistance=77.5, prior_resistance_std=1.0, prior_inductance=50e-3,
     prior_inductance_std=5e-3, process_resistance_rate=1.0, process_inductance_acceleration=1e8, noise_voltage=15e-3,
-    noise_current=1e-3, gate_sigmas=3.29, gate_update=1.0, coil_turns=0.0,
+    noise_current=1e-3, gate_sigmas=3.29, gate_update=1.0, gate_decay=0.0,
+    range_voltage=1e3, range_current=5.0, coil_turns=0.0,
 )  # fmt: skip

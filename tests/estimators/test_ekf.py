@@ -33,10 +33,9 @@ def run(s: Signals, par: Any, current: np.ndarray | None = None) -> tuple[dict[s
 
 
 def textbook_step(
-    x: np.ndarray, P: np.ndarray, held: tuple[float, int], given_: tuple[float, int], Q: np.ndarray, R: float
+    x: np.ndarray, P: np.ndarray, held: tuple[float, int], given_: tuple[float, int], Q: np.ndarray, R: float, p: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """(32)-(42) as printed, the contact row left out where the position is known."""
-    p = TABLE_I
     (v, q0), (iota, q) = held, given_
     F = textbook.F(x, q0, p)
     x, P = textbook.f(x, v, q0, p), F @ P @ F.T + Q
@@ -49,14 +48,16 @@ def textbook_step(
     K = P @ H.T @ scale @ np.linalg.inv(scale @ S @ scale) @ scale
     x, P = x + K @ y, P - K @ H @ P
     bound = min(max(x[0], 0.0), 1.0)
-    if bound != x[0]:
-        x = x + P[:, 0] / P[0, 0] * (bound - x[0])
+    if bound != x[0]:  # without variance by rounding only
+        x = x + (P[:, 0] / P[0, 0] if P[0, 0] > 0.0 else np.eye(5)[0]) * (bound - x[0])
     return x, P
 
 
-def test_equals_the_textbook_filter() -> None:
+@pytest.mark.parametrize("tau", [0.0, 0.66e-3])
+def test_equals_the_textbook_filter(tau: float) -> None:
     rng = np.random.default_rng(1)
-    par = defaults(ekf, **QUIET)
+    par = defaults(ekf, process_current_error_memory=tau, **QUIET)
+    p = {**TABLE_I, "memory": np.exp(-20e-6 / tau) if tau else 1.0}
     Q = np.diag([0.0, 0.0, 2e-6**2, 1e-3**2, 20e-6**2])
     modes = np.r_[[3] * 20, [2] * 60, [1] * 40, [2] * 30, [3] * 10]
     voltages, currents = np.where(np.arange(160) < 110, 20.0, 0.0), np.linspace(0.0, 0.35, 160)
@@ -66,7 +67,7 @@ def test_equals_the_textbook_filter() -> None:
     scale = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
     for k in range(1, 160):
         held = (voltages[k - 1], int(modes[k - 1]))
-        x, P = textbook_step(x, P, held, (currents[k], int(modes[k])), Q, 2e-3**2)
+        x, P = textbook_step(x, P, held, (currents[k], int(modes[k])), Q, 2e-3**2, p)
         state, _ = KERNEL.step(state, ekf.Inputs(voltages[k], currents[k], float(modes[k])), par)
         np.testing.assert_allclose(np.array(state.x, float) / scale, x / scale, atol=1e-8)
         np.testing.assert_allclose(
@@ -81,7 +82,7 @@ def test_equals_the_linear_kalman_filter_on_a_linear_model() -> None:
     reluctance, dt, k = (3e7 + 2.52e6) / 1200.0**2, 20e-6, 20e-6**2 / 1.6e-9
     F = np.eye(5)
     F[0, :], F[1, :], F[0, 4] = 0.0, [1, 0, 0, 0, 0], k
-    F[2, 2], F[2, 3] = 1.0 - dt * 48.0 * reluctance, -dt * 48.0
+    F[2, 2], F[2, 3], F[3, 3] = 1.0 - dt * 48.0 * reluctance, -dt * 48.0, np.exp(-dt / 0.66e-3)
     H = np.array([[0.0, 0.0, reluctance, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]])
     Q, R = np.diag([0.0, 0.0, 2e-6**2, 1e-3**2, 20e-6**2]), np.diag([2e-3**2, 0.0])
     offset = np.array([1.0 + k * 6.18e-5 * 17.8, 0.0, dt * 10.0, 0.0, 0.0])

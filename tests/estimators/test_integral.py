@@ -14,6 +14,7 @@ KERNEL = Kernel(integral)
 PAR = integral.Parameters(
     sample_time=DT, prior_resistance=77.5, prior_inductance=50e-3, prior_flux_linkage=0.0, noise_current=1e-3,
     gate_sigmas=3.29, edge_voltage=15.0, offline=0.0,
+    range_voltage=1e3, range_current=5.0,
 )  # fmt: skip
 ORACLE = (DT, 77.5, 50e-3, 0.0, 3.29e-3, 15.0)
 
@@ -120,3 +121,39 @@ def test_memory_of_one_operation_is_not_touched_by_the_next() -> None:
     signal = operations(80, 80, 80, 80)
     check_offline(signal)
     assert integral.SPARE == 2 * integral.LENGTH
+
+
+@pytest.mark.parametrize("kind", [np.nan, np.inf, -np.inf, 10.0, -1e300])
+@pytest.mark.parametrize("which", ["voltage", "current", "both"])
+@pytest.mark.parametrize(("at", "length"), [(820, 1), (821, 1), (905, 1), (960, 100), (1025, 20), (870, 700)])
+def test_lost_readings_are_bridged_and_forgotten(kind: float, which: str, at: int, length: int) -> None:
+    """A spike is 10 A or 1e4 V; sample 820 is the first of an operation.  From the next one on nothing is left."""
+    signal = valve_like(cycles=7)
+    u, iota, hole = signal.u.copy(), signal.iota.copy(), slice(at, at + length)
+    if which != "current":
+        u[hole] = 1e3 * kind
+    if which != "voltage":
+        iota[hole] = kind
+    found, clean = run(u, iota), run(signal.u, signal.iota)
+    assert all(np.all(np.isfinite(values)) for values in found.values())
+    lost = np.zeros(u.size, bool)
+    lost[hole] = True
+    np.testing.assert_array_equal(found["health"], np.where(lost, 0.0, 1.0)[1:])
+    back = REST + 400 * ((at + length - REST) // 400 + 1) - 1
+    np.testing.assert_allclose(found["resistance"][back:], clean["resistance"][back:], rtol=0.0, atol=0.1)
+    assert np.sqrt(np.mean((found["flux_linkage"][back:] - signal.flux_linkage[back + 1 :]) ** 2)) < 0.25e-3
+    assert all(np.all(np.isfinite(v)) for v in run(u, iota, PAR._replace(offline=1.0)).values())
+
+
+def test_readings_lost_in_every_operation_do_not_leave_the_resistance_out_of_date() -> None:
+    """One reading in a hundred, and a coil that is 1.5 ohm colder than the prior."""
+    signal = valve_like(cycles=8)
+    iota = np.where(np.random.default_rng(3).random(signal.u.size) < 0.01, np.nan, signal.iota)
+    found = run(signal.u, iota)
+    assert np.abs(found["resistance"][REST + 3 * 400 :] - 76.0).max() < 0.15
+
+
+def test_nothing_but_lost_readings() -> None:
+    found = run(np.full(50, np.nan), np.full(50, np.nan))
+    assert all(np.all(np.isfinite(values)) for values in found.values())
+    assert np.all(found["health"] == 0.0) and np.all(found["resistance"] == 77.5)

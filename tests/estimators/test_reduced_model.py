@@ -25,7 +25,7 @@ from gapsense.estimators.reduced_model import (
     transition,
 )
 
-MODEL = normalised(defaults(ekf))
+MODEL = normalised(defaults(ekf, process_current_error_memory=0.0))
 STATES = [
     [1.0, 1.0, 0.0, 0.0, -1e-3],
     [0.4, 0.43, 0.015, 0.02, 1e-4],
@@ -98,12 +98,23 @@ def test_table_of_the_formula_is_the_formula() -> None:
 
 @pytest.mark.parametrize("x", STATES)
 @pytest.mark.parametrize("q", [1, 2, 3])
-def test_transition_and_its_jacobian(x: list[float], q: int) -> None:
-    found, F = linearise(transition, x, Held(20.0, float(q)), MODEL)
-    close(found, textbook.f(x, 20.0, q, TABLE_I))
-    close(F, complex_step(lambda y: textbook.f(y, 20.0, q, TABLE_I), x))
+@pytest.mark.parametrize("memory", [1.0, 0.97])
+def test_transition_and_its_jacobian(x: list[float], q: int, memory: float) -> None:
+    p = {**TABLE_I, "memory": memory}
+    found, F = linearise(transition, x, Held(20.0, float(q)), MODEL._replace(memory=memory))
+    close(found, textbook.f(x, 20.0, q, p))
+    close(F, complex_step(lambda y: textbook.f(y, 20.0, q, p), x))
     if x[2] != 0.0:
-        close(F, textbook.F(x, q, TABLE_I))
+        close(F, textbook.F(x, q, p))
+
+
+def test_memory_is_a_time_constant_and_zero_stands_for_the_paper() -> None:
+    def memory(**changes: float) -> float:
+        return float(normalised(defaults(ekf, **changes)).memory)
+
+    assert memory() == pytest.approx(np.exp(-20.0 / 660.0), rel=1e-15)
+    assert memory(sample_time=5e-6) ** 4 == pytest.approx(memory(), rel=1e-14)
+    assert memory(process_current_error_memory=0.0) == 1.0
 
 
 @pytest.mark.parametrize("x", STATES)

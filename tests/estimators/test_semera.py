@@ -196,3 +196,88 @@ def test_perfect_knowledge_is_kept() -> None:
 def test_state_names_are_stable() -> None:
     assert names(semera.State)[:4] == ["x_0", "x_1", "x_2", "P_00"]
     assert TABLE_II.sample_time == DT
+
+
+# Rest, and lost readings: tuned on nothing; the signal is not that of the scenarios -----------------------------------
+
+DEFAULT = TABLE_II._replace(gate_decay=5e-3)
+
+
+def resting(after: Signal | None, seconds: float, seed: int) -> Signal:
+    """The signal, if any, and then noise only."""
+    rng = np.random.default_rng(seed)
+    count = round(seconds / DT)
+    still = Signal(
+        15e-3 * rng.standard_normal(count), 1e-3 * rng.standard_normal(count), np.full(count, 0.052), np.zeros(count)
+    )
+    return Signal(*(np.r_[a, b] for a, b in zip(after, still))) if after else still
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rest_before_the_first_operation_teaches_nothing(seed: int) -> None:
+    """0.05 s of rest; the printed form learns 8 ohm from it, and is that wrong in the operation that follows."""
+    count = 1000
+    signal = valve_like(cycles=2, rest=count, seed=seed)
+    found, _ = run(signal, DEFAULT)
+    error = found["resistance"] - 76.0
+    assert np.sqrt(np.mean(error[count : count + 400] ** 2)) < 1.31  # 1.5 ohm is the error of the prior
+    assert np.sqrt(np.mean(error[count + 400 :] ** 2)) < 0.05
+    printed, _ = run(signal)
+    assert np.sqrt(np.mean((printed["resistance"][count : count + 400] - 76.0) ** 2)) > 5.0
+
+
+def test_a_long_rest_does_not_move_the_resistance() -> None:
+    """1 s, before the first operation and after it."""
+    _, before = run(resting(None, 1.0, 4), DEFAULT)
+    assert before.x[0] == TABLE_II.prior_resistance
+    _, ended = run(valve_like(cycles=1), DEFAULT)
+    _, after = run(resting(valve_like(cycles=1), 1.0, 4), DEFAULT)
+    assert abs(after.x[0] - ended.x[0]) < 1e-3
+
+
+def test_what_the_end_of_a_decay_tells_is_kept() -> None:
+    errors = {}
+    for name, par in {"paper": TABLE_II, "default": DEFAULT, "gated": TABLE_II._replace(gate_update=0.0)}.items():
+        found = [run(valve_like(seed=seed), par)[0]["resistance"][AFTER:] - 76.0 for seed in range(1, 6)]
+        errors[name] = float(np.median([np.sqrt(np.mean(e**2)) for e in found]))
+    assert errors["default"] < min(1.5 * errors["paper"], 0.4 * errors["gated"]), errors
+
+
+@pytest.mark.parametrize("kind", [np.nan, np.inf, -np.inf, 10.0, -1e300])
+@pytest.mark.parametrize("which", ["voltage", "current", "both"])
+@pytest.mark.parametrize(("at", "length"), [(421, 1), (505, 1), (560, 100), (625, 20), (470, 700)])
+def test_lost_readings_are_left_out_and_forgotten(kind: float, which: str, at: int, length: int) -> None:
+    """A spike is 10 A or 100 times that in volts; what has gone is gone from the next operation on."""
+    signal = valve_like(cycles=5)
+    u, iota = signal.u.copy(), signal.iota.copy()
+    hole = slice(at, at + length)
+    if which != "current":
+        u[hole] = 1e3 * kind
+    if which != "voltage":
+        iota[hole] = kind
+    found, _ = run(signal._replace(u=u, iota=iota), DEFAULT)
+    assert all(np.all(np.isfinite(values)) for values in found.values())
+    lost = np.zeros(u.size, bool)
+    lost[hole] = True
+    np.testing.assert_array_equal(found["health"], np.where(lost, 0.0, 1.0))
+    assert np.all(found["quality"][hole] == 0.0)
+    assert np.ptp(found["resistance"][hole]) == 0.0 and np.ptp(found["inductance"][hole]) == 0.0
+    back = REST + 400 * ((at + length - REST) // 400 + 1)
+    assert np.abs(found["resistance"][back:] - 76.0).max() < 0.1
+    assert np.sqrt(np.mean((found["flux_linkage"] - signal.flux_linkage)[back:] ** 2)) < 0.15e-3
+
+
+def test_nothing_but_lost_readings() -> None:
+    blind = Signal(*(np.full(50, np.nan) for _ in range(4)))
+    found, state = run(blind, DEFAULT)
+    assert all(np.all(np.isfinite(values)) for values in found.values())
+    assert np.all(found["health"] == 0.0) and np.all(found["resistance"] == TABLE_II.prior_resistance)
+    assert state.x[0] == TABLE_II.prior_resistance
+
+
+def test_a_lone_sample_outside_the_band_is_forgotten() -> None:
+    still = resting(None, 0.02, 5)
+    iota = np.clip(still.iota, -3e-3, 3e-3)
+    iota[[50, 120, 300]] = 4e-3, -5e-3, 0.5
+    _, state = run(still._replace(iota=iota), DEFAULT)
+    assert state.x[0] == TABLE_II.prior_resistance and state.P[0, 0] > 1.0

@@ -156,6 +156,11 @@ def worst(volts: float, tuning: float, **changes: float) -> float:
     return float(max(error[OFF - 100 : OFF].mean(), error[END - 100 :].mean()))
 
 
+def test_parameters_of_the_own_tuning_start_from_the_robust_one() -> None:
+    par = defaults(ukf)
+    assert ukf.Tuning(*(getattr(par, f"process_{name}") for name in ukf.Tuning._fields)) == ukf.ROBUST
+
+
 WRONG = {  # by 5 % each
     "turns": {"coil_turns": 1140.0, "core_saturation": 0.024 * 0.95 / 1.05, "spring_stiffness": 38.85},
     "core": {"core_reluctance": 3.4125e6, "core_saturation": 0.024 / 0.95, "mover_mass": 1.52e-3, "damping": 0.38},

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 TABLE_I = {
     "T_s": 20e-6, "R": 48.0, "m": 1.6e-9, "k_sp": 6.18e-5, "z_sp": 18.8, "c_f": 8e-7, "R_c0": 1.75, "lam_sat": 0.0238,
-    "z_min": 0.4e-3, "l_z": 1e-3, "N": 1200.0, "Rg0": 0.0, "Rgp": 4.7e10, "k_f": 300.0, "c": 9.73e-3,
+    "z_min": 0.4e-3, "l_z": 1e-3, "N": 1200.0, "Rg0": 0.0, "Rgp": 4.7e10, "k_f": 300.0, "c": 9.73e-3, "memory": 1.0,
 }  # fmt: skip
 
 
@@ -56,7 +56,9 @@ def f(x: Any, v: float, q: int, p: dict[str, float]) -> Any:
     at, speed = (z, (z - z_prev) / p["T_s"]) if q == 2 else (0.0 if q == 1 else 1.0, 0.0)
     force = p["k_sp"] * (p["z_sp"] - at) - p["c_f"] * speed - 0.5 * gap(at, p)[1] * lam**2 + e_F
     start = 2.0 * z - z_prev if q == 2 else at
-    return np.array([start + p["T_s"] ** 2 * force / p["m"], z, lam + p["T_s"] * (v - p["R"] * h(x, p)), e_i, e_F])
+    memory = 1.0 if q == 2 else p["memory"]
+    lam_next = lam + p["T_s"] * (v - p["R"] * h(x, p))
+    return np.array([start + p["T_s"] ** 2 * force / p["m"], z, lam_next, memory * e_i, e_F])
 
 
 def H(x: Any, p: dict[str, float]) -> Any:
@@ -74,4 +76,5 @@ def F(x: Any, q: int, p: dict[str, float]) -> Any:
         first[1] = k * p["c_f"] / p["T_s"] - 1.0
     first[2], first[4] = -k * gap(at, p)[1] * lam, k
     third = np.array([0.0, 0.0, 1.0, 0.0, 0.0]) - p["T_s"] * p["R"] * H(x, p)
-    return np.array([first, [1, 0, 0, 0, 0], third, [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], float)
+    memory = 1.0 if q == 2 else p["memory"]
+    return np.array([first, [1, 0, 0, 0, 0], third, [0, 0, 0, memory, 0], [0, 0, 0, 0, 1]], float)

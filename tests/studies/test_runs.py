@@ -35,9 +35,9 @@ def assert_equal(rows, run, estimates, samples, states):
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=["complete", "without e_i", "without e_F"])
-@pytest.mark.parametrize("width", [0.01, 0.3])
-def test_filter_and_smoother_equal_the_scalar_kernel(study, variant, width):
-    s, m = study.samples, study.model
+@pytest.mark.parametrize(("width", "memory"), [(0.01, 1.0), (0.3, 1.0), (0.3, 0.97)])
+def test_filter_and_smoother_equal_the_scalar_kernel(study, variant, width, memory):
+    s, m = study.samples, study.model._replace(memory=memory)
     varied = perturbed(m, width * errors(3, 0, RUNS))
     current = s.current[:, None] + noise(3, 0, RUNS, s.time.size, 2e-3)
     estimator = Estimator(variant, TUNING, m)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import reduced_model_textbook as textbook
 from table_i import defaults
 
@@ -19,6 +20,7 @@ def filter_parameters(m: Model, varied: Varied, run: int, tuning: Tuning, varian
     physical = {
         "sample_time": m.T_s, "mover_mass": one.m / l_z**2, "spring_stiffness": one.k_sp / l_z**2,
         "spring_rest": m.z_min + l_z * one.z_sp, "damping": one.c_f / l_z**2, "core_reluctance": one.R_c0 * N**2,
+        "process_current_error_memory": 0.0 if m.memory == 1.0 else -m.T_s / np.log(m.memory),
         "core_saturation": one.lam_sat, "gap_reluctance": one.gap_offset * N**2, "gap_tilt": one.gap_tilt * N**2 / l_z,
     }  # fmt: skip
     return defaults(ekf, **physical, **tuning._asdict(), **variant._asdict())

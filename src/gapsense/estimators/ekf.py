@@ -31,6 +31,8 @@ from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import cond, square, where
 
+USUAL = 20e-6  # time in which the process noises have the standard deviations of the parameters: T_s of the paper [s]
+
 
 class Parameters(NamedTuple):
     """The reduced model as a user knows it, Tables I and II, and the tuning."""
@@ -57,8 +59,9 @@ class Parameters(NamedTuple):
     gap_tilt: Scalar  # [1/(H m)]
     option_force_error: Scalar  # 1: with e_F
     option_current_error: Scalar  # 1: with e_i
-    process_flux_linkage: Scalar  # standard deviation of w_lambda, per sample [Wb]
+    process_flux_linkage: Scalar  # standard deviation of w_lambda, per `USUAL` [Wb]
     process_current_error: Scalar  # that of w_ei [A]
+    process_current_error_memory: Scalar  # time constant of e_i at rest; 0: it is never forgotten, as in the paper [s]
     process_force_error: Scalar  # that of w_eF [N]
     noise_current: Scalar  # sigma_i [A]
     prior_flux_linkage: Scalar  # lambda_0 [Wb]
@@ -208,10 +211,12 @@ def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pa
 
 
 def process_noise(m: Model, tuned: Tuning) -> Array:
-    """Q: none on the positions; without e_i or e_F that state stays zero (64), (65)."""
+    """Q over a sampling period: none on the positions; without e_i or e_F that state stays zero (64), (65)."""
     current_error = where(tuned.option_current_error > 0.0, square(tuned.process_current_error), 0.0)
     force_error = where(tuned.option_force_error > 0.0, square(tuned.process_force_error * m.l_z), 0.0)
-    return diagonal([0.0, 0.0, square(tuned.process_flux_linkage), current_error, force_error])
+    periods = m.T_s / USUAL
+    variances = [square(tuned.process_flux_linkage), current_error, force_error]
+    return diagonal([0.0, 0.0, *(periods * variance for variance in variances)])
 
 
 def physical(estimate: Gaussian, m: Model) -> Estimates:

@@ -3,13 +3,14 @@
 Algorithm 2 of [SEMERA], with the reset before the first energised sample is added: in the printed order that sample
 would fall into the old operation.  With `offline` the resistance of an operation is known when it has ended; its
 samples are then published while the next operation goes on, each with its own time: at most `LENGTH` of them, and not
-more than the next operation has.
+more than the next operation has.  For a lost reading the last good one stands in.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.estimators.readings import FINE, LOST, can_be_read
 from gapsense.records import Array, Memory, Scalar, zeros
 from gapsense.trace import fabs, load, sqrt, store, where
 
@@ -28,6 +29,8 @@ class Parameters(NamedTuple):
     gate_sigmas: Scalar  # n_sigma [1]
     edge_voltage: Scalar  # an operation starts when the voltage rises above it [V]
     offline: Scalar  # 1: publish an operation when it has ended
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # [A]
 
 
 class State(NamedTuple):
@@ -37,8 +40,11 @@ class State(NamedTuple):
     voltage_sum: Scalar  # S_u [V]
     current_sum: Scalar  # S_iota [A]
     count: Scalar  # samples in the running operation
-    current: Scalar  # previous current measurement [A]
-    voltage: Scalar  # previous voltage measurement [V]
+    current: Scalar  # previous current measurement that was not lost [A]
+    voltage: Scalar  # previous voltage measurement that was not lost [V]
+    is_lost: Scalar  # 1 if a reading of the previous sample was lost
+    losses: Scalar  # samples with lost readings in the running operation
+    kept: Scalar  # how many operations in a row had some, and left the resistance as it was
     start: Scalar  # time of the sample before the running operation [s]
     half: Scalar  # half of the memory that is written: 0 or 1
     last_count: Scalar  # samples of the operation being replayed
@@ -51,7 +57,7 @@ class State(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Measurements; `time` is that of the sample."""
+    """Measurements; `time` is that of the sample, and a lost one is not a number."""
 
     time: Scalar
     voltage: Scalar
@@ -67,6 +73,7 @@ class Outputs(NamedTuple):
     quality: Scalar
     published: Scalar  # 1 if the values belong to a sample, 0 while there is none to replay
     published_time: Scalar
+    health: Scalar  # 1 fine, 0 a reading was lost; of this sample, with `offline` too
 
 
 class Sample(NamedTuple):
@@ -82,23 +89,26 @@ class Sample(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
-    size, i = 2 * LENGTH + 1, inputs.current
+    (u, i), health = _readings(0.0, 0.0, inputs, par)
     state = State(
         resistance=par.prior_resistance,
         voltage_sum=0.0,
         current_sum=0.0,
         count=0.0,
         current=i,
-        voltage=inputs.voltage,
+        voltage=u,
+        is_lost=1.0 - health,
+        losses=0.0,
+        kept=0.0,
         start=inputs.time,
         half=0.0,
         last_count=0.0,
         last_start=inputs.time,
         before=i,
         last_before=i,
-        voltage_sums=zeros(size),
-        current_sums=zeros(size),
-        currents=zeros(size),
+        voltage_sums=zeros(SPARE + 1),
+        current_sums=zeros(SPARE + 1),
+        currents=zeros(SPARE + 1),
     )
     return state, Outputs(
         resistance=par.prior_resistance,
@@ -107,29 +117,48 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         quality=0.0,
         published=1.0 - par.offline,
         published_time=inputs.time,
+        health=health,
     )
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample, lines 4 to 12."""
     previous = state.current
-    state = _added(_opened(state, inputs, par), inputs)
-    now = Sample(state.voltage_sum, state.current_sum, inputs.current, previous, inputs.time, published=1.0)
+    (u, i), health = _readings(state.voltage, state.current, inputs, par)
+    state = _added(_opened(state, inputs.time, u, par), u, i, health)
+    now = Sample(state.voltage_sum, state.current_sum, i, previous, inputs.time, published=1.0)
     online = _estimates(now, state.resistance, par)
     offline = _estimates(_replayed(state, par), state.resistance, par)
     is_offline = par.offline > 0.0
-    return state, Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
+    outputs = Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
+    return state, outputs._replace(health=health)
 
 
-def _opened(state: State, inputs: Inputs, par: Parameters) -> State:
-    """At a rising edge of the voltage a new operation, with the resistance of the one that has ended."""
-    is_edge = (inputs.voltage > par.edge_voltage) & (state.voltage <= par.edge_voltage)
+def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:
+    """Voltage and current, the last good ones where they are lost, and the health that this means."""
+    has_voltage = can_be_read(inputs.voltage, par.range_voltage)
+    has_current = can_be_read(inputs.current, par.range_current)
+    readings = where(has_voltage, inputs.voltage, u), where(has_current, inputs.current, i)
+    return readings, where(has_voltage & has_current, FINE, LOST)
+
+
+def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
+    """At a rising edge of the voltage a new operation, with the resistance of the one that has ended.
+
+    An operation with lost readings leaves the resistance as it is, but the third in a row does not: it would go on
+    being out of date.  A reading lost just before the edge counts for both, because the edge may have been there.
+    """
+    is_edge = (u > par.edge_voltage) & (state.voltage <= par.edge_voltage)
+    is_kept = (state.losses > 0.0) & (state.kept < 2.0)
+    r = where(is_kept, state.resistance, _mean_resistance(state, par))  # line 11, (47)
     return state._replace(
-        resistance=where(is_edge, _mean_resistance(state, par), state.resistance),  # line 11, (47)
+        resistance=where(is_edge, r, state.resistance),
+        losses=where(is_edge, state.is_lost, state.losses),
+        kept=where(is_edge, where(is_kept, state.kept + 1.0, 0.0), state.kept),
         voltage_sum=where(is_edge, 0.0, state.voltage_sum),
         current_sum=where(is_edge, 0.0, state.current_sum),
         count=where(is_edge, 0.0, state.count),
-        start=where(is_edge, inputs.time - par.sample_time, state.start),
+        start=where(is_edge, time - par.sample_time, state.start),
         half=where(is_edge, 1.0 - state.half, state.half),
         last_count=where(is_edge, where(state.count < LENGTH, state.count, LENGTH), state.last_count),
         last_start=where(is_edge, state.start, state.last_start),
@@ -138,9 +167,8 @@ def _opened(state: State, inputs: Inputs, par: Parameters) -> State:
     )
 
 
-def _added(state: State, inputs: Inputs) -> State:
+def _added(state: State, u: Scalar, i: Scalar, health: Scalar) -> State:
     """The sample added to the sums (line 5), and kept."""
-    u, i = inputs.voltage, inputs.current
     su, si, count = state.voltage_sum + u, state.current_sum + i, state.count + 1.0
     slot = where(count <= LENGTH, state.half * LENGTH + count - 1.0, SPARE)
     return state._replace(
@@ -149,6 +177,8 @@ def _added(state: State, inputs: Inputs) -> State:
         count=count,
         current=i,
         voltage=u,
+        is_lost=1.0 - health,
+        losses=state.losses + 1.0 - health,
         voltage_sums=store(state.voltage_sums, slot, su),
         current_sums=store(state.current_sums, slot, si),
         currents=store(state.currents, slot, i),
@@ -191,4 +221,5 @@ def _estimates(at: Sample, r: Scalar, par: Parameters) -> Outputs:
         quality=where(is_high, 1.0, 0.0),
         published=at.published,
         published_time=at.time,
+        health=FINE,
     )

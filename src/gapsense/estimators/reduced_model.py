@@ -3,6 +3,9 @@
 State x = (z*_k, z*_(k-1), lambda_k, e_i, e_F) (19), with the position normalised to [0, 1] and its past value in place
 of the velocity (Verlet).  The mode (1: lower stop, 2: moving, 3: upper stop) is an input.  Hysteresis and eddy currents
 are left out; e_i and e_F, constant but for noise, stand for what the current and the force equation do not say.
+
+At rest a flux linkage and the e_i that hides it are not observed and, in the paper, never forgotten: an integral of a
+wrong resistance runs away.  So e_i may have a memory there, e_i(k+1) = exp(-T_s / tau) e_i(k) + noise.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from gapsense.interpolate import spline
 from gapsense.linalg import vector
 from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, cond, fabs, is_traced, log, square, where
+from gapsense.trace import clip, cond, exp, fabs, is_traced, log, square, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.ekf import Parameters
@@ -53,6 +56,7 @@ class Model(NamedTuple):
     gap_window: Scalar
     gap_tilt: Scalar
     has_force_error: Scalar
+    memory: Scalar  # what is left of e_i after a sample at rest; 1 in the paper
 
 
 class Held(NamedTuple):
@@ -88,7 +92,13 @@ def normalised(par: Parameters) -> Model:
         gap_window=par.gap_window,
         gap_tilt=par.gap_tilt * scale,
         has_force_error=par.option_force_error,
+        memory=_memory(par.sample_time, par.process_current_error_memory),
     )
+
+
+def _memory(T_s: Scalar, tau: Scalar) -> Scalar:
+    """exp(-T_s / tau), and 1 for tau = 0, which stands for a memory without end."""
+    return where(tau > 0.0, exp(-T_s / where(tau > 0.0, tau, 1.0)), 1.0)
 
 
 def _constant(table: Array) -> Array:
@@ -162,35 +172,35 @@ def limit(mode: Scalar) -> Scalar:
 
 
 def transition(x: Array, u: Held, m: Model) -> Array:
-    """f(x, u) (20): position (22), (66), its past value (24), flux linkage (25), with minus R i, and errors (26)."""
+    """f(x, u) (20): position (22), (66), its past value (24), flux linkage (25), with minus R i, errors (26)."""
     return cond(is_moving(u.mode), lambda: move(x, u, m), lambda: stay(x, u, m))
 
 
 def move(x: Array, u: Held, m: Model) -> Array:
     """f(x, u) between the stops."""
-    z, z_prev, lam, _, e_F = x
+    z, z_prev, lam, e_i, e_F = x
     R_g, slope = gap_law(z, m)
     force = magnetic_force(slope, lam) + e_F
     z_next = 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
-    return _next(x, z_next, R_g, u.voltage, m)
+    return _next(x, z_next, R_g, u.voltage, e_i, m)
 
 
 def stay(x: Array, u: Held, m: Model) -> Array:
-    """f(x, u) on a stop."""
-    z, _, lam, _, e_F = x
+    """f(x, u) on a stop, where e_i is forgotten with its memory."""
+    z, _, lam, e_i, e_F = x
     R_g, slope = gap_law(z, m)
     z_stop = limit(u.mode)
     force = magnetic_force(slope if z is z_stop else gap_law(z_stop, m)[1], lam) + e_F
     rise = where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
-    return _next(x, z_stop + rise, R_g, u.voltage, m)
+    return _next(x, z_stop + rise, R_g, u.voltage, m.memory * e_i, m)
 
 
-def _next(x: Array, z_next: Scalar, R_g: Scalar, voltage: Scalar, m: Model) -> Array:
+def _next(x: Array, z_next: Scalar, R_g: Scalar, voltage: Scalar, e_i_next: Scalar, m: Model) -> Array:
     z, _, lam, e_i, e_F = x
     lam_next = lam + m.T_s * (voltage - m.R * current(R_g, lam, e_i, m))
     most = FLUX_LIMIT * m.lam_sat
     lam_next = cond(fabs(lam_next) < most, lambda: lam_next, lambda: clip(lam_next, -most, most))
-    return vector([z_next, z, lam_next, e_i, e_F])
+    return vector([z_next, z, lam_next, e_i_next, e_F])
 
 
 def observation(x: Array, m: Model) -> Array:

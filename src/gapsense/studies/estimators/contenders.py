@@ -21,7 +21,13 @@ NOISES = ("noise.voltage", "noise.current")
 CURRENT = NOISES[1:]
 MODEL = "all parameters"
 CONTACT = f"{MODEL}; contact sensor"
-TUNED: dict[str, Value] = {"option.tuning": "own", "process.flux_linkage": 100e-6, "process.current_error": 2e-3}
+TUNED: dict[str, Value] = {
+    "option.tuning": "own",
+    "process.flux_linkage": 100e-6,
+    "process.position": 20e-9,
+    "process.current_error": 2e-3,
+    "process.limit": 2.0,
+}
 
 
 class Contender(NamedTuple):

@@ -19,8 +19,11 @@ CHUNK = 5000  # runs that share a generator, and are computed at once
 
 
 def nominal() -> Model:
-    """The reduced model (13)-(17) with the right parameters: those of the actuator, and the core of Table II."""
-    return normalised(kernel_parameters(own("ekf"), {}))
+    """The reduced model (13)-(17) with the right parameters: those of the actuator, and the core of Table II.
+
+    As in the paper e_i is never forgotten.
+    """
+    return normalised(kernel_parameters(own("ekf"), {"process.current_error_memory": 0.0}))
 
 
 def fitted(samples: Any, m: Model) -> Model:

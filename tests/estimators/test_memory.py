@@ -1,0 +1,125 @@
+"""`Ekf` and `Ertss` with a memory of e_i at rest find back from what the paper's random walk never forgets.
+
+The plant has eddy currents and hysteresis.  The time constant of 0.66 ms is that of issue 9, measured there on square
+waves with a resistance believed 2 % too large; 10 and 20 % and the single wrong samples were not used for it.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from gapsense.actuators import reluctance_actuator
+from gapsense.estimators.ekf import process_noise, tuning
+from gapsense.estimators.reduced_model import normalised
+from gapsense.estimators.rts import Estimates, smooth_record
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.estimators.parameters import VALVE, reduced
+
+T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4  # sampling period and samples of the usual signals
+
+
+class Signals(NamedTuple):
+    """Samples of a square wave of 30 V, 10 ms on and 10 ms off; 2 mA of noise."""
+
+    voltage: np.ndarray
+    current: np.ndarray
+    mode: np.ndarray
+    position: np.ndarray
+    flux_linkage: np.ndarray
+
+
+@cache
+def square_wave(sample_time: float = T_S) -> Signals:
+    per = T_S / sample_time
+    k = np.arange(round((START + CYCLES * 2 * HALF) * per)) - round(START * per)
+    voltage = np.where((k >= 0) & (k % round(2 * HALF * per) < HALF * per), 30.0, 0.0)
+    current, *others = driven(
+        reluctance_actuator, RTS_VALVE, voltage, sample_time, "current", "mode", "position", "flux_linkage"
+    ).T
+    return Signals(voltage, current + 2e-3 * np.random.default_rng(1).standard_normal(k.size), *others)
+
+
+def believed(memory: float | None = None, resistance: float = 1.0, sample_time: float = T_S) -> Any:
+    """The parameters of the benchmark, with a factor of the resistance; `memory` 0 is the paper, None the default."""
+    wrong = reduced(VALVE._replace(resistance=VALVE.resistance * resistance))
+    memories = {} if memory is None else {"process.current_error_memory": memory}
+    return kernel_parameters(own("ekf"), {**wrong, **memories, "sample_time": sample_time})
+
+
+class Errors(NamedTuple):
+    """Root mean square errors of filter and smoother in motion [um], and of the filtered flux linkage [mWb]."""
+
+    ekf: float
+    ertss: float
+    flux_linkage: float
+
+
+def errors(par: Any, after: int = START + 2 * HALF, **changed: np.ndarray) -> Errors:
+    """Errors from a time on, in samples of `T_S`, in a run with some of the measurements changed."""
+    s = square_wave(par.sample_time)
+    measured = s._replace(**changed)
+    found = smooth_record(measured.voltage, measured.current, measured.mode, par)
+    later = np.arange(s.mode.size) * par.sample_time >= after * T_S
+    moving = later & (s.mode == 2.0)
+
+    def rms(estimates: Estimates, name: str, where: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((getattr(estimates, name) - getattr(s, name))[where] ** 2)))
+
+    position = (1e6 * rms(e, "position", moving) for e in (found.filtered, found.smoothed))
+    return Errors(*position, 1e3 * rms(found.filtered, "flux_linkage", later))
+
+
+def changed(name: str, sample: int, value: float) -> dict[str, np.ndarray]:
+    """One measurement of the first cycle wrong."""
+    values = getattr(square_wave(), name).copy()
+    values[sample] = value
+    return {name: values}
+
+
+LANDED, HELD = START + 2 * HALF, START + 300  # at rest on the upper stop, held on the lower one
+
+
+def test_a_resistance_believed_too_large_does_not_run_away() -> None:
+    paper, found = (errors(believed(memory, resistance=1.02)) for memory in (0.0, None))
+    assert paper.ekf > 300.0 and paper.ertss > 50.0 and paper.flux_linkage > 15.0  # 352 um, 54 um, 16.2 mWb
+    assert found.ekf < 32.0 and found.ertss < 6.0 and found.flux_linkage < 0.85  # 29 um, 5.7 um, 0.77 mWb
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [changed("mode", HELD, 3.0), changed("current", START + 120, 10.0), changed("current", START + 800, 10.0)],
+    ids=["mode while held", "current in motion", "current at rest"],
+)
+def test_one_wrong_sample_is_forgotten_within_the_next_operation(wrong: dict[str, np.ndarray]) -> None:
+    paper, found = (errors(believed(memory), after=LANDED + HALF, **wrong) for memory in (0.0, None))
+    assert paper.ekf > 300.0 and paper.ertss > 40.0 and paper.flux_linkage > 12.0
+    assert found.ekf < 27.0 and found.ertss < 6.0 and found.flux_linkage < 0.85
+
+
+def test_with_the_right_resistance_it_costs_little() -> None:
+    paper, found = (errors(believed(memory)) for memory in (0.0, None))
+    assert found.ekf < paper.ekf and found.ertss < 1.1 * paper.ertss and found.flux_linkage < paper.flux_linkage
+
+
+def test_the_tuning_holds_at_another_sampling_period() -> None:
+    """The process noise is a rate: one of so much per sample has 137 um and 20 um here."""
+    paper, found = (errors(believed(memory, sample_time=5e-6)) for memory in (0.0, None))
+    assert paper.ekf < 70.0 and found.ekf < 6.0 and found.ertss < 1.2  # 65, 4.7 and 1.04 um
+    fast, usual = (
+        np.array(process_noise(normalised(p), tuning(p)), float) for p in (believed(sample_time=5e-6), believed())
+    )
+    np.testing.assert_allclose(4.0 * fast, usual, rtol=1e-15)
+    par = believed()
+    assert usual[2, 2] == par.process_flux_linkage**2 and usual[3, 3] == par.process_current_error**2
+
+
+def test_how_long_the_memory_may_be() -> None:
+    """The longer it is, the smaller the error of the resistance that runs away again."""
+    found = {(tau, r): errors(believed(tau, r)).flux_linkage for tau in (0.33e-3, 0.66e-3, 1.3e-3) for r in (1.1, 1.2)}
+    assert found[0.66e-3, 1.1] < 2.5 < 14.0 < found[0.66e-3, 1.2]
+    assert found[0.33e-3, 1.2] < 4.0 and found[1.3e-3, 1.1] > 14.0
