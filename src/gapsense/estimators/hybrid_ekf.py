@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 from gapsense.derivative import linearise
 from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
-from gapsense.estimators.watch import counted, is_far, patient
+from gapsense.estimators.watch import counted, is_far, near, patient
 from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Choice, Covariance, Scalar, Vector, flat, record
 from gapsense.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
@@ -178,7 +178,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     std = deviation(prior.P[CURRENT, CURRENT] + tun.R)
     is_used = has_current & not_(is_far(innovation, std, patient(par.range_innovation, state.far)))
     posterior = cond(is_used & not_(tun.is_open_loop), lambda: _corrected(prior, innovation, mod, tun), lambda: prior)
-    surprised = surprise(state.surprise, innovation, std, par.health_samples)
+    surprised = surprise(state.surprise, near(innovation, std), std, par.health_samples)
     surprised = where(is_used, surprised, state.surprise)
     far = counted(state.far, is_far(innovation, std, par.range_innovation))
     health = readings.health(

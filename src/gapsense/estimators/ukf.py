@@ -31,6 +31,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
+from gapsense.estimators.watch import near
 from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
 from gapsense.records import Array, Choice, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, fabs, not_, square, where
@@ -39,7 +40,6 @@ ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table 
 UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
-FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
@@ -184,7 +184,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
-    seen = clip(innovation, -FAR * S, FAR * S)
+    seen = near(innovation, S)
     surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
     surprised = where(is_sound, surprised, 1.0)
     health = readings.health(

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 from gapsense.estimators.kalman import surprise
 from gapsense.records import Scalar
-from gapsense.trace import fabs, sqrt, where
+from gapsense.trace import clip, fabs, sqrt, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
+FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten
 LONG = 10.0  # time over which a current error counts, in those over which an innovation does
 WANDERING = 20e-3  # memory that a current error without end is judged by: an operation and the rest after it [s]
 
@@ -42,6 +43,11 @@ def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
     return (most > 0.0) & (fabs(innovation) > most * std)
 
 
+def near(value: Scalar, std: Scalar) -> Scalar:
+    """A value, limited to `FAR` standard deviations."""
+    return clip(value, -FAR * std, FAR * std)
+
+
 def patient(most: Scalar, far: Scalar) -> Scalar:
     """The limit for `is_far`, or 0 after `PATIENCE` such samples in a row."""
     return where(far < PATIENCE, most, 0.0)
@@ -54,8 +60,9 @@ def counted(before: Scalar, is_so: Scalar) -> Scalar:
 
 def watched(before: Watch, seen: Seen, most: Scalar, samples: Scalar) -> Watch:
     """What a sample adds to the means over about so many samples, and over `LONG` times as many at rest."""
-    surprised = surprise(before.surprise, seen.innovation, seen.innovation_std, samples)
-    strained = surprise(before.strain, seen.current_error, seen.current_error_std, LONG * samples)
+    surprised = surprise(before.surprise, near(seen.innovation, seen.innovation_std), seen.innovation_std, samples)
+    current_error = near(seen.current_error, seen.current_error_std)
+    strained = surprise(before.strain, current_error, seen.current_error_std, LONG * samples)
     return Watch(
         surprise=where(seen.is_used, surprised, before.surprise),
         strain=where(seen.is_resting, strained, before.strain),
