@@ -106,7 +106,7 @@ COMPONENT = Component(
             min=0.0,
         ),
         parameter("health.samples", "1", "Samples over which the innovations are averaged", 50.0, min=1.0),
-        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 4.0, min=0.0),
+        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 6.0, min=0.0),
         parameter(
             "health.current_error",
             "1",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,12 @@ def test_health_falls_with_a_wrong_resistance_and_not_with_the_right_one() -> No
     assert wrong["health"].mean() < 0.9
 
 
-NUMBER = st.tuples(st.floats(-50.0, 50.0), st.floats(-1.0, 1.0), st.sampled_from([1.0, 2.0, 3.0]))
+ANY = st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e3])
+NUMBER = st.tuples(
+    st.one_of(st.floats(-50.0, 50.0), ANY),
+    st.one_of(st.floats(-1.0, 1.0), ANY),
+    st.one_of(st.sampled_from([1.0, 2.0, 3.0]), ANY),
+)
 
 
 @settings(max_examples=40, deadline=None)

@@ -28,7 +28,7 @@ from gapsense.estimators.reduced_model import (
     rest,
     stay,
 )
-from gapsense.estimators.watch import START, Seen, Watch, is_far, patient, stationary, watched
+from gapsense.estimators.watch import OFTEN, START, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import cond, fabs, not_, square, where
@@ -202,7 +202,7 @@ def _health(watch: Watch, x: Array, is_lost: Scalar, par: Parameters) -> reading
             readings.INNOVATION: watch.surprise >= par.health_limit,
             readings.CURRENT_ERROR: watch.strain >= square(par.health_current_error),
             readings.SATURATION: fabs(x[FLUX_LINKAGE]) >= par.core_saturation,
-            readings.BOUND: watch.pressed >= par.health_samples,
+            readings.BOUND: watch.pressed >= OFTEN,
             readings.LOST: is_lost,
         }
     )

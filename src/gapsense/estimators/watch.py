@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.kalman import surprise
+from gapsense.estimators.kalman import mean, surprise
 from gapsense.records import Scalar
 from gapsense.trace import clip, fabs, sqrt, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
 FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten
+OFTEN = 0.5  # share of the samples in which a position may be put back to a bound
 LONG = 10.0  # time over which a current error counts, in those over which an innovation does
 WANDERING = 20e-3  # memory that a current error without end is judged by: an operation and the rest after it [s]
 
@@ -19,7 +20,7 @@ class Watch(NamedTuple):
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
     strain: Scalar  # mean of the squared normalised current error at rest [1]
-    pressed: Scalar  # samples in a row in which the position was put back to a bound
+    pressed: Scalar  # share of the samples in which the position was put back to a bound
     far: Scalar  # samples in a row with a wild innovation
 
 
@@ -66,7 +67,7 @@ def watched(before: Watch, seen: Seen, most: Scalar, samples: Scalar) -> Watch:
     return Watch(
         surprise=where(seen.is_used, surprised, before.surprise),
         strain=where(seen.is_resting, strained, before.strain),
-        pressed=counted(before.pressed, seen.is_pressed),
+        pressed=mean(before.pressed, where(seen.is_pressed, 1.0, 0.0), samples),
         far=counted(before.far, is_far(seen.innovation, seen.innovation_std, most)),
     )
 
