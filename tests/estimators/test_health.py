@@ -94,7 +94,7 @@ def test_a_position_held_at_a_bound_is_noticed() -> None:
     mode[opened] = 2.0
     found = run(believed()._replace(option_force_error=0.0), s._replace(mode=mode))
     held = says(found, readings.BOUND)
-    assert held[opened].mean() > 0.3 and held.sum() < held[opened].sum() + 50
+    assert held[opened].mean() > 0.2 and held.sum() < held[opened].sum() + 50
 
 
 def test_the_stationary_deviation_is_that_of_a_simulated_current_error() -> None:

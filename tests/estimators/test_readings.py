@@ -16,6 +16,7 @@ from table_i import defaults
 
 from gapsense.actuators import pot_magnet, solenoid_valve
 from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
+from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernel import Kernel
 from gapsense.records import names
@@ -138,6 +139,15 @@ def test_a_lost_reading_costs_no_motion(signal: str) -> None:
     found = run(at, disturbed(at, signal, at.motion, (math.nan,) * 3))
     for name in ("smoothed_published", "landing_time", "impact_speed", "smoothed_position"):
         np.testing.assert_allclose(found[name], clean("Ertss")[name], rtol=2e-2, atol=2e-6)
+
+
+@pytest.mark.parametrize("signal", ["voltage", "current", "mode"])
+def test_a_record_with_lost_readings_is_smoothed(signal: str) -> None:
+    at = case("Ekf")
+    records = [at.inputs, disturbed(at, signal, at.motion, (math.nan,) * 3)]
+    whole, found = (smooth_record(*inputs.values(), at.par) for inputs in records)
+    assert [o[:2] for o in found.operations] == [o[:2] for o in whole.operations]
+    np.testing.assert_allclose(found.smoothed.position, whole.smoothed.position, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", KERNELS)

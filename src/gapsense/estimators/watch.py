@@ -10,7 +10,7 @@ from gapsense.trace import clip, fabs, sqrt, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
 FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten
-OFTEN = 0.5  # share of the samples in which a position may be put back to a bound
+OFTEN = 0.75  # share of the samples in which a position may be put back to a bound
 LONG = 10.0  # time over which a current error counts, in those over which an innovation does
 WANDERING = 20e-3  # memory that a current error without end is judged by: an operation and the rest after it [s]
 
