@@ -99,7 +99,7 @@ def motions(mode: ArrayLike) -> list[tuple[int, int]]:
 def _filter(
     inputs: list[tuple[float, float, float]], par: Parameters
 ) -> tuple[list[tuple[float, ...]], list[float], list[float]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples, and their voltages and modes, held where lost."""
+    """Flat filtered estimates (x, upper triangle of P) of all samples; voltages and modes, held where they are lost."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
