@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.readings import FINE, LOST, can_be_read
+from gapsense.estimators.readings import can_be_read
 from gapsense.records import Array, Memory, Scalar, zeros
 from gapsense.trace import fabs, load, sqrt, store, where
 
+FINE, LOST = 1.0, 0.0  # health
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
 SPARE = 2 * LENGTH  # element that takes the writes after that
 

@@ -66,7 +66,7 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
     Parameters
     ----------
     voltage, current, mode : (N,) arrays
-        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop.
+        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop. Lost ones are not a number.
     par : Parameters
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
 
@@ -74,8 +74,8 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
     -------
     Posterior
     """
-    v, i, q = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered = _filter(list(zip(v, i, q)), par)
+    inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
+    filtered, v, q = _filter(list(zip(*inputs)), par)
     smoothed, operations = list(filtered), []
     for first, landed in motions(q):
         for k in range(landed - 1, first - 1, -1):
@@ -96,17 +96,19 @@ def motions(mode: ArrayLike) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends)]
 
 
-def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[tuple[float, ...]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples."""
+def _filter(
+    inputs: list[tuple[float, float, float]], par: Parameters
+) -> tuple[list[tuple[float, ...]], list[float], list[float]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples; voltages and modes, held where they are lost."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
-    width = len(names(Estimate))  # of what the state begins with
-    found = [state[:width]]
+    states = [state]
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
-        found.append(state[:width])
-    return found
+        states.append(state)
+    width = len(names(Estimate))  # of what the state begins with; voltage and mode follow
+    return [s[:width] for s in states], [s[width] for s in states], [s[width + 1] for s in states]
 
 
 @cache

@@ -11,10 +11,12 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.estimators.readings import FINE, LOST, can_be_read
+from gapsense.estimators.readings import can_be_read
 from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
 from gapsense.trace import clip, cond, fabs, square, where
+
+FINE, LOST = 1.0, 0.0  # health
 
 
 class Parameters(NamedTuple):
