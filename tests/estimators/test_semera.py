@@ -200,7 +200,7 @@ def test_state_names_are_stable() -> None:
 
 # Rest, and lost readings: tuned on nothing; the signal is not that of the scenarios -----------------------------------
 
-DEFAULT = TABLE_II._replace(gate_decay=5e-3)
+DEFAULT = TABLE_II._replace(gate_decay=5e-3, range_voltage=100.0, range_current=0.0)
 
 
 def resting(after: Signal | None, seconds: float, seed: int) -> Signal:
