@@ -47,7 +47,7 @@ class State(NamedTuple):
     x: Annotated[Array, Vector(3)]  # prior estimate of (r, l, previous l) for the next sample
     P: Annotated[Array, Covariance(3)]  # its covariance
     current: Scalar  # last current measurement that was not lost [A]
-    lost: Scalar  # 1 if that of the previous sample was, else 0
+    lost: Scalar  # 1 if a reading of the previous sample was lost, else 0
     awake: (
         Scalar  # up to AWAKENING, samples in a row outside the noise band; above, those until the filter falls asleep
     )
@@ -95,27 +95,28 @@ def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample, which needs its two readings and the current before it."""
+    """One sample; one with a lost reading, and the one after it, are not used."""
     limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
-    has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), can_be_read(inputs.current, limit)
+    has_current = can_be_read(inputs.current, limit)
+    is_lost = not_(can_be_read(inputs.voltage, par.range_voltage) & has_current)
     i = where(has_current, inputs.current, state.current)
     after, outputs = cond(
-        has_voltage & has_current & (state.lost <= 0.0),
+        is_lost | (state.lost > 0.0),
+        lambda: _held(state, i, par),
         lambda: _filtered(state, inputs.voltage, i, par),
-        lambda: (state, _held(state, i, par)),
     )
-    found = health({LOST: not_(has_voltage & has_current)})
-    return after._replace(current=i, lost=where(has_current, 0.0, 1.0)), outputs._replace(**found._asdict())
+    return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(
+        **health({LOST: is_lost})._asdict()
+    )
 
 
-def _held(state: State, i: Scalar, par: Parameters) -> Outputs:
-    """Estimates of a sample that cannot be used: those that were expected of it.
-
-    Time stops for the filter: however long a gap is, the sample after it takes the place of the first one lost.
-    """
+def _held(state: State, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
+    """A sample that cannot be used: the estimates expected of it.  A gap, however long, counts as one sample."""
     band = par.gate_sigmas * par.noise_current
     l = where(_is_awake(state) & (fabs(i) > band), state.x[1], par.prior_inductance)
-    return _outputs(i, par, state.resistance, l, state.P)._replace(innovation_std=par.noise_voltage)
+    outputs = _outputs(i, par, state.resistance, l, state.P)._replace(innovation_std=par.noise_voltage)
+    expected = Gaussian(state.x, state.P)
+    return cond(state.lost > 0.0, lambda: state, lambda: _next(state, expected, False, par)), outputs
 
 
 def _filtered(state: State, u: Scalar, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
