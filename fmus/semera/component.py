@@ -48,7 +48,7 @@ COMPONENT = Component(
         parameter(
             "gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
         ),
-        option("gate.update", "Noise-only samples update the filter", True),
+        option("gate.update", "Noise-only samples update the filter while it sleeps, too", True),
         parameter(
             "gate.decay",
             "s",

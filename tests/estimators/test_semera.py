@@ -151,19 +151,6 @@ def test_low_quality_holds_the_resistance_and_gives_the_inductance_at_rest() -> 
     assert np.all(np.diff(found["resistance"])[low[1:]] == 0.0)
 
 
-def test_without_gate_update_low_quality_samples_teach_nothing() -> None:
-    par = TABLE_II._replace(gate_update=0.0)
-    quiet = valve_like()
-    quiet = quiet._replace(u=quiet.u[:REST], iota=np.clip(quiet.iota[:REST], -3e-3, 3e-3))
-    found, state = run(quiet, par)
-    assert np.all(found["quality"] == 0.0)
-    assert state.x[0] == TABLE_II.prior_resistance
-    _, state_paper = run(quiet, TABLE_II)
-    assert state_paper.x[0] != TABLE_II.prior_resistance
-    found, _ = run(simulated(), par)
-    assert np.sqrt(np.mean((found["resistance"][AFTER:] - 76.0) ** 2)) < 0.2
-
-
 def test_flux_and_reluctance_need_the_number_of_turns() -> None:
     without, _ = run(simulated())
     assert np.all(without["flux"] == 0.0) and np.all(without["reluctance"] == 0.0)
@@ -232,7 +219,7 @@ def test_rest_before_the_first_operation_costs_nothing(seconds: float, limit: fl
         for decay, found in errors.items():
             r = run(signal, DEFAULT._replace(gate_decay=decay))[0]["resistance"]
             found.append(rms(r[count : count + 400] - 76.0))
-            assert rms(r[count + 400 :] - 76.0) < 0.1
+            assert rms(r[count + 400 :] - 76.0) < (0.05 if decay else 0.2)
     assert np.median(errors[5e-3]) < 1.4 and max(errors[5e-3]) < 1.6, errors
     assert seconds < 0.01 or min(errors[0.0]) > limit, errors
 
@@ -267,9 +254,33 @@ def test_a_long_rest_leaves_room_for_another_temperature() -> None:
     assert after.rest_variance - ended.P[0, 0] == pytest.approx(20000 * DT**2, rel=0.05)
 
 
+@pytest.mark.parametrize("std", [1.0, 5.0])
+@pytest.mark.parametrize("seconds", [1e-3, 0.5])
+def test_without_gate_update_rest_teaches_nothing_whatever_the_prior(std: float, seconds: float) -> None:
+    par, count = DEFAULT._replace(gate_update=0.0, prior_resistance_std=std), round(seconds / DT)
+    signal = valve_like(cycles=2, rest=count, seed=3)
+    found, _ = run(signal, par)
+    error = found["resistance"] - 76.0
+    assert rms(error[count : count + 400]) < 1.5 and np.abs(error).max() < 2.1
+    assert rms(error[count + 400 :]) < 0.05
+    _, resting_state = run(Signal(*(values[:count] for values in signal)), par)
+    assert resting_state.rest_resistance == par.prior_resistance
+
+
+@pytest.mark.parametrize("gate_update", [0.0, 1.0])
+def test_an_edge_on_a_sample_of_rest_does_not_spoil_the_resistance(gate_update: float) -> None:
+    """The voltage is on, and the current is still noise: taken as a noise-only sample it costs up to 80 ohm."""
+    for seed in range(1, 6):
+        signal = valve_like(cycles=1, seed=seed)
+        signal.u[REST - 1] += 30.0
+        found, _ = run(signal, DEFAULT._replace(gate_update=gate_update))
+        assert np.abs(found["resistance"] - 76.0).max() < 1.6
+
+
 def test_what_the_end_of_a_decay_tells_is_kept() -> None:
     errors = {}
-    for name, par in {"paper": TABLE_II, "default": DEFAULT, "gated": TABLE_II._replace(gate_update=0.0)}.items():
+    asleep_at_once = DEFAULT._replace(gate_update=0.0, gate_decay=1e-9)
+    for name, par in {"paper": TABLE_II, "default": DEFAULT, "gated": asleep_at_once}.items():
         found = [run(valve_like(seed=seed), par)[0]["resistance"][AFTER:] - 76.0 for seed in range(1, 6)]
         errors[name] = float(np.median([rms(e) for e in found]))
     assert errors["default"] < min(1.5 * errors["paper"], 0.4 * errors["gated"]), errors

@@ -34,7 +34,7 @@ class Parameters(NamedTuple):
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     gate_sigmas: Scalar  # n_sigma [1]
-    gate_update: Scalar  # 1: noise-only samples update the filter; 0: they do not
+    gate_update: Scalar  # 1: noise-only samples update a filter that sleeps, too; 0: they do not
     gate_decay: Scalar  # time after an operation until the filter falls asleep; 0: never, as in the paper [s]
     range_voltage: Scalar  # a reading beyond counts as lost [V]
     range_current: Scalar  # [A]; 0: twice what `range_voltage` drives
@@ -132,9 +132,9 @@ def _filtered(state: State, u: Scalar, i: Scalar, par: Parameters) -> tuple[Stat
     S = H @ (prior.cov @ H) + R
     innovation = u - H @ prior.mean
     updated = cond(  # lines 8 to 10, Joseph form: in float32 the printed one spoils r
-        is_outside | (par.gate_update > 0.0),
+        is_outside | _is_awake(state) | _takes_noise(u, par),
         lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])),
-        lambda: _rest(prior, par),
+        lambda: prior,
     )
 
     r = where(is_high, updated.mean[0], state.resistance)  # lines 14 and 15
@@ -146,24 +146,22 @@ def _filtered(state: State, u: Scalar, i: Scalar, par: Parameters) -> tuple[Stat
 
 def _prior(state: State, is_outside: Scalar, par: Parameters) -> Gaussian:
     """Prior of the sample: while the filter sleeps, a noise-only one starts it anew."""
-    is_new = not_(is_outside | _is_awake(state) | (par.gate_decay <= 0.0))
     return cond(
-        is_new,
+        not_(is_outside | _is_awake(state) | (par.gate_decay <= 0.0)),
         lambda: _at_rest(state.rest_resistance, state.rest_variance, par),
         lambda: Gaussian(state.x, state.P),
     )
 
 
+def _takes_noise(u: Scalar, par: Parameters) -> Scalar:
+    """Whether a noise-only sample updates a sleeping filter; not one on which an edge of the voltage fell."""
+    is_silent = fabs(u) <= par.gate_sigmas * par.noise_voltage
+    return (par.gate_decay <= 0.0) | ((par.gate_update > 0.0) & is_silent)
+
+
 def _is_awake(state: State) -> Scalar:
     """Whether an operation goes on, or has ended not long ago."""
     return state.awake >= AWAKENING
-
-
-def _rest(prior: Gaussian, par: Parameters) -> Gaussian:
-    """The device rests: l is that of the prior, as if measured, and what this says of r is kept; l then restarts."""
-    innovation = vector([par.prior_inductance - prior.mean[1]])
-    x, P = condition(prior, innovation, matrix([[0.0, 1.0, 0.0]]), vector([square(par.prior_inductance_std)]))
-    return _at_rest(x[0], P[0, 0], par)
 
 
 def _next(state: State, updated: Gaussian, is_outside: Scalar, par: Parameters) -> State:
