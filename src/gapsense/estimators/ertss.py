@@ -154,13 +154,13 @@ def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> 
     The second value says whether a motion ends with this sample.
     """
     motion, smoothed = state.motion, state.smoothed
-    moves, moved = is_moving(inputs.mode), is_moving(state.filter.mode)
+    moves, moved = is_moving(now.mode), is_moving(state.filter.mode)
     takes_off = moves & not_(moved)
     half = where(takes_off, 1.0 - motion.half, motion.half)
     count = where(takes_off, 1.0, where(moves, motion.count + 1.0, motion.count))
     start = where(takes_off, inputs.time - par.sample_time, motion.start)
     slot = where(moves & (count <= LENGTH), half * LENGTH + count - 1.0, SPARE)
-    entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), inputs.voltage]
+    entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), now.voltage]
     lands = moved & not_(moves) & (count > 0.0) & (count <= LENGTH)
     smoothed = Smoothed(
         smoothed_half=where(lands, half, smoothed.smoothed_half),
@@ -185,7 +185,7 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
         found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
         last = cond(
             lands,
-            lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
+            lambda: Operation(state.motion.start, *impact(found.mean, limit(state.filter.mode), inputs.time, m)),
             lambda: state.last,
         )
         shown = physical(found, m)
