@@ -40,6 +40,7 @@ HOLD_OUTS: dict[str | None, str] = {  # conditions that no estimator was tuned o
     "bounce": "bounce",
     "offset": "3 mA offset",
     "friction": "friction",
+    "other_physics": "other physics",
 }
 TITLES = {**CONDITIONS, **HOLD_OUTS}
 DRAWN = ("wrong_5", "wrong_10", "together", "all_wrong")  # where the runs differ by wrong parameters
