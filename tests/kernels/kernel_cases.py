@@ -19,7 +19,7 @@ import numpy as np
 
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
-from gapsense.records import fields, leaves, record, triangle
+from gapsense.records import fields, leaves, names, record, triangle
 
 PACKAGES = ("gapsense.actuators", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
 CONTRACT = ("Parameters", "State", "Inputs", "Outputs", "initial", "step")
@@ -90,8 +90,9 @@ def parameters(name: str, rng: random.Random) -> Any:
         raise AssertionError(
             f"`{name}` has no component in fmus/. Give it an example in EXAMPLES of {Path(__file__).name}."
         )
-    assert set(drawn) == set(cls._fields), f"{name}: ports and Parameters differ in {set(drawn) ^ set(cls._fields)}"
-    return cls(**drawn)
+    expected = names(cls)
+    assert set(drawn) == set(expected), f"{name}: ports and Parameters differ in {set(drawn) ^ set(expected)}"
+    return record(cls, (drawn[entry] for entry in expected))
 
 
 def nominal_inputs(name: str) -> tuple[dict[str, float], float]:
