@@ -38,7 +38,7 @@ class Contact(NamedTuple):
 class Motion(NamedTuple):
     """The motion that is recorded, or was last."""
 
-    place: Scalar  # of its first sample, counted from the first one that was kept
+    place: Scalar  # of its first sample; those after it count on, also beyond the end of the memory
     count: Scalar  # its samples so far; 0: the mover was not seen to take off
     start: Scalar  # time of the last sample before it [s]
     stop: Scalar  # that it left: 0 the lower, 1 the upper
@@ -92,7 +92,7 @@ def follow(motion: Motion, c: Contact) -> Followed:
     grown = where(moves & (motion.count > 0.0), motion.count + 1.0, motion.count)
     after = motion.place + where(motion.count > 0.0, motion.count + 1.0, 0.0)  # the sample of the landing is kept too
     found = Motion(
-        place=where(takes_off, after, motion.place),
+        place=where(takes_off, slot(after), motion.place),
         count=where(takes_off, 1.0, where(ends & is_short, 0.0, grown)),
         start=where(takes_off, c.time - c.sample_time, motion.start),
         stop=where(takes_off, limit(c.mode_prev), motion.stop),
