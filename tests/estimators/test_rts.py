@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -132,7 +133,7 @@ def run_component(cycles: int, par: Any) -> dict[str, np.ndarray]:
     s = valve(cycles)
     step = KERNEL.scalar["step"]
     current = (s.current + noise()[: s.current.size]).tolist()
-    given = list(zip(s.time.tolist(), s.voltage.tolist(), current, s.mode.tolist()))
+    given = list(zip(s.time.tolist(), s.voltage.tolist(), current, s.mode.tolist(), repeat(0.0)))
     state, outputs = KERNEL.scalar["initial"](given[0], tuple(par))
     rows = [outputs]
     for inputs in given[1:]:
@@ -170,10 +171,10 @@ def test_component_publishes_what_the_record_gives(options: dict[str, float]) ->
 def test_motion_that_is_too_long_is_not_smoothed() -> None:
     par = tuple(exact())
     step = KERNEL.scalar["step"]
-    state, _ = KERNEL.scalar["initial"]((0.0, 0.0, 0.0, 3.0), par)
+    state, _ = KERNEL.scalar["initial"]((0.0, 0.0, 0.0, 3.0, 0.0), par)
     for k in range(1, ertss.LENGTH + 40):
         mode = 3.0 if k < 5 else 2.0 if k < ertss.LENGTH + 10 else 1.0
-        state, outputs = step(state, (k * T_S, 0.0, 0.0, mode), par)
+        state, outputs = step(state, (k * T_S, 0.0, 0.0, mode, 0.0), par)
     last = record(ertss.Outputs, outputs)
     assert last.smoothed_published == 0.0 and last.last.landing_time == 0.0
     assert (

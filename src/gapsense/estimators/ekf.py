@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project, surprise
+from gapsense.estimators.readings import told, wired
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -19,6 +20,7 @@ from gapsense.estimators.reduced_model import (
     GapLaw,
     Held,
     Model,
+    after,
     is_moving,
     limit,
     move,
@@ -48,6 +50,10 @@ class Parameters(NamedTuple):
     stop_upper: Scalar  # z_max [m]
     core_reluctance: Scalar  # R_c0 [1/H]
     core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
+    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
+    core_hysteresis: Scalar  # I_h; 0: none [A]
+    core_turnover: Scalar  # l_h [Wb]
     gap_law: Annotated[Scalar, GapLaw]
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_g0' [1/(H m)]
@@ -76,6 +82,8 @@ class State(NamedTuple):
     x: Annotated[Array, Vector(5)]  # projected posterior estimate
     P: Annotated[Array, Covariance(5)]  # its covariance
     voltage: Scalar  # voltage of this sample, held until the next [V]
+    resistance: Scalar  # that of this sample, likewise; 0: the parameter [ohm]
+    hysteresis: Scalar  # h of `core_losses` [A]
     mode: Scalar  # mode of this sample
     surprise: Scalar  # mean of the squared normalised innovation [1]
 
@@ -86,6 +94,7 @@ class Inputs(NamedTuple):
     voltage: Scalar  # [V]
     current: Scalar  # [A]
     mode: Scalar  # 1: lower stop, 2: moving, 3: upper stop
+    resistance: Scalar = 0.0  # known from elsewhere; the parameter if it is not positive and finite [ohm]
 
 
 class Estimates(NamedTuple):
@@ -136,6 +145,7 @@ class Pass(NamedTuple):
     filtered: Gaussian  # projected
     innovation: Scalar
     innovation_std: Scalar
+    hysteresis: Scalar  # h of the core [A]
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -144,20 +154,30 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     x = rest(inputs.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    state = State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=1.0)
+    state = State(
+        x=x,
+        P=P,
+        voltage=inputs.voltage,
+        resistance=wired(inputs.resistance),
+        hysteresis=0.0,
+        mode=inputs.mode,
+        surprise=1.0,
+    )
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=1.0)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
-    m = normalised(par)
-    held, measured = Held(state.voltage, state.mode), Measured(inputs.current, inputs.mode)
+    m = normalised(par)._replace(R=told(state.resistance, par.coil_resistance))
+    held = Held(state.voltage, state.mode, state.hysteresis)
+    measured = Measured(inputs.current, inputs.mode)
     new = forward(Gaussian(state.x, state.P), held, measured, m, tuning(par))
     surprised = surprise(state.surprise, new.innovation, new.innovation_std, par.health_samples)
     health = where(surprised < par.health_limit, 1.0, 0.0)
     x, P = new.filtered
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    return State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=surprised), outputs
+    resistance = wired(inputs.resistance)
+    return State(x, P, inputs.voltage, resistance, new.hysteresis, inputs.mode, surprised), outputs
 
 
 def tuning(par: Parameters) -> Tuning:
@@ -172,14 +192,17 @@ def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
     """
     Q = process_noise(m, tuned)
 
+    def at_end(x: Array) -> Held:
+        return after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
+
     def moved() -> Pass:
         x, F = linearise(move, before.mean, held, m)
-        return _updated(Gaussian(x, predict(before.cov, F, Q)), measured, m, tuned)
+        return _updated(Gaussian(x, predict(before.cov, F, Q)), at_end(x), measured, m, tuned)
 
     def stayed() -> Pass:
         known = _known(before, limit(held.mode))
         x, F = linearise(stay, known.mean, held, m)
-        return _updated(Gaussian(x, predict(known.cov, F, Q)), measured, m, tuned)
+        return _updated(Gaussian(x, predict(known.cov, F, Q)), at_end(x), measured, m, tuned)
 
     return cond(is_moving(held.mode), moved, stayed)
 
@@ -193,9 +216,9 @@ def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
     return Gaussian(x, P)
 
 
-def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pass:
+def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
     """On a stop the position is measured as well, without noise (27)-(29)."""
-    h, H = linearise(observation, prior.mean, m)
+    h, H = linearise(observation, prior.mean, m, held)
     innovation, R = measured.current - h[0], square(tuned.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
 
@@ -207,7 +230,7 @@ def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pa
         return condition(known, vector([innovation - H[0] @ (known.mean - prior.mean)]), H, vector([R]))
 
     posterior = cond(is_moving(measured.mode), moving, resting)
-    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, deviation(S))
+    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, deviation(S), held.hysteresis)
 
 
 def process_noise(m: Model, tuned: Tuning) -> Array:

@@ -15,6 +15,7 @@ from gapsense.derivative import linearise
 from gapsense.estimators import ekf
 from gapsense.estimators.ekf import Parameters, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
+from gapsense.estimators.readings import told
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
     FORCE_ERROR,
@@ -35,8 +36,8 @@ from gapsense.records import Array, Covariance, Memory, Scalar, Vector, record, 
 from gapsense.trace import clip, cond, fabs, load, not_, store, where
 
 LENGTH = 1024  # samples of one motion
-WIDTH = 23  # numbers per sample: x, upper triangle of P, voltage, two standard deviations
-STD = 21  # place of the standard deviations
+WIDTH = 25  # numbers per sample: x, upper triangle of P, voltage, resistance, hysteresis, two standard deviations
+STD = 23  # place of the standard deviations
 SPARE = 2 * LENGTH  # sample that takes idle writes, and the filter while nothing is published
 SIZE = (2 * LENGTH + 1) * WIDTH
 
@@ -94,6 +95,7 @@ class Inputs(NamedTuple):
     voltage: Scalar
     current: Scalar
     mode: Scalar
+    resistance: Scalar = 0.0
 
 
 class Shown(NamedTuple):
@@ -145,7 +147,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
-    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode)
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
 def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> tuple[State, Scalar]:
@@ -160,7 +162,7 @@ def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> 
     count = where(takes_off, 1.0, where(moves, motion.count + 1.0, motion.count))
     start = where(takes_off, inputs.time - par.sample_time, motion.start)
     slot = where(moves & (count <= LENGTH), half * LENGTH + count - 1.0, SPARE)
-    entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), inputs.voltage]
+    entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), now.voltage, now.resistance, now.hysteresis]
     lands = moved & not_(moves) & (count > 0.0) & (count <= LENGTH)
     smoothed = Smoothed(
         smoothed_half=where(lands, half, smoothed.smoothed_half),
@@ -180,9 +182,10 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
     slot = where(is_busy, smoothed.smoothed_half * LENGTH + smoothed.left - 1.0, SPARE)
 
     def back() -> tuple[Estimate, Operation, Array, tuple[Scalar, Scalar]]:
-        filtered, voltage = _loaded(state.samples, slot)
+        filtered, voltage, resistance, hysteresis = _loaded(state.samples, slot)
+        held, then = Held(voltage, 2.0, hysteresis), m._replace(R=told(resistance, par.coil_resistance))
         later = cond(lands, lambda: Estimate(x, state.filter.P), lambda: state.later)
-        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
+        found = backward(filtered, held, Gaussian(later.mean, later.cov), then, tuning(par))
         last = cond(
             lands,
             lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
@@ -224,11 +227,11 @@ def _stored(samples: Array, slot: Scalar, place: int, entries: Iterable[Scalar])
     return samples
 
 
-def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar]:
-    """Filtered estimate and voltage of a sample."""
+def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar, Scalar, Scalar]:
+    """Filtered estimate, voltage, resistance and hysteresis of a sample."""
     values = [load(samples, slot * WIDTH, k) for k in range(STD)]
     estimate = record(Estimate, values)
-    return Gaussian(estimate.mean, estimate.cov), values[-1]
+    return Gaussian(estimate.mean, estimate.cov), *values[-3:]
 
 
 def _shown(samples: Array, slot: Scalar, m: Model) -> Shown:

@@ -75,11 +75,11 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
     Posterior
     """
     v, i, q = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered = _filter(list(zip(v, i, q)), par)
+    filtered, hysteresis = _filter([(*given, 0.0) for given in zip(v, i, q)], par)
     smoothed, operations = list(filtered), []
     for first, landed in motions(q):
         for k in range(landed - 1, first - 1, -1):
-            smoothed[k] = _backward()(filtered[k], (v[k], q[k]), smoothed[k + 1], par)
+            smoothed[k] = _backward()(filtered[k], (v[k], q[k], hysteresis[k]), smoothed[k + 1], par)
         x, m = list(smoothed[landed - 1][:5]), normalised(par)
         time, speed = impact(vector(x), limit(q[landed]), landed * par.sample_time, m)
         operations.append(Operation(first, landed, (first - 1) * par.sample_time, time, speed))
@@ -96,17 +96,17 @@ def motions(mode: ArrayLike) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends)]
 
 
-def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[tuple[float, ...]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples."""
+def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[float]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples, and the hysteresis of the core."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
-    width = len(names(Estimate))  # of what the state begins with
-    found = [state[:width]]
+    states = [state]
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
-        found.append(state[:width])
-    return found
+        states.append(state)
+    width, h = len(names(Estimate)), names(ekf.State).index("hysteresis")  # x and P are what the state begins with
+    return [state[:width] for state in states], [state[h] for state in states]
 
 
 @cache

@@ -16,10 +16,21 @@ REAL_TIME = {**MOTION, "flux_linkage": "flux_linkage"}
 SMOOTHED = {quantity: f"smoothed_{signal}" for quantity, signal in REAL_TIME.items()}
 ELECTRIC = {name: name for name in ("flux_linkage", "resistance")}
 MEASURED = {"voltage": "sensor.voltage_measured", "current": "sensor.current_measured"}
-WITH_CONTACT = {**MEASURED, "mode": "sensor.mode_measured"}
+WITH_MODEL: dict[str, str | float] = {**MEASURED, "resistance": 0.0}  # they believe their parameter
+WITH_CONTACT = {**WITH_MODEL, "mode": "sensor.mode_measured"}
 NOISES = ("noise.voltage", "noise.current")
 CURRENT = NOISES[1:]
 MODEL = "all parameters"
+LOSSES = f"{MODEL}, core losses"
+WIRED = {**WITH_CONTACT, "resistance": "semera.resistance"}
+CORE: dict[str, Value] = {
+    "core.eddy": 0.94e-3,
+    "core.hysteresis": 10e-3,
+    "core.turnover": 1.9e-3,
+    "core.bend": 5.81 * 1.44e6,
+    "core.reluctance": 1.04 * 1.44e6,
+    "core.saturation": 27.7e-3,
+}
 CONTACT = f"{MODEL}; contact sensor"
 TUNED: dict[str, Value] = {
     "option.tuning": "own",
@@ -41,7 +52,9 @@ class Contender(NamedTuple):
     file: str = ""  # its parameter set, in the scenario's folder `parameters`
     told: Callable[[Valve], Mapping[str, float]] = lambda valve: {}  # parameters by what is believed of the valve
     noises: tuple[str, ...] = NOISES  # parameters that follow the noise of the sensor
-    wires: Mapping[str, str] = MEASURED  # signal by input, of the sensor or of another contender
+    wires: Mapping[str, str | float] = (
+        MEASURED  # by input a signal, of the sensor or of another contender; or a constant
+    )
     options: Mapping[str, Value] = {}  # parameters beside those of its set
     published: str = ""  # signal that is 1 in samples that are about `time`
     time: str = ""
@@ -52,7 +65,9 @@ class Contender(NamedTuple):
         return [signal for signal in (*self.gives.values(), self.published, self.time) if signal]
 
 
-BOUNDED_UKF = Contender("BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, "BoundedUkf", "bounded_ukf", tabulated)
+BOUNDED_UKF = Contender(
+    "BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, "BoundedUkf", "bounded_ukf", tabulated, wires=WITH_MODEL
+)
 EKF = Contender("Ekf", "ekf", REAL_TIME, CONTACT, "Ekf", "reduced", reduced, CURRENT, WITH_CONTACT)
 ERTSS = EKF._replace(
     label="Ertss", component="ertss", fmu="Ertss", gives=SMOOTHED, published="smoothed_published", time="smoothed_time"
@@ -74,4 +89,14 @@ CONTENDERS = (
     Contender("Semera", "semera", ELECTRIC, "R, rest inductance", "Semera", "semera", coil),
     INTEGRAL,
     OFFLINE._replace(label="Integral offline", component="integral_offline", needs="periodic drive"),
+    BOUNDED_UKF._replace(
+        label="open loop, core losses",
+        component="open_loop_losses",
+        needs=f"{LOSSES}; no current",
+        options={"option.filter": "open_loop", **CORE},
+    ),
+    BOUNDED_UKF._replace(label="BoundedUkf, core losses", component="bounded_ukf_losses", needs=LOSSES, options=CORE),
+    EKF._replace(label="Ekf, R wired", component="ekf_wired", wires=WIRED),
+    ERTSS._replace(label="Ertss, R wired", component="ertss_wired", wires=WIRED),
+    ERTSS._replace(label="Ertss, R wired, core losses", component="ertss_wired_losses", wires=WIRED, options=CORE),
 )
