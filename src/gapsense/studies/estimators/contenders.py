@@ -8,7 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from gapsense.studies.estimators.parameters import Valve, coil, magnet, reduced, tabulated
+from gapsense.studies.estimators.parameters import (
+    VALVE,
+    Valve,
+    coil,
+    core,
+    magnet,
+    reduced,
+    reduced_core,
+    tabulated,
+    tabulated_core,
+)
 from gapsense.tables import Value
 
 MOTION = {name: name for name in ("position", "velocity")}
@@ -23,15 +33,8 @@ CURRENT = NOISES[1:]
 MODEL = "all parameters"
 LOSSES = f"{MODEL}, core losses"
 WIRED = {**WITH_CONTACT, "resistance": "semera.resistance"}
-CORE: dict[str, Value] = {
-    "core.eddy": 0.94e-3,
-    "core.hysteresis": 10e-3,
-    "core.turnover": 1.9e-3,
-    "core.bend": 5.81 * 1.44e6,
-    "core.reluctance": 1.04 * 1.44e6,
-    "core.saturation": 27.7e-3,
-}
 CONTACT = f"{MODEL}; contact sensor"
+CORE: Mapping[str, Value] = core(VALVE)
 TUNED: dict[str, Value] = {
     "option.tuning": "own",
     "process.flux_linkage": 100e-6,
@@ -52,9 +55,7 @@ class Contender(NamedTuple):
     file: str = ""  # its parameter set, in the scenario's folder `parameters`
     told: Callable[[Valve], Mapping[str, float]] = lambda valve: {}  # parameters by what is believed of the valve
     noises: tuple[str, ...] = NOISES  # parameters that follow the noise of the sensor
-    wires: Mapping[str, str | float] = (
-        MEASURED  # by input a signal, of the sensor or of another contender; or a constant
-    )
+    wires: Mapping[str, str | float] = MEASURED  # by input: signal of the sensor or another contender, or a constant
     options: Mapping[str, Value] = {}  # parameters beside those of its set
     published: str = ""  # signal that is 1 in samples that are about `time`
     time: str = ""
@@ -93,10 +94,20 @@ CONTENDERS = (
         label="open loop, core losses",
         component="open_loop_losses",
         needs=f"{LOSSES}; no current",
+        told=tabulated_core,
         options={"option.filter": "open_loop", **CORE},
     ),
-    BOUNDED_UKF._replace(label="BoundedUkf, core losses", component="bounded_ukf_losses", needs=LOSSES, options=CORE),
+    BOUNDED_UKF._replace(
+        label="BoundedUkf, core losses", component="bounded_ukf_losses", needs=LOSSES, told=tabulated_core, options=CORE
+    ),
     EKF._replace(label="Ekf, R wired", component="ekf_wired", wires=WIRED),
     ERTSS._replace(label="Ertss, R wired", component="ertss_wired", wires=WIRED),
-    ERTSS._replace(label="Ertss, R wired, core losses", component="ertss_wired_losses", wires=WIRED, options=CORE),
+    ERTSS._replace(
+        label="Ertss, R wired, core losses",
+        component="ertss_wired_losses",
+        needs=f"{LOSSES}; contact sensor",
+        told=reduced_core,
+        wires=WIRED,
+        options=CORE,
+    ),
 )
