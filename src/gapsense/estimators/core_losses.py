@@ -3,7 +3,7 @@
 Eddy currents add g_e dlambda/dt to the magnetomotive force over N.  With dlambda/dt = u - R i this leaves the current
 i = (g_e u + f)/(1 + R g_e) of a force f without them.  Hysteresis, by Dahl, adds h (1 + m^2) to f, m = lambda/lambda_s:
 
-    dh/dlambda = (s I_h - h)/L,   s = sign(dlambda/dt),   L = l_h max(0.1, 1 - 0.9 m^2).
+    dh/dlambda = (I_h - s h)/L,   s = sign(dlambda/dt),   L = l_h max(0.1, 1 - 0.9 m^2).
 
 h is one number beside the state of an estimator, without a covariance.  It follows the flux linkage as the model
 predicts it from sample to sample: what a measurement corrects does not move it.
