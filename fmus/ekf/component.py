@@ -28,6 +28,7 @@ COMPONENT = Component(
             "Ohm",
             "Resistance that is known from elsewhere; `coil.resistance` counts where this is not positive and finite",
             nominal=48.0,
+            is_optional=True,
         ),
         output("position", "m", "Estimated position", nominal=1e-3, feedthrough=BOTH),
         output("velocity", "m/s", "Estimated mean velocity since the last sample", nominal=0.5, feedthrough=BOTH),
