@@ -156,7 +156,7 @@ def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> 
     The second value says whether a motion ends with this sample.
     """
     motion, smoothed = state.motion, state.smoothed
-    moves, moved = is_moving(inputs.mode), is_moving(state.filter.mode)
+    moves, moved = is_moving(now.mode), is_moving(state.filter.mode)
     takes_off = moves & not_(moved)
     half = where(takes_off, 1.0 - motion.half, motion.half)
     count = where(takes_off, 1.0, where(moves, motion.count + 1.0, motion.count))
@@ -188,7 +188,7 @@ def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m
         found = backward(filtered, held, Gaussian(later.mean, later.cov), then, tuning(par))
         last = cond(
             lands,
-            lambda: Operation(state.motion.start, *impact(found.mean, limit(inputs.mode), inputs.time, m)),
+            lambda: Operation(state.motion.start, *impact(found.mean, limit(state.filter.mode), inputs.time, m)),
             lambda: state.last,
         )
         shown = physical(found, m)

@@ -66,7 +66,7 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
     Parameters
     ----------
     voltage, current, mode : (N,) arrays
-        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop.
+        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop. Lost ones are not a number.
     par : Parameters
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
 
@@ -74,12 +74,12 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
     -------
     Posterior
     """
-    v, i, q = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, hysteresis = _filter([(*given, 0.0) for given in zip(v, i, q)], par)
-    smoothed, operations = list(filtered), []
+    inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
+    filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
+    smoothed, operations, q = list(filtered), [], [at.mode for at in held]
     for first, landed in motions(q):
         for k in range(landed - 1, first - 1, -1):
-            smoothed[k] = _backward()(filtered[k], (v[k], q[k], hysteresis[k]), smoothed[k + 1], par)
+            smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
         x, m = list(smoothed[landed - 1][:5]), normalised(par)
         time, speed = impact(vector(x), limit(q[landed]), landed * par.sample_time, m)
         operations.append(Operation(first, landed, (first - 1) * par.sample_time, time, speed))
@@ -96,8 +96,8 @@ def motions(mode: ArrayLike) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends)]
 
 
-def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[float]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples, and the hysteresis of the core."""
+def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples, and what acts until the next."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
@@ -105,8 +105,9 @@ def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tupl
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
         states.append(state)
-    width, h = len(names(Estimate)), names(ekf.State).index("hysteresis")  # x and P are what the state begins with
-    return [state[:width] for state in states], [state[h] for state in states]
+    width = len(names(Estimate))  # of what the state begins with
+    places = [names(ekf.State).index(name) for name in Held._fields]
+    return [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
 
 
 @cache
