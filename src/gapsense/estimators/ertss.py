@@ -64,10 +64,12 @@ class Estimate(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What is kept of one sample: the estimate, filtered and later smoothed, and what was held until the next one."""
+    """What is kept of one sample: the estimate, filtered and later smoothed, and what acted until the next one."""
 
     kept: Estimate
     held_voltage: Scalar
+    held_resistance: Scalar
+    held_hysteresis: Scalar
 
 
 class Operation(NamedTuple):
@@ -101,6 +103,7 @@ class Inputs(NamedTuple):
     voltage: Scalar
     current: Scalar
     mode: Scalar
+    resistance: Scalar = 0.0
 
 
 class Shown(NamedTuple):
@@ -141,7 +144,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
     contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
-    samples = _stored(state.samples, to_keep(now, filtered.mode), Sample(estimate, filtered.voltage))
+    sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
+    samples = _stored(state.samples, to_keep(now, filtered.mode), sample)
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
     samples = _stored(samples, where(turn.is_due, slot(turn.place), SPARE_SAMPLE), found)
@@ -155,7 +159,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
-    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode)
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
@@ -177,7 +181,8 @@ def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Mod
 def _smoothed(samples: Array, place: Scalar, m: Model, tuned: Tuning) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
     at, later = _loaded(samples, place), _loaded(samples, place + 1.0)
-    return Estimate(*backward(Gaussian(*at.kept), Held(at.held_voltage, 2.0), Gaussian(*later.kept), m, tuned))
+    held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
+    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuned))
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:

@@ -81,7 +81,7 @@ def smooth_record(
     Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, held = _filter(list(zip(*inputs)), par)
+    filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
     smoothed, operations, T_s = list(filtered), list[Operation](), par.sample_time
     for first, end, is_motion in _moving([u.mode for u in held], debounce / T_s):
         if is_motion:
@@ -120,7 +120,7 @@ def _moving(mode: ArrayLike, debounce: float) -> list[tuple[int, int, bool]]:
 
 
 def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples, and what is held until the next one."""
+    """Flat filtered estimates (x, upper triangle of P) of all samples, and what acts until the next."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
@@ -128,8 +128,9 @@ def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tupl
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
         states.append(state)
-    width = len(names(Estimate))  # of what the state begins with; what is held follows
-    return [s[:width] for s in states], [Held(*s[width : width + len(Held._fields)]) for s in states]
+    width = len(names(Estimate))  # of what the state begins with
+    places = [names(ekf.State).index(name) for name in Held._fields]
+    return [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
 
 
 @cache
