@@ -19,7 +19,7 @@ from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
 from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.records import flat, names
 from gapsense.studies.devices import POT_MAGNET, VALVE, driven
 
 Columns = Mapping[str, np.ndarray]
@@ -54,7 +54,8 @@ def _reduced(kernel: ModuleType) -> Case:
     time = {"time": 20e-6 * np.arange(s.mode.size)} if kernel is ertss else {}
     inputs = {**time, "voltage": s.voltage, "current": s.current, "mode": s.mode}
     takeoff = int(np.argmax(s.mode == 2.0))
-    return Case(kernel, believed(), inputs, s.position, takeoff + 40, START + 300, START + 2 * HALF)
+    par = ertss.Parameters(believed(), contact_debounce=0.2e-3) if kernel is ertss else believed()
+    return Case(kernel, par, inputs, s.position, takeoff + 40, START + 300, START + 2 * HALF)
 
 
 def _valve(kernel: ModuleType) -> Case:
@@ -84,9 +85,10 @@ def compiled(module: ModuleType) -> dict[str, Any]:
 
 def run(at: Case, inputs: Columns) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    code, par = compiled(at.kernel), tuple(at.par)
+    code, par = compiled(at.kernel), flat(at.par)
     constants = code["constants"](par)
-    rows = list(zip(*(column.tolist() for column in inputs.values())))
+    none = np.zeros(at.position.size)  # no resistance is wired
+    rows = list(zip(*(inputs.get(name, none).tolist() for name in at.kernel.Inputs._fields)))
     state, outputs = code["initial"](rows[0], par)
     found = [outputs]
     for given in rows[1:]:
