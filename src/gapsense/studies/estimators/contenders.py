@@ -63,6 +63,7 @@ class Contender(NamedTuple):
     time: str = ""
     is_lift: bool = False  # the position counts from the upper stop down
     shared: str = ""  # component that it looks at, where it has none of its own
+    is_commissioned: bool = False  # it has a parameter set for each device
 
     @property
     def source(self) -> str:
@@ -87,6 +88,14 @@ INTEGRAL = Contender(
 OFFLINE = INTEGRAL._replace(options={"offline": True}, published="published", time="published_time")
 MHE = Contender("Mhe", "mhe", {**REAL_TIME, "resistance": "resistance"}, f"{MODEL}, roughly", "Mhe", "mhe", blind)
 MHE = MHE._replace(wires={**MEASURED, "command": 0.0})
+COMMISSIONED = MHE._replace(
+    label="Mhe commissioned",
+    component="mhe_commissioned",
+    needs="one record",
+    file="mhe_commissioned",
+    told=lambda valve: {},
+    is_commissioned=True,
+)
 CORE_UKF = BOUNDED_UKF._replace(needs=LOSSES, told=tabulated_core, options=CORE)
 
 
@@ -144,4 +153,6 @@ CONTENDERS = (
     with_losses(ERTSS),
     MHE,
     smoothed(MHE),
+    COMMISSIONED,
+    smoothed(COMMISSIONED),
 )

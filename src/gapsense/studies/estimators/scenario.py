@@ -82,7 +82,12 @@ def lines(values: Mapping[str, Value]) -> str:
 def component(c: Contender) -> str:
     """FMU and parameters of a contender."""
     options = {"set": c.options} if c.options else {}
-    return toml(f"components.{c.component}", {"fmu": c.fmu, "parameters": [f"parameters/{c.file}.toml"], **options})
+    return toml(f"components.{c.component}", {"fmu": c.fmu, "parameters": [set_file(c)], **options})
+
+
+def set_file(c: Contender, variant: str | None = None) -> str:
+    """The parameter set of a contender, or that for another actuator, in the folder of the scenario."""
+    return f"parameters/{c.file}{'' if variant is None else f'_{variant}'}.toml"
 
 
 def noise(variant: str) -> str:
@@ -99,7 +104,9 @@ def device(variant: str) -> str:
     values = {name: differing(tell(valve), tell(VALVE)) for name, tell in told.items()}
     for c in CONTENDERS:
         values[c.source] |= {"gap.file": gap_file(variant)} if c.fmu == TABULATED else {}
-    return toml(f"variants.{variant}.components", {f"{name}.set": given for name, given in values.items() if given})
+    sets = {f"{c.source}.parameters": [set_file(c, variant)] for c in CONTENDERS if c.is_commissioned}
+    told_all = {f"{name}.set": given for name, given in values.items() if given}
+    return toml(f"variants.{variant}.components", {**told_all, **sets})
 
 
 def differing(values: Mapping[str, float], others: Mapping[str, float]) -> dict[str, Value]:
