@@ -63,7 +63,7 @@ def numbers(result: Result, contender: Contender) -> dict[str, float]:
     later = Samples(*(rows[result.times[samples.about] > learnt(result)] for rows in samples))
     moving = Samples(*(rows[is_moving(result)[later.about]] for rows in later))
     errors = {q: rmse(result, contender, q, moving if q in QUANTITIES[:2] else later) for q in QUANTITIES}
-    landings, position = rests(result), estimate(result, contender, "position")
+    landings, position = judged(result, samples), estimate(result, contender, "position")
     return {
         **errors,
         "landings": float(len(landings)),
@@ -127,6 +127,14 @@ def rests(result: Result) -> list[int]:
     found = motions(result["actuator.mode"])
     between = [(landed, taken_off) for (_, landed), (taken_off, _) in zip(found, found[1:])]
     return [(landed + end) // 2 for landed, end in between if result.times[landed] > learnt(result)]
+
+
+def judged(result: Result, samples: Samples) -> list[int]:
+    """The rests, but for those at the end of the run whose landing is not published yet, though no later than others."""
+    longest = float(np.max(result.times[samples.came] - result.times[samples.about], initial=0.0))
+    known, end = np.max(samples.about, initial=-1), result.times[-1] - longest
+    landed = {row: max(last for _, last in motions(result["actuator.mode"]) if last <= row) for row in rests(result)}
+    return [row for row, last in landed.items() if last <= known + 1 or result.times[last] < end]
 
 
 def missed(result: Result, position: Vector, samples: Samples, at: list[int]) -> int:
