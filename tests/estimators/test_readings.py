@@ -87,8 +87,7 @@ def run(at: Case, inputs: Columns) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
     code, par = compiled(at.kernel), flat(at.par)
     constants = code["constants"](par)
-    none = np.zeros(at.position.size)  # no resistance is wired
-    rows = list(zip(*(inputs.get(name, none).tolist() for name in at.kernel.Inputs._fields)))
+    rows = list(zip(*(column.tolist() for column in inputs.values())))
     state, outputs = code["initial"](rows[0], par)
     found = [outputs]
     for given in rows[1:]:
