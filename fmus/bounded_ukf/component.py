@@ -10,14 +10,6 @@ OWN = {
     "current_error": output(
         "current_error", "A", "Estimated: model's current minus the true one", nominal=0.1, feedthrough=BOTH
     ),
-    "health": output(
-        "health",
-        "1",
-        "1: innovations as large as expected, 0: larger, -1: a reading was lost, -2: covariance lost, restarted",
-        min=-2.0,
-        max=1.0,
-        feedthrough=BOTH,
-    ),
 }
 
 COMPONENT = Component(
@@ -62,8 +54,7 @@ COMPONENT = Component(
         parameter("process.limit", "1", "Tuning `own`: largest innovation that counts, in deviations", 1.2, min=1e-9),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 0.15, min=0.0),
         parameter("noise.current", "A", "Standard deviation of the current noise", 2e-3, min=1e-12),
-        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),
-        parameter("range.current", "A", "A reading beyond plus or minus this counts as lost", 1e2, min=1e-9),
+        *(port for port in EKF.of("parameter") if port.name in ("range.voltage", "range.current")),
         fixed("prior.position", "m", "Position at the start, at rest", 0.9e-3),
         fixed("prior.position_std", "m", "Its standard deviation", 0.0, min=0.0),
         fixed("prior.flux_linkage", "Wb", "Flux linkage at the start", 0.0),

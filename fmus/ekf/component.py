@@ -3,21 +3,23 @@
 from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
 
 BOTH = ("current", "mode")
+ALL = ("voltage", *BOTH)
 
 COMPONENT = Component(
     name="Ekf",
     description="Extended Kalman filter: position, velocity and flux linkage from voltage, current and contact",
     kernel="gapsense.estimators.ekf",
     step_size=20e-6,
+    survives=True,
     resources=("fringing_29.csv",),
     rising=(("stop.lower", "stop.upper"),),
     ports=(
-        input_("voltage", "V", "Measured coil voltage", nominal=30.0),
-        input_("current", "A", "Measured coil current", nominal=0.4),
+        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         input_(
             "mode",
             "1",
-            "1: at the lower stop, 2: moving, 3: at the upper stop",
+            "1: at the lower stop, 2: moving, 3: at the upper stop; NaN where it was lost",
             start=3.0,
             min=1.0,
             max=3.0,
@@ -37,7 +39,19 @@ COMPONENT = Component(
         output("force_error_std", "N", "Standard deviation in the filter", min=0.0, feedthrough=BOTH),
         output("innovation", "A", "Measured minus predicted current", nominal=1e-2, feedthrough=BOTH),
         output("innovation_std", "A", "Standard deviation expected of it", min=0.0, nominal=1e-2, feedthrough=BOTH),
-        output("health", "1", "1: innovations as large as expected; 0: larger", min=0.0, max=1.0, feedthrough=BOTH),
+        output(
+            "health", "1", "1: to be trusted as far as the filter can tell; 0: not", min=0.0, max=1.0, feedthrough=ALL
+        ),
+        output(
+            "health_causes",
+            "1",
+            "Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux "
+            "linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: "
+            "covariance lost, restarted",
+            min=0.0,
+            max=63.0,
+            feedthrough=ALL,
+        ),
         sample_time(20e-6),
         parameter("coil.resistance", "Ohm", "Resistance R", 48.0, min=1e-9),
         fixed("coil.turns", "1", "Number of turns N", 1200.0, min=1e-9),
@@ -76,7 +90,29 @@ COMPONENT = Component(
         parameter("noise.current", "A", "Standard deviation of the current noise", 2e-3, min=1e-12),
         parameter("prior.flux_linkage", "Wb", "Flux linkage at the start", 0.0),
         parameter("prior.flux_linkage_std", "Wb", "Its standard deviation", 0.0, min=0.0),
+        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 100.0, min=1e-9),
+        parameter(
+            "range.current",
+            "A",
+            "A reading beyond plus or minus this counts as lost; 0: twice what range.voltage drives",
+            0.0,
+            min=0.0,
+        ),
+        parameter(
+            "range.innovation",
+            "1",
+            "A current with an innovation beyond so many deviations is wild, but not more than 5 in a row; 0: none is",
+            50.0,
+            min=0.0,
+        ),
         parameter("health.samples", "1", "Samples over which the innovations are averaged", 50.0, min=1.0),
-        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 4.0, min=0.0),
+        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 6.0, min=0.0),
+        parameter(
+            "health.current_error",
+            "1",
+            "Largest root mean square of the current error at rest, in stationary deviations",
+            6.0,
+            min=0.0,
+        ),
     ),
 )

@@ -1,8 +1,10 @@
 """Port table of the hybrid extended Kalman filter."""
 
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Component, choice, fixed, input_, output, parameter, sample_time
 
 CURRENT = ("current",)
+EKF = load_component(own("ekf"))
 
 COMPONENT = Component(
     name="HybridEkf",
@@ -10,9 +12,10 @@ COMPONENT = Component(
     kernel="gapsense.estimators.hybrid_ekf",
     stop_time=0.2,
     step_size=100e-6,
+    survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage", nominal=24.0),
-        input_("current", "A", "Measured coil current; NaN: none", nominal=0.2),
+        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=24.0),
+        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.2),
         output("current_estimated", "A", "Estimated current", nominal=0.2, feedthrough=CURRENT),
         output("position", "m", "Estimated lift: 0 at the lower stop", nominal=0.2e-3, feedthrough=CURRENT),
         output("velocity", "m/s", "Estimated rate of the position", nominal=0.1, feedthrough=CURRENT),
@@ -29,13 +32,10 @@ COMPONENT = Component(
         output("velocity_std", "m/s", "Standard deviation in the filter", min=0.0, nominal=1e-2, feedthrough=CURRENT),
         output("innovation", "A", "Measured minus predicted current", nominal=1e-3, feedthrough=CURRENT),
         output("innovation_std", "A", "Standard deviation expected of it", min=0.0, nominal=1e-3),
-        output(
-            "health",
-            "1",
-            "1: innovations as large as expected; 0: larger, or a measurement is lost",
-            min=0.0,
-            max=1.0,
-            feedthrough=("voltage", "current"),
+        *(
+            port._replace(feedthrough=("voltage", *CURRENT))
+            for port in EKF.of("output")
+            if port.name.startswith("health")
         ),
         sample_time(100e-6),
         choice(
@@ -67,6 +67,7 @@ COMPONENT = Component(
         parameter("prior.current", "A", "Current at the start", 0.0),
         parameter("prior.current_std", "A", "Its standard deviation", 1e-3, min=0.0),
         fixed("prior.position", "m", "Stop at the start: the upper one from half of s_max on", 0.0, min=0.0),
+        *(port for port in EKF.of("parameter") if port.name.startswith("range.")),
         parameter("health.samples", "1", "Samples over which the innovations are averaged", 50.0, min=1.0),
         parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 4.0, min=0.0),
     ),

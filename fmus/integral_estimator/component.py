@@ -1,7 +1,9 @@
 """Port table of the integral estimator."""
 
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Component, input_, option, output, parameter, sample_time
 
+EKF = load_component(own("ekf"))
 BOTH = ("voltage", "current")
 
 COMPONENT = Component(
@@ -35,9 +37,9 @@ COMPONENT = Component(
         output(
             "published_time", "s", "Time of the sample that the estimates belong to", nominal=0.01, feedthrough=BOTH
         ),
-        output("health", "1", "1: fine; 0: a reading was lost", min=0.0, max=1.0, feedthrough=BOTH),
+        *(port._replace(feedthrough=BOTH) for port in EKF.of("output") if port.name.startswith("health")),
         sample_time(50e-6),
-        parameter("prior.resistance", "Ohm", "Resistance until the first operation has ended", 77.5, min=0.0),
+        parameter("prior.resistance", "Ohm", "Resistance until the first operation has ended", 77.5, min=1e-9),
         parameter("prior.inductance", "H", "Inductance at rest", 50e-3, min=0.0),
         parameter("prior.flux_linkage", "Wb", "Flux linkage at the start of every operation", 0.0),
         parameter("noise.current", "A", "Standard deviation of the current noise", 1e-3, min=0.0),
@@ -46,7 +48,6 @@ COMPONENT = Component(
         ),
         parameter("edge.voltage", "V", "An operation starts when the voltage rises above it", 15.0),
         option("offline", "Publish an operation after it has ended, with the resistance that it gave", False),
-        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),
-        parameter("range.current", "A", "A reading beyond plus or minus this counts as lost", 5.0, min=1e-9),
+        *(port for port in EKF.of("parameter") if port.name in ("range.voltage", "range.current")),
     ),
 )

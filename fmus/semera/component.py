@@ -1,7 +1,9 @@
 """Port table of the SEMERA estimator."""
 
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Component, input_, option, output, parameter, sample_time
 
+EKF = load_component(own("ekf"))
 BOTH = ("voltage", "current")
 
 COMPONENT = Component(
@@ -34,9 +36,9 @@ COMPONENT = Component(
         output("innovation_std", "V", "Standard deviation expected of the innovation", feedthrough=BOTH),
         output("flux", "Wb", "Estimated flux; 0 while coil.turns is 0", nominal=2e-5, feedthrough=BOTH),
         output("reluctance", "1/H", "Estimated reluctance; 0 while coil.turns is 0", nominal=1e7, feedthrough=BOTH),
-        output("health", "1", "1: fine; 0: a reading was lost", min=0.0, max=1.0, feedthrough=BOTH),
+        *(port._replace(feedthrough=BOTH) for port in EKF.of("output") if port.name.startswith("health")),
         sample_time(50e-6),
-        parameter("prior.resistance", "Ohm", "Expected resistance at the start", 77.5, min=0.0),
+        parameter("prior.resistance", "Ohm", "Expected resistance at the start", 77.5, min=1e-9),
         parameter("prior.resistance_std", "Ohm", "Its standard deviation", 1.0, min=0.0),
         parameter("prior.inductance", "H", "Expected inductance at rest", 50e-3, min=0.0),
         parameter("prior.inductance_std", "H", "Its standard deviation", 5e-3, min=0.0),
@@ -47,16 +49,15 @@ COMPONENT = Component(
         parameter(
             "gate.sigmas", "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
         ),
-        option("gate.update", "Noise-only samples update the filter, at the end of a decay or always", True),
+        option("gate.update", "Noise-only samples update the filter while it sleeps, too", True),
         parameter(
             "gate.decay",
             "s",
-            "Longest time after an operation in which they do; 0: always, before the first one too, as in the paper",
+            "Time after an operation until the filter falls asleep and learns no more from noise; 0: never, as printed",
             5e-3,
             min=0.0,
         ),
-        parameter("range.voltage", "V", "A reading beyond plus or minus this counts as lost", 1e3, min=1e-9),
-        parameter("range.current", "A", "A reading beyond plus or minus this counts as lost", 5.0, min=1e-9),
+        *(port for port in EKF.of("parameter") if port.name in ("range.voltage", "range.current")),
         parameter("coil.turns", "1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0),
     ),
 )

@@ -18,7 +18,7 @@ import numpy as np
 
 from gapsense.emit import C, Graph, Numpy, Python, namespace, split
 from gapsense.records import fields, flat, leaves, names, record, zeros
-from gapsense.trace import Expr, Tape, TraceError
+from gapsense.trace import Expr, Tape, TraceError, memory_of
 
 STEP = """def step(state, inputs, par):
     return advance(state, inputs, constants(par))
@@ -62,16 +62,9 @@ def _check_memory(name: str, result: Any) -> None:
             continue
         if any(isinstance(value, Expr) for value in item) or item != zeros(field.size):
             raise TraceError(f"`{name}`: array memory `{entry}` must start as zeros({field.size}).")
-    memory = [root for _, _, item in leaves(result) if (root := _memory(item)) is not None]
+    memory = [root for _, _, item in leaves(result) if (root := memory_of(item)) is not None]
     if [root.id for root in memory] != sorted({root.id for root in memory}):
         raise TraceError(f"`{name}`: array memory must be returned in the field that it came from.")
-
-
-def _memory(item: Any) -> Expr | None:
-    """The input that array memory came from; None for a scalar."""
-    while isinstance(item, Expr) and item.op == "store":
-        item = item.args[0]
-    return item if isinstance(item, Expr) and item.extra == "memory" else None
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ class Region:
         self.nodes: list[Expr] = []
         self.known: dict[tuple[Any, ...], Expr] = {}
         self.owner = sys.maxsize  # number of the `if` node that holds this region: nothing later may be used in it
+        self.is_loop = False
 
 
 class Tape:
@@ -234,15 +235,27 @@ def load(array: Any, index: Any, shift: int = 0) -> Any:
 
 
 def store(array: Any, index: Any, value: Any, shift: int = 0) -> Any:
-    """Array memory with an element set in place.  Not in `cond` or `loop`: idle writes go to a spare element."""
+    """Array memory with an element set in place.  Not in `loop`; from `cond` the memory must be returned."""
     if not isinstance(array, Expr):
         array[int(index) + shift] = value
         return array
-    if array.tape.region is not array.tape.root:
-        raise _error("store() inside cond() or loop(). Store outside, with a spare index when idle.")
+    region: Region | None = array.tape.region
+    while region is not None:
+        if region.is_loop:
+            raise _error("store() inside loop(). Return what is to be stored, and store it outside.")
+        region = region.parent
     node = array.tape.node("store", tuple(map(_scalar, (array, index, value))), shift)
     array.tape.overwritten.add(array.id)
     return node
+
+
+def memory_of(value: Any) -> Expr | None:
+    """The array memory that a value is, as it came in; None for a scalar."""
+    while isinstance(value, Expr) and value.op in ("store", "get"):
+        if value.op == "get" and value.args[0].op == "loop":
+            return None
+        value = value.args[0] if value.op == "store" else [*value.args[0].extra[2].values()][value.extra][0]
+    return value if isinstance(value, Expr) and value.op == "in" and value.extra == "memory" else None
 
 
 def locate(table: Any, x: Any) -> Any:
@@ -258,8 +271,15 @@ def cond(c: Any, then: Callable[[], T], otherwise: Callable[[], T]) -> T:
         return then() if c else otherwise()
     tape = c.tape
     regions = Region(tape.region), Region(tape.region)
-    results: list[T] = [tape.inside(region, branch) for region, branch in zip(regions, (then, otherwise))]
-    a, b = ([_scalar(value) for value in flatten(result)] for result in results)
+    results: list[T] = []
+    values: list[list[Any]] = []
+    before, after = tape.overwritten, tape.overwritten
+    for region, branch in zip(regions, (then, otherwise)):
+        tape.overwritten = {*before}
+        results.append(tape.inside(region, branch))
+        values.append([_scalar(value) for value in flatten(results[-1])])
+        after = after | tape.overwritten
+    tape.overwritten, (a, b) = after, values
     if len(a) != len(b):
         raise _error(f"the branches of cond() return {len(a)} and {len(b)} values; they must match.")
     node = tape.node("if", (c,), (*regions, {}))
@@ -272,6 +292,8 @@ def select(node: Expr, a: Any, b: Any) -> Any:
     key = _key(a), _key(b)
     if key[0] == key[1]:
         return a
+    if memory_of(a) is not memory_of(b):
+        raise _error("the branches of cond() return different array memory in the same place.")
     node.extra[2].setdefault(key, (a, b))
     return node.tape.shared("get", (node,), [*node.extra[2]].index(key))
 
@@ -290,6 +312,7 @@ def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
 
 def _traced_loop(tape: Tape, limit: int, body: Callable[..., tuple[S, Any]], start: S) -> S:
     region, values = Region(tape.region), flatten(start)
+    region.is_loop = True
     variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in values))
     new, stop = tape.inside(region, lambda: body(*rebuild(start, iter(variables))))
     ends = flatten(new)

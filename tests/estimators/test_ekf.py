@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def textbook_step(
 @pytest.mark.parametrize("tau", [0.0, 0.66e-3])
 def test_equals_the_textbook_filter(tau: float) -> None:
     rng = np.random.default_rng(1)
-    par = defaults(ekf, process_current_error_memory=tau, **QUIET)
+    par = defaults(ekf, process_current_error_memory=tau, range_innovation=0.0, **QUIET)
     p = {**TABLE_I, "memory": np.exp(-20e-6 / tau) if tau else 1.0}
     Q = np.diag([0.0, 0.0, 2e-6**2, 1e-3**2, 20e-6**2])
     modes = np.r_[[3] * 20, [2] * 60, [1] * 40, [2] * 30, [3] * 10]
@@ -77,7 +78,15 @@ def test_equals_the_textbook_filter(tau: float) -> None:
 
 def test_equals_the_linear_kalman_filter_on_a_linear_model() -> None:
     """Without a gap reluctance that depends on the position and without saturation the model at rest is linear."""
-    par = defaults(ekf, gap_slope=0.0, gap_reluctance=3e7, core_saturation=1e9, prior_flux_linkage_std=1e-3, **QUIET)
+    par = defaults(
+        ekf,
+        gap_slope=0.0,
+        gap_reluctance=3e7,
+        core_saturation=1e9,
+        prior_flux_linkage_std=1e-3,
+        range_innovation=0.0,
+        **QUIET,
+    )
     rng = np.random.default_rng(2)
     reluctance, dt, k = (3e7 + 2.52e6) / 1200.0**2, 20e-6, 20e-6**2 / 1.6e-9
     F = np.eye(5)
@@ -130,7 +139,12 @@ def test_health_falls_with_a_wrong_resistance_and_not_with_the_right_one() -> No
     assert wrong["health"].mean() < 0.9
 
 
-NUMBER = st.tuples(st.floats(-50.0, 50.0), st.floats(-1.0, 1.0), st.sampled_from([1.0, 2.0, 3.0]))
+ANY = st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e3])
+NUMBER = st.tuples(
+    st.one_of(st.floats(-50.0, 50.0), ANY),
+    st.one_of(st.floats(-1.0, 1.0), ANY),
+    st.one_of(st.sampled_from([1.0, 2.0, 3.0]), ANY),
+)
 
 
 @settings(max_examples=40, deadline=None)

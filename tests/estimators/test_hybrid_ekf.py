@@ -142,7 +142,7 @@ def test_equals_the_textbook_filter_in_the_air() -> None:
     mod = model(par)
     Q = np.diag([par.process_current_moving, par.process_position, par.process_velocity]) ** 2
     x, P = np.array([0.12, 0.05e-3, 0.03]), np.diag([1e-3, 1e-6, 1e-3]) ** 2
-    state = hybrid_ekf.State(vector(x.tolist()), np.array(P, dtype=object), 1.0, 24.0, 1.0)
+    state = hybrid_ekf.State(vector(x.tolist()), np.array(P, dtype=object), 1.0, 24.0, 1.0, 0.0)
     scale = np.array([0.1, 1e-4, 0.1])
     for measured in (0.118, 0.119, 0.117, 0.115, 0.117):
         held = Held(24.0, mod.K6, 0.0, T_S)

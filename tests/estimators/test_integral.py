@@ -8,13 +8,14 @@ import pytest
 from signals import DT, REST, Signal, valve_like
 
 from gapsense.estimators import integral
+from gapsense.estimators.readings import LOST
 from gapsense.kernel import Kernel
 
 KERNEL = Kernel(integral)
 PAR = integral.Parameters(
     sample_time=DT, prior_resistance=77.5, prior_inductance=50e-3, prior_flux_linkage=0.0, noise_current=1e-3,
     gate_sigmas=3.29, edge_voltage=15.0, offline=0.0,
-    range_voltage=1e3, range_current=5.0,
+    range_voltage=100.0, range_current=0.0,
 )  # fmt: skip
 ORACLE = (DT, 77.5, 50e-3, 0.0, 3.29e-3, 15.0)
 
@@ -127,11 +128,11 @@ def test_memory_of_one_operation_is_not_touched_by_the_next() -> None:
 @pytest.mark.parametrize("which", ["voltage", "current", "both"])
 @pytest.mark.parametrize(("at", "length"), [(820, 1), (821, 1), (905, 1), (960, 100), (1025, 20), (870, 700)])
 def test_lost_readings_are_bridged_and_forgotten(kind: float, which: str, at: int, length: int) -> None:
-    """A spike is 10 A or 1e4 V; sample 820 is the first of an operation.  From the next one on nothing is left."""
+    """A spike is 10 A or 1 kV; sample 820 is the first of an operation.  From the next one on nothing is left."""
     signal = valve_like(cycles=7)
     u, iota, hole = signal.u.copy(), signal.iota.copy(), slice(at, at + length)
     if which != "current":
-        u[hole] = 1e3 * kind
+        u[hole] = 1e2 * kind
     if which != "voltage":
         iota[hole] = kind
     found, clean = run(u, iota), run(signal.u, signal.iota)
@@ -139,6 +140,7 @@ def test_lost_readings_are_bridged_and_forgotten(kind: float, which: str, at: in
     lost = np.zeros(u.size, bool)
     lost[hole] = True
     np.testing.assert_array_equal(found["health"], np.where(lost, 0.0, 1.0)[1:])
+    np.testing.assert_array_equal(found["health_causes"], np.where(lost, LOST, 0.0)[1:])
     back = REST + 400 * ((at + length - REST) // 400 + 1) - 1
     np.testing.assert_allclose(found["resistance"][back:], clean["resistance"][back:], rtol=0.0, atol=0.1)
     assert np.sqrt(np.mean((found["flux_linkage"][back:] - signal.flux_linkage[back + 1 :]) ** 2)) < 0.25e-3

@@ -16,6 +16,7 @@ from semera_textbook import semera as textbook
 from signals import DT, REST, TABLE_II, Signal, valve_like
 
 from gapsense.estimators import semera
+from gapsense.estimators.readings import LOST
 from gapsense.kernel import Kernel
 from gapsense.records import names
 
@@ -150,19 +151,6 @@ def test_low_quality_holds_the_resistance_and_gives_the_inductance_at_rest() -> 
     assert np.all(np.diff(found["resistance"])[low[1:]] == 0.0)
 
 
-def test_without_gate_update_low_quality_samples_teach_nothing() -> None:
-    par = TABLE_II._replace(gate_update=0.0)
-    quiet = valve_like()
-    quiet = quiet._replace(u=quiet.u[:REST], iota=np.clip(quiet.iota[:REST], -3e-3, 3e-3))
-    found, state = run(quiet, par)
-    assert np.all(found["quality"] == 0.0)
-    assert state.x[0] == TABLE_II.prior_resistance
-    _, state_paper = run(quiet, TABLE_II)
-    assert state_paper.x[0] != TABLE_II.prior_resistance
-    found, _ = run(simulated(), par)
-    assert np.sqrt(np.mean((found["resistance"][AFTER:] - 76.0) ** 2)) < 0.2
-
-
 def test_flux_and_reluctance_need_the_number_of_turns() -> None:
     without, _ = run(simulated())
     assert np.all(without["flux"] == 0.0) and np.all(without["reluctance"] == 0.0)
@@ -200,7 +188,7 @@ def test_state_names_are_stable() -> None:
 
 # Rest, and lost readings: tuned on nothing; the signal is not that of the scenarios -----------------------------------
 
-DEFAULT = TABLE_II._replace(gate_decay=5e-3)
+DEFAULT = TABLE_II._replace(gate_decay=5e-3, range_voltage=100.0, range_current=0.0)
 
 
 def resting(after: Signal | None, seconds: float, seed: int) -> Signal:
@@ -213,33 +201,88 @@ def resting(after: Signal | None, seconds: float, seed: int) -> Signal:
     return Signal(*(np.r_[a, b] for a, b in zip(after, still))) if after else still
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_rest_before_the_first_operation_teaches_nothing(seed: int) -> None:
-    """0.05 s of rest; the printed form learns 8 ohm from it, and is that wrong in the operation that follows."""
-    count = 1000
-    signal = valve_like(cycles=2, rest=count, seed=seed)
-    found, _ = run(signal, DEFAULT)
-    error = found["resistance"] - 76.0
-    assert np.sqrt(np.mean(error[count : count + 400] ** 2)) < 1.31  # 1.5 ohm is the error of the prior
-    assert np.sqrt(np.mean(error[count + 400 :] ** 2)) < 0.05
-    printed, _ = run(signal)
-    assert np.sqrt(np.mean((printed["resistance"][count : count + 400] - 76.0) ** 2)) > 5.0
+def joined(*signals: Signal) -> Signal:
+    return Signal(*(np.concatenate(parts) for parts in zip(*signals)))
 
 
-def test_a_long_rest_does_not_move_the_resistance() -> None:
-    """1 s, before the first operation and after it."""
-    _, before = run(resting(None, 1.0, 4), DEFAULT)
-    assert before.x[0] == TABLE_II.prior_resistance
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+@pytest.mark.parametrize(("seconds", "limit"), [(1e-3, 1.5), (0.05, 4.0), (0.5, 25.0)])
+def test_rest_before_the_first_operation_costs_nothing(seconds: float, limit: float) -> None:
+    """In the first operation no error above that of the prior, 1.5 ohm; the printed form has `limit` and more."""
+    errors: dict[float, list[float]] = {0.0: [], 5e-3: []}
+    count = round(seconds / DT)
+    for seed in range(1, 6):
+        signal = valve_like(cycles=2, rest=count, seed=seed)
+        for decay, found in errors.items():
+            r = run(signal, DEFAULT._replace(gate_decay=decay))[0]["resistance"]
+            found.append(rms(r[count : count + 400] - 76.0))
+            assert not decay or rms(r[count + 400 :] - 76.0) < 0.05
+    assert np.median(errors[5e-3]) < 1.4 and max(errors[5e-3]) < 1.6, errors
+    assert seconds < 0.01 or min(errors[0.0]) > limit, errors
+
+
+def test_the_printed_algorithm_is_begun_anew_by_every_sample_of_the_first_rest() -> None:
+    """However long the rest is, the operation begins after one noise-only sample: bit for bit."""
+    signal = valve_like(cycles=1, rest=300)
+    signal = signal._replace(iota=np.where(np.arange(700) < 300, np.clip(signal.iota, -3e-3, 3e-3), signal.iota))
+    found, _ = run(signal, DEFAULT._replace(process_resistance_rate=0.0))
+    late, _ = run(Signal(*(values[298:] for values in signal)), TABLE_II._replace(process_resistance_rate=0.0))
+    for name in ("resistance", "inductance", "flux_linkage", "quality"):
+        np.testing.assert_array_equal(found[name][299:], late[name][1:])
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 4])
+def test_a_long_rest_does_not_move_the_resistance(cycles: int) -> None:
+    """1 s of rest, before the first operation and after some; the next operation has what was known before it."""
+    began = valve_like(cycles=cycles) if cycles else None
+    ended = run(began, DEFAULT)[1].x[0] if began else TABLE_II.prior_resistance
+    rest = resting(began, 1.0, 4)
+    _, after = run(rest, DEFAULT)
+    assert abs(after.rest_resistance - ended) < (2e-3 if cycles else 1e-12)
+    both = joined(rest, valve_like(cycles=1, rest=0, seed=8))
+    error = run(both, DEFAULT)[0]["resistance"][-400:] - 76.0
+    assert rms(error) < (0.05 if cycles else 1.5)
+
+
+def test_a_long_rest_leaves_room_for_another_temperature() -> None:
+    """The variance of the resistance goes on growing with its process noise."""
     _, ended = run(valve_like(cycles=1), DEFAULT)
     _, after = run(resting(valve_like(cycles=1), 1.0, 4), DEFAULT)
-    assert abs(after.x[0] - ended.x[0]) < 1e-3
+    assert after.rest_variance - ended.P[0, 0] == pytest.approx(20000 * DT**2, rel=0.05)
+
+
+@pytest.mark.parametrize("std", [1.0, 5.0])
+@pytest.mark.parametrize("seconds", [1e-3, 0.5])
+def test_without_gate_update_rest_teaches_nothing_whatever_the_prior(std: float, seconds: float) -> None:
+    par, count = DEFAULT._replace(gate_update=0.0, prior_resistance_std=std), round(seconds / DT)
+    signal = valve_like(cycles=2, rest=count, seed=3)
+    found, _ = run(signal, par)
+    error = found["resistance"] - 76.0
+    assert rms(error[count : count + 400]) < 1.5 and np.abs(error).max() < 2.1
+    assert rms(error[count + 400 :]) < 0.05
+    _, resting_state = run(Signal(*(values[:count] for values in signal)), par)
+    assert resting_state.rest_resistance == par.prior_resistance
+
+
+@pytest.mark.parametrize("gate_update", [0.0, 1.0])
+def test_an_edge_on_a_sample_of_rest_does_not_spoil_the_resistance(gate_update: float) -> None:
+    """The voltage is on, and the current is still noise: taken as a noise-only sample it costs up to 80 ohm."""
+    for seed in range(1, 6):
+        signal = valve_like(cycles=1, seed=seed)
+        signal.u[REST - 1] += 30.0
+        found, _ = run(signal, DEFAULT._replace(gate_update=gate_update))
+        assert np.abs(found["resistance"] - 76.0).max() < 1.6
 
 
 def test_what_the_end_of_a_decay_tells_is_kept() -> None:
     errors = {}
-    for name, par in {"paper": TABLE_II, "default": DEFAULT, "gated": TABLE_II._replace(gate_update=0.0)}.items():
+    asleep_at_once = DEFAULT._replace(gate_update=0.0, gate_decay=1e-9)
+    for name, par in {"paper": TABLE_II, "default": DEFAULT, "gated": asleep_at_once}.items():
         found = [run(valve_like(seed=seed), par)[0]["resistance"][AFTER:] - 76.0 for seed in range(1, 6)]
-        errors[name] = float(np.median([np.sqrt(np.mean(e**2)) for e in found]))
+        errors[name] = float(np.median([rms(e) for e in found]))
     assert errors["default"] < min(1.5 * errors["paper"], 0.4 * errors["gated"]), errors
 
 
@@ -252,7 +295,7 @@ def test_lost_readings_are_left_out_and_forgotten(kind: float, which: str, at: i
     u, iota = signal.u.copy(), signal.iota.copy()
     hole = slice(at, at + length)
     if which != "current":
-        u[hole] = 1e3 * kind
+        u[hole] = 1e2 * kind
     if which != "voltage":
         iota[hole] = kind
     found, _ = run(signal._replace(u=u, iota=iota), DEFAULT)
@@ -260,11 +303,24 @@ def test_lost_readings_are_left_out_and_forgotten(kind: float, which: str, at: i
     lost = np.zeros(u.size, bool)
     lost[hole] = True
     np.testing.assert_array_equal(found["health"], np.where(lost, 0.0, 1.0))
+    np.testing.assert_array_equal(found["health_causes"], np.where(lost, LOST, 0.0))
     assert np.all(found["quality"][hole] == 0.0)
-    assert np.ptp(found["resistance"][hole]) == 0.0 and np.ptp(found["inductance"][hole]) == 0.0
+    assert np.ptp(found["resistance"][hole]) == 0.0 and np.ptp(found["inductance"][hole]) < 0.09
     back = REST + 400 * ((at + length - REST) // 400 + 1)
     assert np.abs(found["resistance"][back:] - 76.0).max() < 0.1
-    assert np.sqrt(np.mean((found["flux_linkage"] - signal.flux_linkage)[back:] ** 2)) < 0.15e-3
+    assert rms((found["flux_linkage"] - signal.flux_linkage)[back:]) < 0.15e-3
+
+
+@pytest.mark.parametrize("length", [1, 5, 30])
+@pytest.mark.parametrize("at", [430, 470, 540, 600])
+def test_a_gap_without_motion_costs_little_flux_linkage(at: int, length: int) -> None:
+    """Of 23 mWb: no more than 2.5 mWb while the current goes on, and nothing afterwards."""
+    signal = valve_like(cycles=3)
+    iota = signal.iota.copy()
+    iota[at : at + length] = np.nan
+    error = run(signal._replace(iota=iota), DEFAULT)[0]["flux_linkage"] - signal.flux_linkage
+    assert np.abs(error[at + length : REST + 800]).max() < 2.5e-3
+    assert rms(error[REST + 800 :]) < 0.1e-3
 
 
 def test_nothing_but_lost_readings() -> None:
@@ -275,9 +331,19 @@ def test_nothing_but_lost_readings() -> None:
     assert state.x[0] == TABLE_II.prior_resistance
 
 
-def test_a_lone_sample_outside_the_band_is_forgotten() -> None:
+def test_one_or_two_samples_outside_the_band_are_forgotten() -> None:
     still = resting(None, 0.02, 5)
     iota = np.clip(still.iota, -3e-3, 3e-3)
-    iota[[50, 120, 300]] = 4e-3, -5e-3, 0.5
+    iota[[50, 120, 200, 201, 202, 300]] = 4e-3, -5e-3, 4e-3, 5e-3, -4e-3, 0.5
     _, state = run(still._replace(iota=iota), DEFAULT)
-    assert state.x[0] == TABLE_II.prior_resistance and state.P[0, 0] > 1.0
+    assert state.rest_resistance == TABLE_II.prior_resistance and state.rest_variance > 1.0
+
+
+@pytest.mark.parametrize("resistance", [0.1, 1000.0])
+def test_the_limit_of_the_current_follows_the_coil(resistance: float) -> None:
+    """As shipped: 100 V drive 1,000 A through 0.1 ohm, and 0.1 A through 1,000 ohm; twice that is believed."""
+    par = DEFAULT._replace(prior_resistance=resistance)
+    for factor, health in ((1.9, 1.0), (2.1, 0.0)):
+        iota = np.array([0.0, 0.0, factor * 100.0 / resistance])
+        found, _ = run(Signal(np.zeros(3), iota, iota, iota), par)
+        assert found["health"][-1] == health

@@ -15,7 +15,7 @@ from table_i import defaults
 from valve_model_textbook import VALVE
 
 from gapsense.actuators import solenoid_valve
-from gapsense.estimators import ukf
+from gapsense.estimators import readings, ukf
 from gapsense.estimators.kalman import Gaussian
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import VALVE as SOLENOID_VALVE
@@ -231,15 +231,19 @@ def lost(kind: float, share: float = 0.1) -> tuple[np.ndarray, np.ndarray, dict[
     return np.where(holes[0], kind, v), np.where(holes[1], kind, i), known, holes
 
 
+def says(found: dict[str, np.ndarray], cause: float) -> np.ndarray:
+    """Where the health names a cause."""
+    return (found["health_causes"].astype(int) & int(cause)) > 0
+
+
 @pytest.mark.parametrize("kind", [math.nan, math.inf, -math.inf, 1e300, -1e9])
 @pytest.mark.parametrize("name", FILTERS)
 def test_lost_readings_are_reported_and_recovered_from(kind: float, name: str) -> None:
     v, i, known, holes = lost(kind)
     found = run(v, i, defaults(ukf, option_filter=FILTERS[name], **known))
     assert all(np.all(np.isfinite(values)) for values in found.values())
-    assert np.all(found["health"][holes.any(axis=0)] == ukf.SKIPPED)
+    assert np.all(says(found, readings.LOST) == holes.any(axis=0)) and not np.any(says(found, readings.RESTARTED))
     if name != "unbounded_ukf":
-        assert not np.any(found["health"][~holes.any(axis=0)] < 0.0)
         assert np.abs(found["position"] - record()[1]["position"]).max() < 0.25e-3
 
 
@@ -249,19 +253,19 @@ def test_a_long_gap_and_nothing_but_gaps() -> None:
     holes = (gap > 150) & (gap < 350)
     found = run(v, np.where(holes, math.nan, i), defaults(ukf, **known))
     assert np.abs(found["position"] - record()[1]["position"])[400:OFF].max() < 20e-6
-    assert np.all(found["health"][holes] == ukf.SKIPPED)
+    assert np.all(says(found, readings.LOST) == holes) and np.all(found["health"][holes] == 0.0)
     blind = run(np.full(50, math.nan), np.full(50, math.nan), defaults(ukf))
     assert all(np.all(np.isfinite(values)) for values in blind.values())
-    assert np.all(blind["health"] == ukf.SKIPPED)
+    assert np.all(blind["health_causes"] == readings.LOST)
 
 
 def test_outliers_inside_the_range_are_forgotten() -> None:
     v, i, known = noisy()
     i[100], i[300] = 90.0, -90.0
-    found = run(v, i, defaults(ukf, **known))
-    assert found["health"][100] == found["health"][300] == ukf.SURPRISED
+    found = run(v, i, defaults(ukf, range_current=100.0, **known))
+    assert found["health_causes"][100] == found["health_causes"][300] == readings.INNOVATION
     assert np.abs(found["position"] - record()[1]["position"])[OFF - 20 : OFF].max() < 20e-6
-    assert found["health"][OFF - 20 : OFF].min() == ukf.FINE
+    assert found["health"][OFF - 20 : OFF].min() == 1.0
 
 
 BAD = {
@@ -285,7 +289,7 @@ def test_a_lost_covariance_is_reported_and_recovered_from(kind: str, name: str) 
         assert np.all(np.isfinite(np.array(outputs, float)))
         seen.append(outputs)
     if kind == "not a number" and name.endswith("ukf"):
-        assert seen[0].health == ukf.RESTARTED
+        assert int(seen[0].health_causes) & int(readings.RESTARTED)
     if name == "bounded_ukf":
         assert abs(seen[-1].position - record()[1]["position"][299]) < 20e-6
 
@@ -294,7 +298,7 @@ def test_a_state_that_is_no_number_starts_again() -> None:
     par = defaults(ukf)
     state, _ = KERNEL.initial(ukf.Inputs(0.0, 0.0), par)
     state, outputs = KERNEL.step(state._replace(x=np.full(4, math.nan, object)), ukf.Inputs(0.0, 0.0), par)
-    assert outputs.health == ukf.RESTARTED
+    assert outputs.health_causes == readings.RESTARTED and outputs.health == 0.0
     assert outputs.position == pytest.approx(0.9e-3) and outputs.flux_linkage == 0.0
 
 

@@ -6,7 +6,7 @@ import inspect
 import math
 import random
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from traced import Outputs, Pair, Parameters, State, compiled, graph, python_tex
 
 from gapsense.emit import C, Numpy, Python
 from gapsense.kernel import trace
-from gapsense.records import zeros
+from gapsense.records import Array, Memory, zeros
 from gapsense.trace import (
     Tape,
     TraceError,
@@ -347,12 +347,50 @@ def test_memory_of_before_a_store_cannot_be_used_after_it() -> None:
         trace(step, {"state": State})
 
 
-def test_store_inside_a_branch_is_refused() -> None:
-    def step(state: State) -> Any:
-        return State(cond(load(state.memory, 0) > 0.0, lambda: store(state.memory, 0.0, 1.0), lambda: state.memory))
+def test_store_inside_branches_changes_the_memory_of_the_runs_that_take_them() -> None:
+    from traced import Inputs
 
-    with pytest.raises(TraceError, match="spare index"):
+    def step(state: State, inputs: Inputs) -> Any:
+        def low() -> tuple[Any, Any]:
+            memory = store(state.memory, inputs.b, inputs.a)
+            return cond(inputs.c > 0.0, lambda: store(memory, 0.0, load(memory, inputs.b) + 1.0), lambda: memory), 1.0
+
+        memory, y = cond(inputs.a < 0.5, low, lambda: (store(state.memory, 4.0, inputs.c), 2.0))
+        return State(memory), Outputs(load(memory, 0.0) + y * load(memory, 4.0))
+
+    g = trace(step, {"state": State, "inputs": Inputs})
+    scalar, batch = compiled(Python(g).source()), compiled(Numpy(g).source(), Numpy.head)
+    rng = np.random.default_rng(1)
+    own, one, many = [zeros(5) for _ in range(3)], [zeros(5) for _ in range(3)], np.zeros((5, 3))
+    for _ in range(40):
+        runs = [Inputs(rng.random(), float(rng.integers(4)), rng.uniform(-1.0, 1.0)) for _ in range(3)]
+        expected = [step(State(memory), given)[1].y for memory, given in zip(own, runs)]
+        assert [scalar((memory,), given)[1][0] for memory, given in zip(one, runs)] == expected
+        assert batch((many,), [*map(np.array, zip(*runs))], 3)[1][0].tolist() == expected
+        assert own == one == many.T.tolist()
+
+
+def test_store_inside_a_loop_is_refused() -> None:
+    def step(state: State) -> Any:
+        def body(k: Any) -> Any:
+            return (load(store(state.memory, 0.0, k), 0.0),), k > 3.0
+
+        return Outputs(loop(5, body, (load(state.memory, 0.0),))[0])
+
+    with pytest.raises(TraceError, match="store it outside"):
         trace(step, {"state": State})
+
+
+def test_branches_cannot_exchange_array_memory() -> None:
+    class Two(NamedTuple):
+        left: Annotated[Array, Memory(5)]
+        right: Annotated[Array, Memory(5)]
+
+    def step(state: Two) -> Any:
+        return Outputs(load(cond(load(state.left, 0) > 0.0, lambda: state.left, lambda: state.right), 0.0))
+
+    with pytest.raises(TraceError, match="different array memory"):
+        trace(step, {"state": Two})
 
 
 def test_memory_must_start_as_zeros() -> None:

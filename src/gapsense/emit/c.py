@@ -8,7 +8,7 @@ from typing import Any
 
 from gapsense.emit.printer import Printer
 from gapsense.records import ARRAYS, names
-from gapsense.trace import BOOLEAN, Expr, Region
+from gapsense.trace import BOOLEAN, Expr, Region, memory_of
 
 
 class C(Printer):
@@ -65,7 +65,8 @@ static inline int locate(const real *table, int size, real x)
         return name
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        self.write(f"real {', '.join(targets)};")
+        if targets:
+            self.write(f"real {', '.join(targets)};")
         self.block(f"if ({self.bare(c)}) {{", regions[0], targets, a)
         self.block("} else {", regions[1], targets, b)
         self.write("}")
@@ -126,5 +127,5 @@ static inline int locate(const real *table, int size, real x)
         for entry in entries:
             if isinstance(entry, list):
                 self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{next(arrays)}][k] = R(0.0);")
-            elif not (isinstance(entry, Expr) and (entry.op == "store" or entry.extra == "memory")):
+            elif memory_of(entry) is None:
                 self.write(f"{target}[{next(scalars)}] = {self.ref(entry)};")

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
-from gapsense.trace import UNARY, Expr, Region, Tape, TraceError
+from gapsense.trace import UNARY, Expr, Region, Tape, TraceError, memory_of
 
 LONGEST_INLINE = 90  # characters; a longer expression gets a name even if it is used once
 
@@ -147,14 +147,16 @@ class Printer(ABC):
             then, otherwise, outs = node.extra
             self.holders[node.id] = [self.fresh("c") if k in self.live[node.id] else "" for k in range(len(outs))]
             live = [(self.holders[node.id][k], *[*outs.values()][k]) for k in sorted(self.live[node.id])]
-            targets, a, b = map(list, zip(*live))
+            live = [(target, a, b) for target, a, b in live if memory_of(a) is None]  # array memory changes in place
+            targets, a, b = map(list, zip(*live)) if live else ([], [], [])
             self._branch(node.args[0], (then, otherwise), targets, a, b)
         elif node.op == "loop":
             self.holders[node.id] = [self.fresh("v") for _ in node.args]
             self.text.update((v.id, t) for v, t in zip(node.extra[1], self.holders[node.id]))
             self._repeat(node, self.holders[node.id])
         elif node.op == "get":
-            self.text[node.id] = self.holders[node.args[0].id][node.extra]
+            memory = memory_of(node)
+            self.text[node.id] = self.holders[node.args[0].id][node.extra] if memory is None else self.ref(memory)
         elif node.op == "store":
             self.text[node.id] = self.ref(node.args[0])
             self.write(self.expression(node) + self.end)

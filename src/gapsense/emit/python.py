@@ -100,6 +100,7 @@ def row(array, index):
     }
     extra_argument = ", runs"
     condition_uses = 2
+    taken = ""  # condition of the branches that are being printed
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
         """As arrays."""
@@ -112,15 +113,30 @@ def row(array, index):
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         """Compute each branch for all runs if any run takes it, and choose if both are taken."""
-        everyone = self.fresh("b")
+        everyone, outer = self.fresh("b"), self.taken
         self.write(f"{everyone} = all_({self.bare(c)})")
+        self.taken = self._both(outer, f"logical_not({self.bare(c)})")
         self.block(f"if not {everyone}:", regions[1], targets, b)
+        self.taken = self._both(outer, self.ref(c))
         self.write(f"if {everyone} or any_({self.bare(c)}):")
         self.depth += 1
         self.region(regions[0])
+        self.taken = outer
         for target, value in zip(targets, map(self.array, a)):
             self.write(f"{target} = {value} if {everyone} else where({self.bare(c)}, {value}, {target})")
         self.depth -= 1
+
+    @staticmethod
+    def _both(outer: str, condition: str) -> str:
+        return f"({outer} & {condition})" if outer else condition
+
+    def expression(self, node: Expr) -> str:
+        """Text of an operation; a store in a branch changes the memory of the runs that take it."""
+        text = super().expression(node)
+        if node.op != "store" or not self.taken:
+            return text
+        element, value = text.split(" = ", 1)
+        return f"{element} = where({self.taken}, {value}, {element})"
 
     def _repeat(self, node: Expr, targets: list[str]) -> None:
         """As in Python, with `busy` for the runs that have not stopped."""

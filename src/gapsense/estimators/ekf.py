@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
-from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project, surprise
+from gapsense.estimators import readings
+from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -27,9 +28,10 @@ from gapsense.estimators.reduced_model import (
     rest,
     stay,
 )
+from gapsense.estimators.watch import OFTEN, START, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
-from gapsense.trace import cond, square, where
+from gapsense.trace import cond, fabs, not_, square, where
 
 USUAL = 20e-6  # time in which the process noises have the standard deviations of the parameters: T_s of the paper [s]
 
@@ -66,8 +68,12 @@ class Parameters(NamedTuple):
     noise_current: Scalar  # sigma_i [A]
     prior_flux_linkage: Scalar  # lambda_0 [Wb]
     prior_flux_linkage_std: Scalar  # its standard deviation; 0 in the paper [Wb]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
+    range_innovation: Scalar  # a current whose innovation is beyond so many deviations counts as wild; 0: none does [1]
     health_samples: Scalar  # over how many samples the health looks back [1]
     health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+    health_current_error: Scalar  # largest root mean square of the current error at rest, in stationary deviations [1]
 
 
 class State(NamedTuple):
@@ -75,13 +81,13 @@ class State(NamedTuple):
 
     x: Annotated[Array, Vector(5)]  # projected posterior estimate
     P: Annotated[Array, Covariance(5)]  # its covariance
-    voltage: Scalar  # voltage of this sample, held until the next [V]
-    mode: Scalar  # mode of this sample
-    surprise: Scalar  # mean of the squared normalised innovation [1]
+    voltage: Scalar  # last voltage that could be read, held until the next sample [V]
+    mode: Scalar  # last mode that could be read
+    watch: Watch
 
 
 class Inputs(NamedTuple):
-    """Measurements."""
+    """Measurements; a lost one is not a number."""
 
     voltage: Scalar  # [V]
     current: Scalar  # [A]
@@ -109,7 +115,7 @@ class Outputs(NamedTuple):
     estimates: Estimates
     innovation: Scalar
     innovation_std: Scalar
-    health: Scalar  # 1 while the innovations are as large as expected, else 0
+    health: readings.Health
 
 
 class Measured(NamedTuple):
@@ -117,6 +123,8 @@ class Measured(NamedTuple):
 
     current: Scalar
     mode: Scalar
+    has_current: Scalar = True
+    most: Scalar = 0.0  # innovation that counts as wild, in deviations; 0: none does
 
 
 class Tuning(NamedTuple):
@@ -136,28 +144,68 @@ class Pass(NamedTuple):
     filtered: Gaussian  # projected
     innovation: Scalar
     innovation_std: Scalar
+    is_used: Scalar  # the current is neither lost nor wild
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """At rest on the stop that the mode names (61); a mode that says moving counts as the upper stop."""
+    """At rest on the stop that the mode names (61); a mode that says moving, or is lost, counts as the upper stop."""
     m = normalised(par)
-    x = rest(inputs.mode, par.prior_flux_linkage, m)
+    now, _, is_whole = _read(inputs, Held(0.0, 3.0), 0.0, par)
+    x = rest(now.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    state = State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=1.0)
-    return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=1.0)
+    state = State(x=x, P=P, voltage=now.voltage, mode=now.mode, watch=START)
+    health = readings.health({readings.LOST: not_(is_whole)})
+    return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=health)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
-    m = normalised(par)
-    held, measured = Held(state.voltage, state.mode), Measured(inputs.current, inputs.mode)
-    new = forward(Gaussian(state.x, state.P), held, measured, m, tuning(par))
-    surprised = surprise(state.surprise, new.innovation, new.innovation_std, par.health_samples)
-    health = where(surprised < par.health_limit, 1.0, 0.0)
+    m, before = normalised(par), Held(state.voltage, state.mode)
+    now, measured, is_whole = _read(inputs, before, state.watch.far, par)
+    new = forward(Gaussian(state.x, state.P), before, measured, m, tuning(par))
     x, P = new.filtered
+    watch = watched(state.watch, _seen(new, now, par), par.range_innovation, par.health_samples)
+    health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    return State(x=x, P=P, voltage=inputs.voltage, mode=inputs.mode, surprise=surprised), outputs
+    return State(x=x, P=P, voltage=now.voltage, mode=now.mode, watch=watch), outputs
+
+
+def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[Held, Measured, Scalar]:
+    """Voltage and mode, those before for lost ones; what corrects the prediction; whether nothing is lost."""
+    has_voltage, has_mode = readings.can_be_read(inputs.voltage, par.range_voltage), readings.is_mode(inputs.mode)
+    most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
+    has_current = readings.can_be_read(inputs.current, most)
+    mode = where(has_mode, inputs.mode, before.mode)
+    measured = Measured(where(has_current, inputs.current, 0.0), mode, has_current, patient(par.range_innovation, far))
+    now = Held(where(has_voltage, inputs.voltage, before.voltage), mode)
+    return now, measured, has_voltage & has_current & has_mode
+
+
+def _seen(new: Pass, now: Held, par: Parameters) -> Seen:
+    """What a sample shows of the health: the current error at rest, a position on a stop in motion."""
+    x, moves = new.filtered.mean, is_moving(now.mode)
+    return Seen(
+        innovation=new.innovation,
+        innovation_std=new.innovation_std,
+        is_used=new.is_used,
+        current_error=x[CURRENT_ERROR],
+        current_error_std=stationary(par.process_current_error, par.process_current_error_memory, USUAL),
+        is_resting=not_(moves),
+        is_pressed=moves & ((x[POSITION] <= 0.0) | (x[POSITION] >= 1.0)),
+    )
+
+
+def _health(watch: Watch, x: Array, is_lost: Scalar, par: Parameters) -> readings.Health:
+    return readings.health(
+        {
+            readings.INNOVATION: watch.surprise >= par.health_limit,
+            readings.CURRENT_ERROR: watch.strain >= square(par.health_current_error),
+            readings.SATURATION: fabs(x[FLUX_LINKAGE]) >= par.core_saturation,
+            readings.BOUND: watch.pressed >= OFTEN,
+            readings.LOST: is_lost,
+        }
+    )
 
 
 def tuning(par: Parameters) -> Tuning:
@@ -194,20 +242,22 @@ def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
 
 
 def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pass:
-    """On a stop the position is measured as well, without noise (27)-(29)."""
+    """On a stop the position is measured as well, without noise (27)-(29); a lost or wild current corrects nothing."""
     h, H = linearise(observation, prior.mean, m)
-    innovation, R = measured.current - h[0], square(tuned.noise_current)
+    R = square(tuned.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
+    innovation, std = where(measured.has_current, measured.current - h[0], 0.0), deviation(S)
+    is_used = measured.has_current & not_(is_far(innovation, std, measured.most))
 
-    def moving() -> Gaussian:
-        return condition(prior, vector([innovation]), H, vector([R]))
+    def given(known: Gaussian, innovation: Scalar) -> Gaussian:
+        return cond(is_used, lambda: condition(known, vector([innovation]), H, vector([R])), lambda: known)
 
     def resting() -> Gaussian:
         known = fix(prior, POSITION, limit(measured.mode))
-        return condition(known, vector([innovation - H[0] @ (known.mean - prior.mean)]), H, vector([R]))
+        return given(known, innovation - H[0] @ (known.mean - prior.mean))
 
-    posterior = cond(is_moving(measured.mode), moving, resting)
-    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, deviation(S))
+    posterior = cond(is_moving(measured.mode), lambda: given(prior, innovation), resting)
+    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, std, is_used)
 
 
 def process_noise(m: Model, tuned: Tuning) -> Array:

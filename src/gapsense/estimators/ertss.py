@@ -16,11 +16,11 @@ from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
 from gapsense.estimators.motions import (
     RING,
-    SPARE_SAMPLE,
     Contact,
     Followed,
     Motion,
     Queue,
+    Turn,
     follow,
     joined,
     nothing,
@@ -81,7 +81,7 @@ class Operation(NamedTuple):
 
 
 WIDTH = len(names(Sample))
-SIZE = (RING + 1) * WIDTH
+SIZE = RING * WIDTH
 
 
 class State(NamedTuple):
@@ -139,12 +139,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
     m, T_s = normalised(par.filter), par.filter.sample_time
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
-    contact = Contact(inputs.time, inputs.mode, state.filter.mode, T_s, par.contact_debounce)
+    contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
-    samples = _stored(state.samples, to_keep(now, inputs.mode), Sample(estimate, inputs.voltage))
+    samples = _stored(state.samples, to_keep(now, contact), Sample(estimate, filtered.voltage))
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
-    samples = _stored(samples, where(turn.is_due, slot(turn.place), SPARE_SAMPLE), found)
+    samples = _stored(samples, turn, found)
     last = _last(state, now, contact, found, m)
     queue, turn, time = to_show(queue, T_s)
     shown = cond(
@@ -199,11 +199,16 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, slot: Scalar, values: Sample | Estimate) -> Array:
-    """The memory with a sample, or with the estimate of one."""
-    for k, value in enumerate(flat(values)):
-        samples = store(samples, slot * WIDTH, value, k)
-    return samples
+def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
+    """The memory with a sample, or with the estimate of one, if it is its turn."""
+
+    def kept() -> Array:
+        kept, start = samples, slot(turn.place) * WIDTH
+        for k, value in enumerate(flat(values)):
+            kept = store(kept, start, value, k)
+        return kept
+
+    return cond(turn.is_due, kept, lambda: samples)
 
 
 def _loaded(samples: Array, place: Scalar) -> Sample:

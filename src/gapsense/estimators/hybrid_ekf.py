@@ -14,7 +14,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
+from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
+from gapsense.estimators.watch import counted, is_far, near, patient
 from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Choice, Covariance, Scalar, Vector, flat, record
 from gapsense.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
@@ -23,7 +25,6 @@ MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
 LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
 CURRENT, POSITION = range(2)
 PIECES, SUB_STEPS = 200, 64  # of a sampling interval, and of a piece of it in the air, at most
-BEYOND_REASON = 1e6  # amperes and volts from which a measurement counts as lost, as NaN does
 H = (1.0, 0.0, 0.0)  # (3)
 
 
@@ -68,6 +69,9 @@ class Parameters(NamedTuple):
     prior_current: Scalar  # i_0 [A]
     prior_current_std: Scalar  # [A]
     prior_position: Scalar  # s_0: at the lower stop, or from half of s_max on at the upper one [m]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
+    range_innovation: Scalar  # a current whose innovation is beyond so many deviations counts as wild; 0: none does [1]
     health_samples: Scalar  # over how many samples the health looks back [1]
     health_limit: Scalar  # largest mean of the squared normalised innovation [1]
 
@@ -78,12 +82,13 @@ class State(NamedTuple):
     x: Annotated[Array, Vector(3)]  # (i, s, v)
     P: Annotated[Array, Covariance(3)]
     mode: Scalar  # q
-    voltage: Scalar  # of this sample, held until the next [V]
+    voltage: Scalar  # last voltage that could be read, held until the next sample [V]
     surprise: Scalar  # mean of the squared normalised innovation [1]
+    far: Scalar  # samples in a row with a wild innovation
 
 
 class Inputs(NamedTuple):
-    """Measurements; one that is not a number is left out."""
+    """Measurements; a lost one is not a number."""
 
     voltage: Scalar  # [V]
     current: Scalar  # [A]
@@ -101,7 +106,8 @@ class Outputs(NamedTuple):
     velocity_std: Scalar
     innovation: Scalar
     innovation_std: Scalar
-    health: Scalar  # 1 while the innovations are as large as expected and no measurement is lost, else 0
+    health: Scalar  # 1 fine, 0 not
+    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
 
 
 class Model(NamedTuple):
@@ -157,30 +163,39 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     is_upper = par.prior_position >= 0.5 * par.stop_upper
     x = vector([par.prior_current, where(is_upper, par.stop_upper, 0.0), 0.0])
     estimate = Hybrid(x, diagonal([square(par.prior_current_std), 0.0, 0.0]), where(is_upper, UPPER, LOWER))
-    voltage = where(is_number(inputs.voltage), inputs.voltage, 0.0)
-    state = State(x=estimate.x, P=estimate.P, mode=estimate.q, voltage=voltage, surprise=1.0)
+    now, _, is_whole = _read(inputs, 0.0, par)
+    state = State(x=estimate.x, P=estimate.P, mode=estimate.q, voltage=now.voltage, surprise=1.0, far=0.0)
     std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
-    return state, _outputs(estimate, 0.0, std, 1.0)
+    return state, _outputs(estimate, 0.0, std, readings.health({readings.LOST: not_(is_whole)}))
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction over the interval with the voltage at its start, correction, landing."""
     mod, tun = model(par), tuning(par)
     prior = ahead(Hybrid(state.x, state.P, state.mode), state.voltage, mod, tun)
-    is_used = is_number(inputs.current)
-    innovation = where(is_used, inputs.current, prior.x[CURRENT]) - prior.x[CURRENT]
+    now, has_current, is_whole = _read(inputs, state.voltage, par)
+    innovation = where(has_current, now.current - prior.x[CURRENT], 0.0)
     std = deviation(prior.P[CURRENT, CURRENT] + tun.R)
+    is_used = has_current & not_(is_far(innovation, std, patient(par.range_innovation, state.far)))
     posterior = cond(is_used & not_(tun.is_open_loop), lambda: _corrected(prior, innovation, mod, tun), lambda: prior)
-    surprised = surprise(state.surprise, innovation, std, par.health_samples)
-    health = where((surprised < par.health_limit) & is_used & is_number(inputs.voltage), 1.0, 0.0)
-    voltage = where(is_number(inputs.voltage), inputs.voltage, state.voltage)
-    state = State(x=posterior.x, P=posterior.P, mode=posterior.q, voltage=voltage, surprise=surprised)
+    surprised = surprise(state.surprise, near(innovation, std), std, par.health_samples)
+    surprised = where(is_used, surprised, state.surprise)
+    far = counted(state.far, is_far(innovation, std, par.range_innovation))
+    health = readings.health(
+        {readings.INNOVATION: surprised >= par.health_limit, readings.LOST: not_(is_used & is_whole)}
+    )
+    voltage = now.voltage
+    state = State(x=posterior.x, P=posterior.P, mode=posterior.q, voltage=voltage, surprise=surprised, far=far)
     return state, _outputs(posterior, innovation, std, health)
 
 
-def is_number(value: Scalar) -> Scalar:
-    """False for NaN, for infinity, and for what no coil has."""
-    return fabs(value) < BEYOND_REASON
+def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[Inputs, Scalar, Scalar]:
+    """The sample, with the voltage before for a lost one; whether it has a current, and whether nothing is lost."""
+    has_voltage = readings.can_be_read(inputs.voltage, par.range_voltage)
+    most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
+    has_current = readings.can_be_read(inputs.current, most)
+    now = Inputs(where(has_voltage, inputs.voltage, voltage), where(has_current, inputs.current, 0.0))
+    return now, has_current, has_voltage & has_current
 
 
 def model(par: Parameters) -> Model:
@@ -365,7 +380,7 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
     return cond(is_resting(q), on_a_stop, in_the_air)
 
 
-def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: Scalar) -> Outputs:
+def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, health: readings.Health) -> Outputs:
     i, s, v = estimate.x
     i_std, s_std, v_std = map(deviation, estimate.P.diagonal())
     return Outputs(
@@ -378,5 +393,5 @@ def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, healt
         velocity_std=v_std,
         innovation=innovation,
         innovation_std=innovation_std,
-        health=health,
+        **health._asdict(),
     )

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.readings import FINE, LOST, can_be_read
+from gapsense.estimators.readings import LOST, Health, can_be_read, health, most_current
 from gapsense.records import Array, Memory, Scalar, zeros
-from gapsense.trace import fabs, load, sqrt, store, where
+from gapsense.trace import fabs, load, not_, sqrt, store, where
 
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
 SPARE = 2 * LENGTH  # element that takes the writes after that
@@ -30,7 +30,7 @@ class Parameters(NamedTuple):
     edge_voltage: Scalar  # an operation starts when the voltage rises above it [V]
     offline: Scalar  # 1: publish an operation when it has ended
     range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]
+    range_current: Scalar  # [A]; 0: twice what `range_voltage` drives
 
 
 class State(NamedTuple):
@@ -74,6 +74,7 @@ class Outputs(NamedTuple):
     published: Scalar  # 1 if the values belong to a sample, 0 while there is none to replay
     published_time: Scalar
     health: Scalar  # 1 fine, 0 a reading was lost; of this sample, with `offline` too
+    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
 
 
 class Sample(NamedTuple):
@@ -89,7 +90,7 @@ class Sample(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
-    (u, i), health = _readings(0.0, 0.0, inputs, par)
+    u, i, found = _readings(0.0, 0.0, inputs, par)
     state = State(
         resistance=par.prior_resistance,
         voltage_sum=0.0,
@@ -97,7 +98,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         count=0.0,
         current=i,
         voltage=u,
-        is_lost=1.0 - health,
+        is_lost=1.0 - found.health,
         losses=0.0,
         kept=0.0,
         start=inputs.time,
@@ -117,29 +118,29 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         quality=0.0,
         published=1.0 - par.offline,
         published_time=inputs.time,
-        health=health,
+        **found._asdict(),
     )
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample, lines 4 to 12."""
     previous = state.current
-    (u, i), health = _readings(state.voltage, state.current, inputs, par)
-    state = _added(_opened(state, inputs.time, u, par), u, i, health)
+    u, i, found = _readings(state.voltage, state.current, inputs, par)
+    state = _added(_opened(state, inputs.time, u, par), u, i, 1.0 - found.health)
     now = Sample(state.voltage_sum, state.current_sum, i, previous, inputs.time, published=1.0)
     online = _estimates(now, state.resistance, par)
     offline = _estimates(_replayed(state, par), state.resistance, par)
     is_offline = par.offline > 0.0
     outputs = Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
-    return state, outputs._replace(health=health)
+    return state, outputs._replace(**found._asdict())
 
 
-def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:
+def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, Health]:
     """Voltage and current, the last good ones where they are lost, and the health that this means."""
-    has_voltage = can_be_read(inputs.voltage, par.range_voltage)
-    has_current = can_be_read(inputs.current, par.range_current)
-    readings = where(has_voltage, inputs.voltage, u), where(has_current, inputs.current, i)
-    return readings, where(has_voltage & has_current, FINE, LOST)
+    limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
+    has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), can_be_read(inputs.current, limit)
+    found = health({LOST: not_(has_voltage & has_current)})
+    return where(has_voltage, inputs.voltage, u), where(has_current, inputs.current, i), found
 
 
 def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
@@ -167,7 +168,7 @@ def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
     )
 
 
-def _added(state: State, u: Scalar, i: Scalar, health: Scalar) -> State:
+def _added(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
     """The sample added to the sums (line 5), and kept."""
     su, si, count = state.voltage_sum + u, state.current_sum + i, state.count + 1.0
     slot = where(count <= LENGTH, state.half * LENGTH + count - 1.0, SPARE)
@@ -177,8 +178,8 @@ def _added(state: State, u: Scalar, i: Scalar, health: Scalar) -> State:
         count=count,
         current=i,
         voltage=u,
-        is_lost=1.0 - health,
-        losses=state.losses + 1.0 - health,
+        is_lost=is_lost,
+        losses=state.losses + is_lost,
         voltage_sums=store(state.voltage_sums, slot, su),
         current_sums=store(state.current_sums, slot, si),
         currents=store(state.currents, slot, i),
@@ -221,5 +222,6 @@ def _estimates(at: Sample, r: Scalar, par: Parameters) -> Outputs:
         quality=where(is_high, 1.0, 0.0),
         published=at.published,
         published_time=at.time,
-        health=FINE,
+        health=1.0,
+        health_causes=0.0,
     )

@@ -84,4 +84,9 @@ def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -
     """Mean of the squared normalised innovation over about so many samples; 1 is what a right model expects."""
     is_known = std > 0.0
     squared = where(is_known, square(innovation / where(is_known, std, 1.0)), 0.0)
-    return before + (squared - before) / where(samples > 1.0, samples, 1.0)
+    return mean(before, squared, samples)
+
+
+def mean(before: Scalar, value: Scalar, samples: Scalar) -> Scalar:
+    """Mean of a value over about so many samples."""
+    return before + (value - before) / where(samples > 1.0, samples, 1.0)

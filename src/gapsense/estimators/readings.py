@@ -1,12 +1,52 @@
-"""Readings that an estimator can use, and what it says of them."""
+"""Readings that an estimator can use, and the causes for which it is not to be trusted.
+
+Every estimator has the outputs `health`, 1 or 0, and `health_causes`, the sum of the bits of `CAUSES` that hold.
+"""
 
 from __future__ import annotations
 
-from gapsense.records import Scalar
+from collections.abc import Mapping
+from typing import NamedTuple
 
-FINE, LOST = 1.0, 0.0  # health
+from gapsense.linalg import total
+from gapsense.records import Scalar
+from gapsense.trace import where
+
+INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED = (float(2**k) for k in range(6))
+CAUSES = {
+    INNOVATION: "innovations larger than expected",
+    CURRENT_ERROR: "current error larger than expected",
+    SATURATION: "flux linkage beyond saturation",
+    BOUND: "position held at a bound for long",
+    LOST: "a reading lost or wild",
+    RESTARTED: "covariance lost, restarted",
+}
+TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone
+
+
+class Health(NamedTuple):
+    """What an estimator says of itself."""
+
+    health: Scalar  # 1 fine, 0 not
+    health_causes: Scalar  # sum of the bits of `CAUSES`
+
+
+def health(found: Mapping[float, Scalar]) -> Health:
+    """Health by the truth values of some causes, by bit."""
+    causes = total(where(is_so, bit, 0.0) for bit, is_so in found.items())
+    return Health(where(causes > 0.0, 0.0, 1.0), causes)
 
 
 def can_be_read(value: Scalar, limit: Scalar) -> Scalar:
     """Neither NaN nor infinite nor beyond plus or minus `limit`."""
     return (value > -limit) & (value < limit)
+
+
+def is_mode(value: Scalar) -> Scalar:
+    """1, 2 or 3, as near as the filters tell them apart: what a contact sensor says."""
+    return (value > 0.5) & (value < 3.5)
+
+
+def most_current(range_current: Scalar, range_voltage: Scalar, resistance: Scalar) -> Scalar:
+    """Limit of a current reading [A]: the parameter, or, where that is 0, twice what the voltage's limit can drive."""
+    return where(range_current > 0.0, range_current, TWICE * range_voltage / resistance)

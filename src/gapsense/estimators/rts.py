@@ -70,7 +70,7 @@ def smooth_record(
     Parameters
     ----------
     voltage, current, mode : (N,) arrays
-        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop.
+        Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop. Lost ones are not a number.
     par : Parameters
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
     debounce : float
@@ -80,9 +80,9 @@ def smooth_record(
     -------
     Posterior
     """
-    v, i, q = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, T_s = _filter(list(zip(v, i, q)), par), par.sample_time
-    smoothed = list(filtered)
+    inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
+    filtered, v, q = _filter(list(zip(*inputs)), par)
+    smoothed, T_s = list(filtered), par.sample_time
     operations: list[Operation] = []
     for first, end, is_motion in _moving(q, debounce / T_s):
         if is_motion:
@@ -120,17 +120,19 @@ def _moving(mode: ArrayLike, debounce: float) -> list[tuple[int, int, bool]]:
     ]
 
 
-def _filter(inputs: list[tuple[float, float, float]], par: Parameters) -> list[tuple[float, ...]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples."""
+def _filter(
+    inputs: list[tuple[float, float, float]], par: Parameters
+) -> tuple[list[tuple[float, ...]], list[float], list[float]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples; voltages and modes, held where they are lost."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
-    width = len(names(Estimate))  # of what the state begins with
-    found = [state[:width]]
+    states = [state]
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
-        found.append(state[:width])
-    return found
+        states.append(state)
+    width = len(names(Estimate))  # of what the state begins with; voltage and mode follow
+    return [s[:width] for s in states], [s[width] for s in states], [s[width + 1] for s in states]
 
 
 @cache

@@ -2,8 +2,10 @@
 
 Algorithm 1 of [SEMERA].  State x = (r_k, l_k, l_(k-1)); process: r constant, l linear in time; observation: backward
 difference of v = r i + d(l i)/dt.  It needs no model of the device.  Samples whose current cannot be told from noise
-are of low quality: the estimates then follow the expert rule (r held, l of the resting device).  At a lost reading,
-and at the sample after a lost current, nothing is learnt, and the published estimates are held.
+are of low quality: the estimates then follow the expert rule (r held, l of the resting device).
+
+Noise-only samples pull r to zero, because H counts as exact.  So, as an addition, the filter falls asleep some time
+after an operation; each of them then starts it anew, with what it knew of r, until the next operation begins.
 """
 
 from __future__ import annotations
@@ -11,10 +13,12 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.estimators.readings import FINE, LOST, can_be_read
+from gapsense.estimators.readings import LOST, can_be_read, health, most_current
 from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
-from gapsense.trace import clip, cond, fabs, square, where
+from gapsense.trace import cond, fabs, not_, square, where
+
+AWAKENING = 4.0  # samples in a row outside the noise band that make an operation; noise alone: once in 1e12 samples
 
 
 class Parameters(NamedTuple):
@@ -30,10 +34,10 @@ class Parameters(NamedTuple):
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     gate_sigmas: Scalar  # n_sigma [1]
-    gate_update: Scalar  # 1: noise-only samples update the filter, within gate_decay; 0: they do not
-    gate_decay: Scalar  # longest time after an operation in which they do; 0: always, as in the paper [s]
+    gate_update: Scalar  # 1: noise-only samples update a filter that sleeps, too; 0: they do not
+    gate_decay: Scalar  # time after an operation until the filter falls asleep; 0: never, as in the paper [s]
     range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]
+    range_current: Scalar  # [A]; 0: twice what `range_voltage` drives
     coil_turns: Scalar  # N, or 0 if unknown [1]
 
 
@@ -42,15 +46,14 @@ class State(NamedTuple):
 
     x: Annotated[Array, Vector(3)]  # prior estimate of (r, l, previous l) for the next sample
     P: Annotated[Array, Covariance(3)]  # its covariance
-    current: Scalar  # previous current measurement, or the last that was not lost [A]
-    has_current: Scalar  # 1 if it is that of the previous sample
-    is_gap: Scalar  # 1 if the previous sample could not be used, for a lost reading
-    credit: Scalar  # time for which noise-only samples still update the filter [s]
-    is_lone: Scalar  # 1 if the previous sample alone was outside the noise band: an operation starts, or it was noise
-    rest_resistance: Scalar  # estimate before a lone sample, which holds if it was noise [ohm]
+    current: Scalar  # last current measurement that was not lost [A]
+    lost: Scalar  # 1 if a reading of the previous sample was lost, else 0
+    awake: (
+        Scalar  # up to AWAKENING, samples in a row outside the noise band; above, those until the filter falls asleep
+    )
+    rest_resistance: Scalar  # r before the filter fell asleep [ohm]
     rest_variance: Scalar  # its variance [ohm^2]
     resistance: Scalar  # last published resistance [ohm]
-    inductance: Scalar  # last published inductance [H]
 
 
 class Inputs(NamedTuple):
@@ -74,29 +77,15 @@ class Outputs(NamedTuple):
     flux: Scalar
     reluctance: Scalar
     health: Scalar  # 1 fine, 0 a reading was lost
+    health_causes: Scalar  # bits of `readings.CAUSES`
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """Prior, and iota_0 registered; the prior belongs to sample 1 and is not propagated."""
-    r, l = par.prior_resistance, par.prior_inductance
-    x, P = _at_rest(r, square(par.prior_resistance_std), par)
-    has_current = where(can_be_read(inputs.current, par.range_current), 1.0, 0.0)
-    i = where(has_current > 0.0, inputs.current, 0.0)
-    health = where(can_be_read(inputs.voltage, par.range_voltage) & (has_current > 0.0), FINE, LOST)
-    outputs = _outputs(i, par, r, l, P)._replace(innovation_std=par.noise_voltage, health=health)
-    return State(
-        x=x,
-        P=P,
-        current=i,
-        has_current=has_current,
-        is_gap=0.0,
-        credit=0.0,
-        is_lone=0.0,
-        rest_resistance=r,
-        rest_variance=P[0, 0],
-        resistance=r,
-        inductance=l,
-    ), outputs
+    """Prior, and iota_0 registered, as after a gap; the prior belongs to sample 1 and is not propagated."""
+    r, r_var = par.prior_resistance, square(par.prior_resistance_std)
+    x, P = _at_rest(r, r_var, par)
+    before = State(x, P, current=0.0, lost=1.0, awake=0.0, rest_resistance=r, rest_variance=r_var, resistance=r)
+    return step(before, inputs, par)
 
 
 def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
@@ -106,84 +95,97 @@ def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample, lines 5 to 16."""
-    has_voltage = can_be_read(inputs.voltage, par.range_voltage)
-    has_current = can_be_read(inputs.current, par.range_current)
-    is_known = has_voltage & has_current & (state.has_current > 0.0)
-    u, i = where(has_voltage, inputs.voltage, 0.0), where(has_current, inputs.current, state.current)
+    """One sample; one with a lost reading, and the one after it, are not used."""
+    limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
+    has_current = can_be_read(inputs.current, limit)
+    is_lost = not_(can_be_read(inputs.voltage, par.range_voltage) & has_current)
+    i = where(has_current, inputs.current, state.current)
+    after, outputs = cond(
+        is_lost | (state.lost > 0.0),
+        lambda: _held(state, i, par),
+        lambda: _filtered(state, inputs.voltage, i, par),
+    )
+    return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(
+        **health({LOST: is_lost})._asdict()
+    )
+
+
+def _held(state: State, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
+    """A sample that cannot be used: the estimates expected of it.  A gap, however long, counts as one sample."""
+    band = par.gate_sigmas * par.noise_current
+    l = where(_is_awake(state) & (fabs(i) > band), state.x[1], par.prior_inductance)
+    outputs = _outputs(i, par, state.resistance, l, state.P)._replace(innovation_std=par.noise_voltage)
+    expected = Gaussian(state.x, state.P)
+    return cond(state.lost > 0.0, lambda: state, lambda: _next(state, expected, False, par)), outputs
+
+
+def _filtered(state: State, u: Scalar, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
+    """Lines 5 to 16."""
     i_prev, dt = state.current, par.sample_time
-    is_outside, is_high = _is_outside(i, state, par)
+    band = par.gate_sigmas * par.noise_current
+    is_outside = fabs(i) > band
+    is_high = is_outside & (fabs(i_prev) > band)  # line 13
 
     H = vector([i, i / dt, -i_prev / dt])  # (11)
-    S = H @ (state.P @ H) + square(par.noise_voltage)  # sigma_v only, not (15): papers.md
-    innovation = where(is_known, u - H @ state.x, 0.0)
-    prior = Gaussian(state.x, state.P)
+    R = square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    prior = _prior(state, is_outside, par)
+    S = H @ (prior.cov @ H) + R
+    innovation = u - H @ prior.mean
     updated = cond(  # lines 8 to 10, Joseph form: in float32 the printed one spoils r
-        is_outside | _is_decay(state, par),
-        lambda: condition(prior, vector([innovation]), matrix([H]), vector([square(par.noise_voltage)])),
-        lambda: _rest(prior, state, par),
+        is_outside | _is_awake(state) | _takes_noise(u, par),
+        lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])),
+        lambda: prior,
     )
-    x, P = cond(is_known, lambda: updated, lambda: prior)
 
-    quality = where(is_known & is_high, 1.0, 0.0)
-    r = where(quality > 0.0, x[0], state.resistance)  # lines 14 and 15
-    l = where(is_known, where(is_high, x[1], par.prior_inductance), state.inductance)
-    health = where(has_voltage & has_current, FINE, LOST)
-    extra = {"innovation": innovation, "innovation_std": deviation(S), "quality": quality, "health": health}
-    outputs = _outputs(i, par, r, l, P)._replace(**extra)
-    x, P = cond(  # a gap counts as one sample, however long: no inductance is extrapolated through it
-        is_known | (state.is_gap <= 0.0), lambda: _predicted(Gaussian(x, P), par), lambda: prior
-    )
-    state = cond(is_known, lambda: _remembered(state, i, updated, par), lambda: state._replace(is_gap=1.0))
-    has_current = where(has_current, 1.0, 0.0)
-    return state._replace(x=x, P=P, current=i, has_current=has_current, resistance=r, inductance=l), outputs
+    r = where(is_high, updated.mean[0], state.resistance)  # lines 14 and 15
+    l = where(is_high, updated.mean[1], par.prior_inductance)
+    outputs = _outputs(i, par, r, l, updated.cov)
+    outputs = outputs._replace(quality=where(is_high, 1.0, 0.0), innovation=innovation, innovation_std=deviation(S))
+    return _next(state._replace(resistance=r), updated, is_outside, par), outputs
 
 
-def _remembered(state: State, i: Scalar, updated: Gaussian, par: Parameters) -> State:
-    """What the next samples need to know of this one to tell an operation from noise."""
-    is_outside, is_high = _is_outside(i, state, par)
-    is_lone = is_outside & (where(is_high | _is_decay(state, par), 1.0, 0.0) <= 0.0)
-    return state._replace(
-        is_gap=0.0,
-        credit=clip(state.credit + where(is_high, par.sample_time, -par.sample_time), 0.0, par.gate_decay),
-        is_lone=where(is_lone, 1.0, 0.0),
-        rest_resistance=where(is_lone, state.rest_resistance, updated.mean[0]),
-        rest_variance=where(is_lone, state.rest_variance, updated.cov[0, 0]),
+def _prior(state: State, is_outside: Scalar, par: Parameters) -> Gaussian:
+    """Prior of the sample: while the filter sleeps, a noise-only one starts it anew."""
+    return cond(
+        not_(is_outside | _is_awake(state) | (par.gate_decay <= 0.0)),
+        lambda: _at_rest(state.rest_resistance, state.rest_variance, par),
+        lambda: Gaussian(state.x, state.P),
     )
 
 
-def _is_outside(i: Scalar, state: State, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Whether the current is outside the noise band, and whether that before it is too, line 13."""
-    band = par.gate_sigmas * par.noise_current
-    return fabs(i) > band, (fabs(i) > band) & (fabs(state.current) > band)
+def _takes_noise(u: Scalar, par: Parameters) -> Scalar:
+    """Whether a noise-only sample updates a sleeping filter; not one on which an edge of the voltage fell."""
+    is_silent = fabs(u) <= par.gate_sigmas * par.noise_voltage
+    return (par.gate_decay <= 0.0) | ((par.gate_update > 0.0) & is_silent)
 
 
-def _is_decay(state: State, par: Parameters) -> Scalar:
-    """Whether a noise-only sample updates the filter.
-
-    Such samples tell how a decay ends, but in a long rest they pull r to zero, because H counts as exact.  So they are
-    used as long as the operation before them lasted, and for `gate_decay` at most: not before the first operation.
-    """
-    return (par.gate_update > 0.0) & ((par.gate_decay <= 0.0) | (state.credit > 0.5 * par.sample_time))
+def _is_awake(state: State) -> Scalar:
+    """Whether an operation goes on, or has ended not long ago."""
+    return state.awake >= AWAKENING
 
 
-def _predicted(estimate: Gaussian, par: Parameters) -> Gaussian:
-    """Prior of the next sample, lines 11 and 12."""
+def _next(state: State, updated: Gaussian, is_outside: Scalar, par: Parameters) -> State:
+    """Prior of the next sample, lines 11 and 12; and what is known of r while the filter sleeps."""
     dt = par.sample_time
+    r_var = square(par.process_resistance_rate * dt)
     F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
-    Q = diagonal([square(par.process_resistance_rate * dt), square(par.process_inductance_acceleration * dt * dt), 0.0])
-    return Gaussian(F @ estimate.mean, predict(estimate.cov, F, Q))
+    Q = diagonal([r_var, square(par.process_inductance_acceleration * dt * dt), 0.0])
+    x, P = F @ updated.mean, predict(updated.cov, F, Q)
+    is_awake = _is_awake(state)
+    return state._replace(
+        x=x,
+        P=P,
+        awake=_awake(state.awake, is_outside, par),
+        rest_resistance=where(is_awake, x[0], state.rest_resistance),
+        rest_variance=where(is_awake, P[0, 0], state.rest_variance + r_var),
+    )
 
 
-def _rest(prior: Gaussian, state: State, par: Parameters) -> Gaussian:
-    """The device rests: l is that of the prior, as if measured, and what this says of r is kept; l then restarts.
-
-    If the sample before was a lone one, it was noise, and what it said of r is forgotten.
-    """
-    innovation = vector([par.prior_inductance - prior.mean[1]])
-    x, P = condition(prior, innovation, matrix([[0.0, 1.0, 0.0]]), vector([square(par.prior_inductance_std)]))
-    is_lone = state.is_lone > 0.0
-    return _at_rest(where(is_lone, state.rest_resistance, x[0]), where(is_lone, state.rest_variance, P[0, 0]), par)
+def _awake(awake: Scalar, is_outside: Scalar, par: Parameters) -> Scalar:
+    """Counter of `State`: up by samples outside the noise band, which fill it when they are enough; down by others."""
+    full = AWAKENING + par.gate_decay / par.sample_time
+    more = where(awake + 1.0 >= AWAKENING, full, awake + 1.0)
+    return where(is_outside, more, where(awake > AWAKENING, awake - 1.0, 0.0))
 
 
 def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array) -> Outputs:
@@ -203,5 +205,6 @@ def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array) -> Outp
         innovation_std=0.0,
         flux=where(has_turns, flux_linkage / N, 0.0),
         reluctance=where(is_usable, N * N / where(is_usable, l, 1.0), 0.0),
-        health=FINE,
+        health=1.0,
+        health_causes=0.0,
     )

@@ -14,6 +14,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from gapsense.derivative import linearise
+from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, predict, surprise
 from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
@@ -30,18 +31,17 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
+from gapsense.estimators.watch import near
 from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
 from gapsense.records import Array, Choice, Covariance, Scalar, Table, Vector
-from gapsense.trace import clip, cond, square, where
+from gapsense.trace import clip, cond, fabs, not_, square, where
 
 ORDER = (POSITION, FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR)  # the gap table is costly: few points differ in it
 UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
-FAR = 10.0  # an innovation beyond so many standard deviations is an outlier
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
-FINE, SURPRISED, SKIPPED, RESTARTED = 1.0, 0.0, -1.0, -2.0  # health
 
 
 class Filter(Choice):
@@ -99,7 +99,7 @@ class Parameters(NamedTuple):
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]
+    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
     prior_position: Scalar  # at the start, at rest [m]
     prior_position_std: Scalar  # [m]
     prior_flux_linkage: Scalar  # [Wb]
@@ -138,7 +138,8 @@ class Outputs(NamedTuple):
     current_error_std: Scalar
     innovation: Scalar
     innovation_std: Scalar
-    health: Scalar  # 1 fine, 0 innovations larger than expected, -1 a reading was lost, -2 restarted
+    health: Scalar  # 1 fine, 0 not
+    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
 
 
 class Tuning(NamedTuple):
@@ -164,17 +165,14 @@ PAPER = Tuning(flux_linkage=0.4e-6, position=0.3e-9, current_error=10e-6, memory
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest, the position and the flux linkage as the prior says."""
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
-    voltage = where(_can_be_read(inputs.voltage, par.range_voltage), inputs.voltage, 0.0)
-    health = where(_can_be_read(inputs.current, par.range_current), FINE, SKIPPED)
+    (voltage, _), is_whole = _read(inputs, 0.0, par)
     state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=1.0)
-    return state, _outputs(estimate, 0.0, par.noise_current, health, par)
+    return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, correction, and whatever went wrong put right."""
-    has_voltage = _can_be_read(inputs.voltage, par.range_voltage)
-    has_current = _can_be_read(inputs.current, par.range_current)
-    voltage = where(has_voltage, inputs.voltage, state.voltage)
+    (voltage, has_current), is_whole = _read(inputs, state.voltage, par)
     mean = state.voltage + 0.5 * par.option_voltage * (voltage - state.voltage)
     m = _model(par)
     joint = _predicted(Gaussian(state.x, state.P), mean, m, par)
@@ -186,13 +184,27 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
-    seen = clip(innovation, -FAR * S, FAR * S)
+    seen = near(innovation, S)
     surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
     surprised = where(is_sound, surprised, 1.0)
-    health = where((surprised < par.health_limit) & (innovation == seen), FINE, SURPRISED)
-    health = where(is_sound, where(has_voltage & has_current, health, SKIPPED), RESTARTED)
+    health = readings.health(
+        {
+            readings.INNOVATION: (surprised >= par.health_limit) | (innovation != seen),
+            readings.SATURATION: fabs(estimate.mean[FLUX_LINKAGE]) >= par.core_saturation,
+            readings.LOST: not_(is_whole),
+            readings.RESTARTED: not_(is_sound),
+        }
+    )
     state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=surprised)
     return state, _outputs(estimate, innovation, S, health, par)
+
+
+def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:
+    """Voltage, that before for a lost one, and whether there is a current; whether nothing is lost."""
+    has_voltage = readings.can_be_read(inputs.voltage, par.range_voltage)
+    most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
+    has_current = readings.can_be_read(inputs.current, most)
+    return (where(has_voltage, inputs.voltage, voltage), has_current), has_voltage & has_current
 
 
 def _model(par: Parameters) -> Model:
@@ -348,7 +360,7 @@ def _at_rest(z_std: Scalar, lam_std: Scalar, par: Parameters) -> Array:
 
 
 def _outputs(
-    estimate: Gaussian, innovation: Scalar, innovation_std: Scalar, health: Scalar, par: Parameters
+    estimate: Gaussian, innovation: Scalar, innovation_std: Scalar, health: readings.Health, par: Parameters
 ) -> Outputs:
     x, P = estimate
     v_var = P[POSITION, POSITION] - 2.0 * P[POSITION, POSITION_PREV] + P[POSITION_PREV, POSITION_PREV]
@@ -363,13 +375,8 @@ def _outputs(
         current_error_std=deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
         innovation=innovation,
         innovation_std=innovation_std,
-        health=health,
+        **health._asdict(),
     )
-
-
-def _can_be_read(value: Scalar, limit: Scalar) -> Scalar:
-    """Neither NaN nor infinite nor out of range."""
-    return (value > -limit) & (value < limit)
 
 
 def _is_finite(value: Scalar) -> Scalar:
