@@ -63,7 +63,7 @@ def run(experiment: Experiment) -> Outcome:
     """Seconds of the loop, component-steps, last outputs."""
     kept: list[Any] = []
     with Master(*experiment) as master:
-        master.initialize(experiment[0].seeds)
+        master.initialize(experiment[0].seeds, {})
         grid = experiment[0].experiment
         parts = (CPart * len(master.parts))(*(c_part(part, kept) for part in master.parts))
         buffer = ctypes.c_void_p(master.view.ctypes.data)
@@ -96,7 +96,7 @@ def replay(experiment: Experiment, rows: Rows) -> dict[str, Replayed]:
     """Each component by itself, one after the other; a column of `rows` for each signal of the experiment."""
     c, grid, found = library(), experiment[0].experiment, {}
     with Master(*experiment) as master:
-        master.initialize(experiment[0].seeds)
+        master.initialize(experiment[0].seeds, {})
         for part in master.parts:
             part.plain.clear()
             one, steps = c_part(part, []), np.empty(len(rows))

@@ -26,7 +26,7 @@ def fmpy_loop(fmus: Path) -> Outcome:
     experiment = common(fmus)
     scenario = experiment[0]
     with Master(*experiment) as master:
-        master.initialize(scenario.seeds)
+        master.initialize(scenario.seeds, {})
         used = {c.source for c in scenario.connections} | set(WATCHED)
         parts = []
         for part in master.parts:

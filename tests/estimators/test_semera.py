@@ -339,6 +339,15 @@ def test_one_or_two_samples_outside_the_band_are_forgotten() -> None:
     assert state.rest_resistance == TABLE_II.prior_resistance and state.rest_variance > 1.0
 
 
+def test_an_offset_of_two_deviations_wakes_nobody() -> None:
+    """Every tenth sample of a rest of 1 s is outside the noise band then, sometimes five in a row."""
+    still = resting(None, 1.0, 6)
+    iota = still.iota + 2e-3
+    assert 0.08 < np.mean(np.abs(iota) > 3.29e-3) < 0.12
+    _, state = run(still._replace(iota=iota), DEFAULT)
+    assert state.rest_resistance == TABLE_II.prior_resistance
+
+
 @pytest.mark.parametrize("resistance", [0.1, 1000.0])
 def test_the_limit_of_the_current_follows_the_coil(resistance: float) -> None:
     """As shipped: 100 V drive 1,000 A through 0.1 ohm, and 0.1 A through 1,000 ohm; twice that is believed."""

@@ -21,7 +21,13 @@ if __name__ == "__main__" or TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 300
+LONG = 5000  # steps of an experiment
 AWKWARD = "für 100 %s %n #1"  # as the name of an instance and of a folder
+
+
+def communication_step(step: float, stop: float) -> float:
+    """That of the tests: a long experiment says that little happens in a few hundred of its own steps."""
+    return step * max(1, round(stop / step / LONG))
 
 
 def call(function: str, *arguments: Any) -> subprocess.CompletedProcess[str]:

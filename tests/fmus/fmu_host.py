@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+from drivers import communication_step
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
@@ -48,7 +49,8 @@ class Fmu:
         self.description = fmpy.read_model_description(self.folder, validate=False)
         sys.modules["numpy"] = None  # type: ignore[assignment]  # importing it raises ImportError
         self.variables = {v.name: v for v in self.description.modelVariables}
-        self.step = float(self.description.defaultExperiment.stepSize)
+        experiment = self.description.defaultExperiment
+        self.step = communication_step(float(experiment.stepSize), float(experiment.stopTime))
 
     def of(self, causality: str) -> list[Any]:
         return [v for v in self.description.modelVariables if v.causality == causality]

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import pytest
-from drivers import AWKWARD, STEPS, call, fresh
+from drivers import AWKWARD, STEPS, call, communication_step, fresh
 from fmpy.validation import validate_fmu
 from parts import FOLDERS, Part, sample_time
 from refusals import refusals
@@ -412,7 +412,8 @@ def test_failing_kernel_fails_the_call_and_every_later_one(faults: dict[str, Any
 def test_exception_is_logged_with_traceback_inputs_and_time(part: Part, faults: dict[str, Any], fault: str) -> None:
     k = FAULTS.index(fault)
     text = logged(faults["answers"][k])
-    assert f"`broken {k}` ({part.component.name}), t = 0 s, step = {part.component.step_size:g} s: " in text
+    step = communication_step(part.component.step_size, part.component.stop_time)
+    assert f"`broken {k}` ({part.component.name}), t = 0 s, step = {step:g} s: " in text
     assert "Traceback" in text and "slave.py" in text
     assert {"exception": "ArithmeticError: kaputt: für 100 %s %d %n\n", "nothing": "TypeError"}[fault] in text
     for name, value in zip(part.names("input"), faults["inputs"]):

@@ -28,6 +28,9 @@ FMUS = Path(__file__).parents[2] / "fmus"
 # kernel module -> (parameters by field, nominal inputs by field, step in s); only for kernels without a component
 EXAMPLES: dict[str, tuple[dict[str, Any], dict[str, float], float]] = {}
 
+# what parameters are that switch something on, by field; their default is 0
+OPTIONAL = {"core_bend": 8e6, "core_eddy": 1e-3, "core_hysteresis": 10e-3}
+
 
 def kernel_modules() -> list[str]:
     """Names of the modules that define a kernel."""
@@ -72,7 +75,8 @@ def _draw(port: Any, rng: random.Random, folder: Path) -> Iterator[tuple[str, An
     elif port.kind == "Integer":
         yield port.field, float(rng.randrange(1, 1000))
     else:
-        yield port.field, port.start * rng.uniform(0.9, 1.1)
+        usual = port.start or rng.choice((0.0, OPTIONAL.get(port.field, 0.0)))
+        yield port.field, usual * rng.uniform(0.9, 1.1)
 
 
 def parameters(name: str, rng: random.Random) -> Any:

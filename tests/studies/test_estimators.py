@@ -18,9 +18,9 @@ from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
 from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.estimators import core, scenario
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
-from gapsense.studies.estimators import scenario
 from gapsense.studies.estimators import show as drawn
 from gapsense.studies.estimators.contenders import CONTENDERS, EKF, Contender
 from gapsense.studies.figures import drawer
@@ -168,7 +168,7 @@ def test_estimators_of_the_plain_scenario_know_the_valve():
         component, _, parameter = name.partition(".")
         assert components[component].values[parameter] == pytest.approx(value, rel=1e-9), name
     rows = load(FOLDER, "wrong_5").rows
-    varied = known.wrong(0.05 * np.ones(8))
+    varied = known.wrong(0.01 * np.arange(1.0, 9.0))
     right, wrong = scenario.beliefs(known.VALVE), scenario.beliefs(varied)
     assert {str(port) for port in rows[0]} == {name for name in right if right[name] != wrong[name]}
     assert len(rows) == scenario.DRAWS
@@ -201,6 +201,23 @@ def test_the_other_table_is_that_of_semera():
     assert (valve.slope, valve.fringing, valve.window) == pytest.approx(
         (circuit.gap_slope, circuit.gap_fringing, circuit.gap_window)
     )
+
+
+def test_core_with_losses_is_what_a_record_gives(fmus):
+    found = core.of_scenario(FOLDER)
+    assert found == pytest.approx(known.CORE, rel=3e-3)
+    conductance = RTS_VALVE.core_eddy_conductance / RTS_VALVE.coil_turns**2
+    assert found.eddy == pytest.approx(conductance, rel=0.15)
+
+
+def test_wrong_core_with_losses_is_as_wrong_as_the_one_without():
+    valve = known.wrong([0, 0, 0, 0, 0.03, -0.02, 0.05, 0])
+    ekf, ukf = known.reduced_core(valve), known.tabulated_core(valve)
+    assert ekf["core.bend"] == pytest.approx(1.03 * known.CORE.bend)
+    assert ekf["core.saturation"] == ukf["core.saturation"] == pytest.approx(0.98 * known.CORE.saturation)
+    for name in ("core.reluctance", "core.bend"):
+        assert ukf[name] / ukf["coil.turns"] ** 2 == pytest.approx(ekf[name] / known.VALVE.turns**2)
+    assert ekf["core.eddy"] == ukf["core.eddy"] == known.CORE.eddy
 
 
 def test_wrong_gap_is_the_same_for_a_formula_a_table_and_a_magnet():

@@ -29,6 +29,7 @@ from gapsense.estimators.motions import (
     to_show,
     to_smooth,
 )
+from gapsense.estimators.readings import told
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
     FORCE_ERROR,
@@ -68,6 +69,8 @@ class Sample(NamedTuple):
 
     kept: Estimate
     held_voltage: Scalar
+    held_resistance: Scalar
+    held_hysteresis: Scalar
 
 
 class Operation(NamedTuple):
@@ -101,6 +104,7 @@ class Inputs(NamedTuple):
     voltage: Scalar
     current: Scalar
     mode: Scalar
+    resistance: Scalar = 0.0
 
 
 class Shown(NamedTuple):
@@ -141,9 +145,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
     contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
-    samples = _stored(state.samples, to_keep(now, contact), Sample(estimate, filtered.voltage))
+    sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
+    samples = _stored(state.samples, to_keep(now, contact), sample)
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
-    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
+    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, par.filter), lambda: estimate)
     samples = _stored(samples, turn, found)
     last = _last(state, now, contact, found, m)
     queue, turn, time = to_show(queue, T_s)
@@ -155,7 +160,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
-    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode)
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
@@ -174,10 +179,12 @@ def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Mod
     return cond(now.lands, landed, rested)
 
 
-def _smoothed(samples: Array, place: Scalar, m: Model, tuned: Tuning) -> Estimate:
+def _smoothed(samples: Array, place: Scalar, m: Model, par: ekf.Parameters) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
     at, later = _loaded(samples, place), _loaded(samples, place + 1.0)
-    return Estimate(*backward(Gaussian(*at.kept), Held(at.held_voltage, 2.0), Gaussian(*later.kept), m, tuned))
+    held = Held(at.held_voltage, 2.0, at.held_hysteresis)
+    m = m._replace(R=told(at.held_resistance, par.coil_resistance))
+    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuning(par)))
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:

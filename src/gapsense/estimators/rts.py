@@ -81,13 +81,13 @@ def smooth_record(
     Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, v, q = _filter(list(zip(*inputs)), par)
-    smoothed, T_s = list(filtered), par.sample_time
+    filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
+    smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
     for first, end, is_motion in _moving(q, debounce / T_s):
         if is_motion:
             for k in range(end - 1, first - 1, -1):
-                smoothed[k] = _backward()(filtered[k], (v[k], q[k]), smoothed[k + 1], par)
+                smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
             operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
         elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
@@ -120,10 +120,8 @@ def _moving(mode: ArrayLike, debounce: float) -> list[tuple[int, int, bool]]:
     ]
 
 
-def _filter(
-    inputs: list[tuple[float, float, float]], par: Parameters
-) -> tuple[list[tuple[float, ...]], list[float], list[float]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples; voltages and modes, held where they are lost."""
+def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples, and what acts until the next."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
@@ -131,8 +129,9 @@ def _filter(
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
         states.append(state)
-    width = len(names(Estimate))  # of what the state begins with; voltage and mode follow
-    return [s[:width] for s in states], [s[width] for s in states], [s[width + 1] for s in states]
+    width = len(names(Estimate))  # of what the state begins with
+    places = [names(ekf.State).index(name) for name in Held._fields]
+    return [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
 
 
 @cache

@@ -18,7 +18,7 @@ from gapsense.linalg import deviation, diagonal, matrix, vector
 from gapsense.records import Array, Covariance, Scalar, Vector
 from gapsense.trace import cond, fabs, not_, square, where
 
-AWAKENING = 4.0  # samples in a row outside the noise band that make an operation; noise alone: once in 1e12 samples
+AWAKENING = 10.0  # samples in a row outside the noise band that make an operation; noise of a small offset never does
 
 
 class Parameters(NamedTuple):
@@ -182,9 +182,9 @@ def _next(state: State, updated: Gaussian, is_outside: Scalar, par: Parameters) 
 
 
 def _awake(awake: Scalar, is_outside: Scalar, par: Parameters) -> Scalar:
-    """Counter of `State`: up by samples outside the noise band, which fill it when they are enough; down by others."""
+    """Counter of `State`: up by samples outside the noise band, and full when they wake the filter; down by others."""
     full = AWAKENING + par.gate_decay / par.sample_time
-    more = where(awake + 1.0 >= AWAKENING, full, awake + 1.0)
+    more = where((awake + 1.0 == AWAKENING) | (awake + 1.0 > full), full, awake + 1.0)
     return where(is_outside, more, where(awake > AWAKENING, awake - 1.0, 0.0))
 
 

@@ -44,7 +44,19 @@ class Valve(NamedTuple):
     window: float = RTS_VALVE.gap_window
 
 
+class Core(NamedTuple):
+    """The core of the valve with hysteresis and eddy currents; fields are ports of the group `core`."""
+
+    reluctance: float  # R_c0 [1/H]
+    saturation: float  # [Wb]
+    bend: float  # K [1/H]
+    eddy: float  # g_e [S]
+    hysteresis: float  # I_h [A]
+    turnover: float  # l_h [Wb]
+
+
 VALVE = Valve()
+CORE = Core(1.5e6, 27.67e-3, 8.32e6, 1.011e-3, 9.83e-3, 2.24e-3)  # by `studies.estimators.core`
 DEVICES = {  # others, by variant, that the estimators are told of; their iron is the same
     "other_gap": VALVE._replace(lower=0.2e-3, upper=1e-3, slope=6e10, fringing=150.0, window=6e-3),
     "other_table": VALVE._replace(
@@ -105,6 +117,31 @@ def tabulated(v: Valve) -> dict[str, float]:
     """
     core = {"core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
     return {**mechanics(v), **core, "prior.position": v.upper}
+
+
+def reduced_core(v: Valve) -> dict[str, float]:
+    """Parameters of `Ekf` and `Ertss` that know the losses of the core."""
+    return {**reduced(v), **core(v)}
+
+
+def tabulated_core(v: Valve) -> dict[str, float]:
+    """Parameters of `BoundedUkf` that knows them."""
+    found = core(v)
+    return {
+        **tabulated(v),
+        **found,
+        **{f"core.{name}": found[f"core.{name}"] / v.gap for name in ("reluctance", "bend")},
+    }
+
+
+def core(v: Valve) -> dict[str, float]:
+    """`CORE`, its reluctances and its saturation as wrong as those of the valve."""
+    believed = CORE._replace(
+        reluctance=CORE.reluctance * (v.core / VALVE.core),
+        bend=CORE.bend * (v.core / VALVE.core),
+        saturation=CORE.saturation * (v.saturation / VALVE.saturation),
+    )
+    return {f"core.{name}": value for name, value in believed._asdict().items()}
 
 
 def mechanics(v: Valve) -> dict[str, float]:

@@ -66,11 +66,17 @@ def parts() -> dict[str, str]:
     wires = {f"{c.component}.{name}": source for c in CONTENDERS for name, source in c.wires.items()}
     return {
         "components": "\n".join(map(component, CONTENDERS)),
-        "connections": "".join(f'"{target}" = "{source}"\n' for target, source in wires.items()),
+        "connections": lines({target: source for target, source in wires.items() if isinstance(source, str)}),
+        "inputs": lines({target: source for target, source in wires.items() if not isinstance(source, str)}),
         "signals": "".join(f'  "*.{name}",\n' for name in dict.fromkeys(s for c in CONTENDERS for s in c.signals())),
         "noise": "\n".join(map(noise, LEVELS)),
         "devices": "\n".join(map(device, DEVICES)),
     }
+
+
+def lines(values: Mapping[str, Value]) -> str:
+    """Values of a table of TOML, one a line."""
+    return "".join(f'"{name}" = {literal(value)}\n' for name, value in values.items())
 
 
 def component(c: Contender) -> str:

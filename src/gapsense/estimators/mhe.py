@@ -1,0 +1,281 @@
+"""Moving-horizon estimator: position of a reluctance actuator from its voltage and current only.
+
+The hybrid model of `mhe_model` runs on the measured voltage; its state at the newest sample is the causal estimate, and
+the landing that it predicts is the mode.  A window holds the samples of one operation and ends some time after its
+landing, or with a command.  `mhe_window` corrects the parameters by the currents of the window, spread over the samples
+that follow, and runs the model through it again: the smoothed estimate, and where the causal one goes on.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.estimators.mhe_model import Device, Point, advance, current, device, model, point
+from gapsense.estimators.mhe_window import LOGARITHMS, RING, Learnt, Samples, Work, first_work, put, taken, work_on
+from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
+from gapsense.estimators.reduced_model import GapLaw
+from gapsense.linalg import vector
+from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
+from gapsense.trace import clip, cond, fabs, load, not_, square, store, where
+
+JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
+RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
+SAME = 30.0  # samples over which the model's error of the current is the same
+LARGE = 20.0  # noises that such a current must have
+
+
+class Parameters(NamedTuple):
+    """The actuator as a user knows it, how well, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K: b = K lambda_sat / N^2 [1/H]; 0: the core is that of Froehlich and Kennelly
+    core_eddy: Scalar  # g_e [S]
+    core_hysteresis: Scalar  # I_h [A]
+    core_turnover: Scalar  # l_h [Wb]
+    gap_law: Annotated[Scalar, GapLaw]
+    gap_reluctance: Scalar  # R_g0 [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
+    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
+    gap_factor: Scalar  # of R_g [1]
+    gap_bend: Scalar  # added to it between the stops [1]
+    option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
+    option_command: Scalar  # 1: a window ends when the input `command` changes
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    model_error: Scalar  # of the current, the same over `SAME` samples [A]
+    edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
+    window_tail: Scalar  # at rest after a landing until the window ends [s]
+    window_longest: Scalar  # [s]
+    prior_resistance: Scalar  # relative standard deviations before the first window
+    prior_eddy: Scalar
+    prior_gap: Scalar
+    prior_knee: Scalar
+    prior_saturation: Scalar
+    prior_hysteresis: Scalar
+    prior_mass: Scalar
+    prior_rest: Scalar
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # [A]
+    health_limit: Scalar  # largest misfit [1]
+
+
+class Held(NamedTuple):
+    """Means of a voltage that does not change and of its current, over some samples."""
+
+    held: Scalar  # samples since the last edge
+    held_voltage: Scalar
+    held_current: Scalar
+
+
+class State(NamedTuple):
+    """The samples, the model at the newest one, the window, and what was learnt."""
+
+    last_command: Scalar
+    causal: Annotated[Array, Vector(10)]  # a `Point`
+    believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
+    held: Held
+    work: Work
+    samples: Samples
+    fluxes: Annotated[Array, Memory(RING + 1)]  # of the last trial; the last place takes idle writes
+    positions: Annotated[Array, Memory(RING + 1)]
+
+
+class Inputs(NamedTuple):
+    """Measurements; `time` is that of the sample; `command` is 0 where it is not wired."""
+
+    time: Scalar
+    voltage: Scalar
+    current: Scalar
+    command: Scalar
+
+
+class Shown(NamedTuple):
+    """Smoothed values of `smoothed_time`, or causal ones."""
+
+    smoothed_published: Scalar  # 1: smoothed; 0: there are none
+    smoothed_time: Scalar
+    smoothed_position: Scalar
+    smoothed_velocity: Scalar
+    smoothed_flux_linkage: Scalar
+
+
+class Found(NamedTuple):
+    """The `Device` in use by the causal estimate."""
+
+    resistance: Scalar
+    eddy: Scalar
+    gap_factor: Scalar
+    knee: Scalar
+    saturation: Scalar
+    hysteresis: Scalar
+    mass: Scalar
+    rest_position: Scalar
+    viscous_damping: Scalar
+    core_reluctance: Scalar
+    gap_bend: Scalar
+
+
+class Certainty(NamedTuple):
+    """Standard deviations of these after the last window; 0 of what is not learnt."""
+
+    resistance_std: Scalar
+    eddy_std: Scalar
+    gap_factor_std: Scalar
+    knee_std: Scalar
+    saturation_std: Scalar
+    hysteresis_std: Scalar
+    mass_std: Scalar
+    rest_position_std: Scalar
+    viscous_damping_std: Scalar
+    core_reluctance_std: Scalar
+    gap_bend_std: Scalar
+
+
+class Operation(NamedTuple):
+    """The last operation that was solved, and its window."""
+
+    takeoff_time: Scalar
+    landing_time: Scalar
+    impact_speed: Scalar
+    bounces: Scalar  # landings after the first one, in the same window
+    windows: Scalar  # so far
+    misfit: Scalar  # of the window: cost over what noise and model error make
+
+
+class Outputs(NamedTuple):
+    """Causal estimates at the sample, smoothed ones, the last operation, what was learnt."""
+
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    mode: Scalar
+    innovation: Scalar
+    health: Health
+    shown: Shown
+    operation: Operation
+    found: Found
+    certainty: Certainty
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest without flux, on the stop to which the spring pushes."""
+    d, has_voltage = device(par), can_be_read(inputs.voltage, par.range_voltage)
+    u = where(has_voltage, inputs.voltage, 0.0)
+    at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, u, model(par, d))
+    work, samples = (
+        first_work(at, inputs.time, par),
+        Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
+    )
+    held, smoothed = Held(0.0, u, 0.0), (zeros(RING + 1), zeros(RING + 1))
+    state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
+    is_lost = not_(has_voltage & _has_current(inputs, par))
+    shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
+    return state, _outputs(at, d, 0.0, shown, work.learnt, is_lost, par)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
+    before, has_current = Point(*state.causal), _has_current(inputs, par)
+    has_voltage = can_be_read(inputs.voltage, par.range_voltage)
+    u = where(has_voltage, inputs.voltage, before.voltage)
+    i = where(has_current, inputs.current, 0.0)
+    is_edge = fabs(u - before.voltage) > par.edge + JUMP * par.noise_voltage
+    w = where(has_current & not_(is_edge), weight(par), 0.0)
+    samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
+    held = _held(state.held, u, i, is_edge | not_(has_current))
+    smoothed, R = (state.fluxes, state.positions), _resistance(held, par)
+    work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, par)
+    is_new = caught & (work.follows < 1.0)
+    believed = cond(is_new, lambda: put(state.believed, taken(work.device)), lambda: state.believed)
+    work = work._replace(follows=where(caught, 1.0, work.follows))
+    m = model(par, taken(believed))
+    at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+    now = Point(*at)
+    innovation = where(has_current, i - current(now, 0.5 * (before.voltage + u), m), 0.0)
+    work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
+    state = State(inputs.command, at, believed, held, work, samples, *smoothed)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, not_(has_voltage & has_current), par)
+
+
+def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
+    return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
+
+
+def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
+    newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
+    return Samples(
+        newest,
+        voltages=store(before.voltages, newest, u),
+        currents=store(before.currents, newest, i),
+        weights=store(before.weights, newest, w),
+        commands=store(before.commands, newest, has_command),
+    )
+
+
+def weight(par: Parameters) -> Scalar:
+    """w^2 of a current: noise, and an error of the model that is the same over some samples."""
+    return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
+
+
+def _held(before: Held, u: Scalar, i: Scalar, is_edge: Scalar) -> Held:
+    share = where(is_edge, 1.0, RECENT)
+    return Held(
+        held=where(is_edge, 0.0, before.held + 1.0),
+        held_voltage=before.held_voltage + share * (u - before.held_voltage),
+        held_current=before.held_current + share * (i - before.held_current),
+    )
+
+
+def _resistance(held: Held, par: Parameters) -> Scalar:
+    """Voltage over current, if both are held and large enough; else 0."""
+    is_long = held.held >= par.window_tail / par.sample_time
+    is_large = (fabs(held.held_current) > LARGE * par.noise_current) & (fabs(held.held_voltage) > par.edge)
+    ratio = held.held_voltage / where(is_large, held.held_current, 1.0)
+    return where(is_long & is_large & (ratio > 0.0), ratio, 0.0)
+
+
+def _published(
+    work: Work, newest: Scalar, smoothed: tuple[Array, Array], now: Point, time: Scalar, par: Parameters
+) -> tuple[Work, Shown]:
+    """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
+    fluxes, positions = smoothed
+
+    def ready() -> tuple[Scalar, Shown]:
+        spot = where(work.shown < RING - 1.0, work.shown + 1.0, 0.0)
+        age = where(spot > newest, newest + RING - spot, newest - spot)
+        z = load(positions, spot)
+        v = (z - load(positions, work.shown)) / par.sample_time
+        return spot, Shown(1.0, time - age * par.sample_time, z, v, load(fluxes, spot))
+
+    def none() -> tuple[Scalar, Shown]:
+        return work.shown, Shown(0.0, time, now.position, now.velocity, now.flux_linkage)
+
+    is_ready = work.ready > 0.0
+    spot, shown = cond(is_ready, ready, none)
+    return work._replace(shown=spot, ready=where(is_ready, work.ready - 1.0, 0.0)), shown
+
+
+def _outputs(
+    at: Point, d: Device, innovation: Scalar, shown: Shown, learnt: Learnt, is_lost: Scalar, par: Parameters
+) -> Outputs:
+    """The mode is that of the model; deviations of logarithms are relative."""
+    mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
+    causes = {INNOVATION: learnt.misfit >= par.health_limit, LOST: is_lost, RESTARTED: learnt.given_up > 0.0}
+    sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
+    stds = Certainty(*(size * std for size, std in zip(sizes, learnt.deviations)))
+    motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)
+    return Outputs(*motion, health(causes), shown, Operation(*learnt[:6]), Found(*d), stds)

@@ -1,0 +1,323 @@
+"""Hybrid model with core losses that `Mhe` runs on the measured voltage, and its derivatives by what it learns.
+
+State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis over N, position, velocity.  Current
+
+    i = (g_e u + f) / (1 + R g_e),    f = R_g(z) lambda + R_c lambda + b S(m) + h (1 + m^2),    m = lambda / lambda_sat,
+
+with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis
+dh/dlambda = (s I_h - h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover, m_z dv/dt = k (z_sp - z) - c v -
+R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
+from gapsense.interpolate import spline
+from gapsense.linalg import matrix, vector
+from gapsense.records import Array, Scalar, Table
+from gapsense.trace import clip, cond, exp, fabs, log, not_, square, where
+
+if TYPE_CHECKING:
+    from gapsense.estimators.mhe import Parameters
+
+FULL = 0.97  # |m| from which S goes on linearly
+SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
+# R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
+# R_c0 lambda_sat and lambda_sat: least squares of the relative error up to 90 % of saturation; at most 10 % are left
+CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
+
+
+class Device(NamedTuple):
+    """What the windows correct."""
+
+    resistance: Scalar  # R [ohm]
+    eddy: Scalar  # g_e [S]
+    gap: Scalar  # factor of R_g [1]
+    knee: Scalar  # b [A]
+    saturation: Scalar  # lambda_sat [Wb]
+    hysteresis: Scalar  # I_h [A]
+    mass: Scalar  # m_z [kg]
+    rest: Scalar  # z_sp [m]
+    damping: Scalar  # c [N s/m]
+    core: Scalar  # R_c [1/H]
+    bend: Scalar  # of R_g, zero at both stops [1]
+
+
+NOTHING = Device(*[0.0] * len(Device._fields))
+
+
+class Model(NamedTuple):
+    """A device, with all that its model needs."""
+
+    d: Device
+    T_s: Scalar
+    stiffness: Scalar
+    length: Scalar  # l_h [Wb]
+    lower: Scalar
+    upper: Scalar
+    gap_is_table: Scalar
+    gap_knots: Annotated[Array, Table()]  # [m]
+    gap_reluctance: Annotated[Array, Table()]  # [1/H]
+    gap_curvature: Annotated[Array, Table()]  # [1/(H m^2)]
+    gap_scale: Scalar  # 1/N^2
+    gap_offset: Scalar
+    gap_slope: Scalar
+    gap_fringing: Scalar
+    gap_window: Scalar
+    through: Scalar  # 1 / (1 + R g_e)
+    load: Scalar  # R / (1 + R g_e) [ohm]
+
+
+class Point(NamedTuple):
+    """The model at a sample."""
+
+    flux_linkage: Scalar
+    hysteresis: Scalar  # h
+    position: Scalar
+    velocity: Scalar
+    acceleration: Scalar
+    voltage: Scalar  # of the sample
+    reluctance: Scalar  # R_g
+    slope: Scalar  # R_g'
+    mmf: Scalar  # f
+    mmf_slope: Scalar  # df/dlambda at constant h
+
+
+def model(par: Parameters, d: Device) -> Model:
+    """The model of a device."""
+    scale, through = 1.0 / square(par.coil_turns), 1.0 / (1.0 + d.resistance * d.eddy)
+    return Model(
+        d=d,
+        T_s=par.sample_time,
+        stiffness=par.spring_stiffness,
+        length=par.core_turnover,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+        gap_is_table=par.gap_law == GapLaw.table,
+        gap_knots=par.gap_file_gap,
+        gap_reluctance=par.gap_file_reluctance,
+        gap_curvature=par.gap_file_spline,
+        gap_scale=scale,
+        gap_offset=par.gap_reluctance * scale,
+        gap_slope=par.gap_slope * scale,
+        gap_fringing=par.gap_fringing,
+        gap_window=par.gap_window,
+        through=through,
+        load=d.resistance * through,
+    )
+
+
+def device(par: Parameters) -> Device:
+    """What is believed before the first window; without a bend of its own the core is Froehlich's."""
+    scale, has_bend = 1.0 / square(par.coil_turns), par.core_bend > 0.0
+    R_c, lam_s = scale * par.core_reluctance, par.core_saturation
+    return Device(
+        resistance=par.coil_resistance,
+        eddy=par.core_eddy,
+        gap=par.gap_factor,
+        knee=where(has_bend, scale * par.core_bend, KNEE * R_c) * lam_s,
+        saturation=where(has_bend, lam_s, SATURATION * lam_s),
+        hysteresis=par.core_hysteresis,
+        mass=par.mover_mass,
+        rest=par.spring_rest,
+        damping=par.damping,
+        core=where(has_bend, R_c, CORE * R_c),
+        bend=par.gap_bend,
+    )
+
+
+def corrected(d: Device, q: Array) -> Device:
+    """The device with corrections q (11,): logarithms of factors, but of core and bend what is added."""
+    factors = Device(*(value * exp(change) for value, change in zip(d, q)))
+    return factors._replace(core=d.core + q[-2], bend=d.bend + q[-1])
+
+
+# reluctances
+
+
+def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
+    """Believed R_g(z) without factor and bend, its first and its second derivative [1/H]."""
+    return cond(m.gap_is_table, lambda: _tabulated(z, m), lambda: _fringing(z, m))
+
+
+def _tabulated(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
+    R, slope, curvature = spline(z, m.gap_knots, m.gap_reluctance, m.gap_curvature)
+    return m.gap_scale * R, m.gap_scale * slope, m.gap_scale * curvature
+
+
+def _fringing(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
+    """R_g0 + R_g0' z / (1 + k z ln(c/z))."""
+    z = where(z > SMALLEST_GAP, z, SMALLEST_GAP)
+    k, ratio = m.gap_fringing, log(m.gap_window / z)
+    w, rise = 1.0 + k * z * ratio, 1.0 + k * z
+    slope = m.gap_slope / (w * w)
+    curvature = slope * k * (w - 2.0 * rise * (ratio - 1.0)) / w
+    return m.gap_offset + m.gap_slope * z / w, slope * rise, curvature
+
+
+def bump(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
+    """What a bend of 1 adds to R_g: in the middle half of its rise from stop to stop; and the derivatives [1/H]."""
+    most = 2.0 * (gap_law(m.upper, m)[0] - gap_law(m.lower, m)[0]) / square(m.upper - m.lower)
+    return most * (z - m.lower) * (m.upper - z), most * (m.lower + m.upper - 2.0 * z), -2.0 * most
+
+
+def gap(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """R_g of the device, and its derivative."""
+    (R, slope, _), (more, steeper, _) = gap_law(z, m), bump(z, m)
+    return m.d.gap * R + m.d.bend * more, m.d.gap * slope + m.d.bend * steeper
+
+
+def core(lam: Scalar, d: Device) -> tuple[Scalar, Scalar, Scalar]:
+    """The share m of saturation, S(m) and S'(m)."""
+    m = lam / d.saturation
+    size = fabs(m)
+    a = where(size < FULL, size, FULL)
+    squared = a * a
+    left = 1.0 - squared
+    slope = squared * (3.0 - squared) / (left * left)
+    S = squared * a / left + slope * (size - a)
+    return m, where(m < 0.0, -S, S), slope
+
+
+# a sampling period
+
+
+def point(lam: Scalar, h: Scalar, z: Scalar, v: Scalar, u: Scalar, m: Model) -> Point:
+    """The model in a given state."""
+    R, slope = gap(z, m)
+    f, f_lam = magnetomotive(lam, h, R, m)
+    return Point(lam, h, z, v, (pull(z, lam, slope, m) - m.d.damping * v) / m.d.mass, u, R, slope, f, f_lam)
+
+
+def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
+    """Force of spring and magnet."""
+    return m.stiffness * (m.d.rest - z) - 0.5 * slope * square(lam)
+
+
+def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """The force f [A] and df/dlambda [1/H]."""
+    share, S, slope = core(lam, m.d)
+    f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
+    return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
+
+
+def current(p: Point, mean: Scalar, m: Model) -> Scalar:
+    """The current i at a point, for the mean voltage of the sampling period."""
+    return (m.d.eddy * mean + p.mmf) * m.through
+
+
+def is_resting(p: Point, m: Model) -> Scalar:
+    """On a stop, with a force that points into it."""
+    is_held_down = (p.position <= m.lower) & (p.acceleration <= 0.0)
+    return is_held_down | ((p.position >= m.upper) & (p.acceleration >= 0.0))
+
+
+class Electric(NamedTuple):
+    """What drives the flux linkage at a point."""
+
+    current: Scalar
+    rate: Scalar  # dlambda/dt
+    goal: Scalar  # s I_h
+    length: Scalar  # L
+    steepness: Scalar  # dh/dlambda
+    width: Scalar  # 1 + m^2
+
+
+def electric(p: Point, mean: Scalar, m: Model) -> Electric:
+    """For the mean voltage of the sampling period."""
+    i = current(p, mean, m)
+    rate = mean - m.d.resistance * i
+    is_falling, share = rate < 0.0, p.flux_linkage / m.d.saturation
+    squared = share * share
+    left = 1.0 - SHORTENED * squared
+    length = m.length * where(left > SHORTEST, left, SHORTEST)
+    away = m.d.hysteresis + where(is_falling, p.hysteresis, -p.hysteresis)
+    goal = where(is_falling, -m.d.hysteresis, m.d.hysteresis)
+    return Electric(i, rate, goal, length, away / length, 1.0 + squared)
+
+
+def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
+    """Change of the flux linkage over its rate, by the linearised trapezoidal rule [s]."""
+    return dt / (1.0 + 0.5 * dt * m.load * (p.mmf_slope + e.steepness * e.width))
+
+
+def advance(p: Point, voltage: Scalar, m: Model) -> Point:
+    """The next sample, whose voltage is given; the motion by Verlet's method."""
+    e, rests = electric(p, 0.5 * (p.voltage + voltage), m), is_resting(p, m)
+    free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
+    z = where(rests, p.position, clip(free, m.lower, m.upper))
+    change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
+    lam = p.flux_linkage + change
+    h = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
+    R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap(z, m))
+    f, f_lam = magnetomotive(lam, h, R, m)
+    stands, force = rests | not_(z == free), pull(z, lam, slope, m)
+    a = (force - where(stands, 0.0, m.d.damping * (p.velocity + m.T_s * p.acceleration))) / m.d.mass
+    v = where(stands, 0.0, p.velocity + 0.5 * m.T_s * (p.acceleration + a))
+    return Point(lam, h, z, v, a, voltage, R, slope, f, f_lam)
+
+
+# derivatives
+
+
+def derived(
+    T: Any, which: Sequence[int], p: Point, mean: Scalar, samples: Scalar, is_still: Scalar, m: Model
+) -> tuple[Any, Any]:
+    """Derivatives T (k, 4) of the state by some corrections, `samples` later, at p, and those of the current (k,).
+
+    `which` says by which field of `Device` a row is; one more stands for the flux linkage at the start.  On a stop
+    position and velocity are given.
+    """
+    e, dt = electric(p, mean, m), m.T_s * samples
+    step = gain(p, e, dt, m)
+    kept = exp(-fabs(step * e.rate) / e.length)
+    drive, force = partials(p, e, m)
+    rise = [*NOTHING._replace(hysteresis=(1.0 - kept) * e.goal), 0.0]
+    by_z = p.slope * p.flux_linkage
+
+    def row(k: int, t: Array, z: Scalar, v: Scalar) -> list[Scalar]:
+        through = p.mmf_slope * t[0] + 0.5 * by_z * (t[2] + z) + e.width * t[1] + drive[k]
+        change = -(step * m.load) * through
+        return [t[0] + change, kept * (t[1] + e.steepness * change) + rise[k], z, v]
+
+    def moving() -> Any:
+        curvature = m.d.gap * gap_law(p.position, m)[2] + m.d.bend * bump(p.position, m)[2]
+        stiffness = (m.stiffness + 0.5 * curvature * square(p.flux_linkage)) / m.d.mass
+        by_lam, by_v, half, rows = by_z / m.d.mass, m.d.damping / m.d.mass, 0.5 * dt, []
+        for k, t in zip(which, T):
+            a = force[k] - by_lam * t[0] - stiffness * t[2] - by_v * t[3]
+            rows.append(row(k, t, t[2] + dt * (t[3] + half * a), t[3] + dt * a))
+        return matrix(rows)
+
+    T = cond(is_still, lambda: matrix([row(k, t, 0.0, 0.0) for k, t in zip(which, T)]), moving)
+    drive[0] = -m.d.eddy * m.d.resistance * e.current
+    seen = [p.mmf_slope * t[0] + by_z * t[2] + e.width * t[1] + drive[k] for k, t in zip(which, T)]
+    return T, m.through * vector(seen)
+
+
+def partials(p: Point, e: Electric, m: Model) -> tuple[Array, Array]:
+    """Of R i - g_e dlambda/dt + f and of the acceleration by the corrections in a given state; (12,), the last 0."""
+    d, lam = m.d, p.flux_linkage
+    share, S, slope = core(lam, d)
+    more, steeper, _ = bump(p.position, m)
+    half = -0.5 * lam * lam / d.mass
+    drive = NOTHING._replace(
+        resistance=e.current,
+        eddy=d.eddy * e.rate,
+        gap=(p.reluctance - d.bend * more) * lam,
+        knee=d.knee * S,
+        saturation=-share * (d.knee * slope + 2.0 * p.hysteresis * share),
+        core=lam,
+        bend=more * lam,
+    )
+    force = NOTHING._replace(
+        gap=half * (p.slope - d.bend * steeper),
+        mass=-p.acceleration,
+        rest=m.stiffness * d.rest / d.mass,
+        damping=-d.damping * p.velocity / d.mass,
+        bend=half * steeper,
+    )
+    return vector([*drive, 0.0]), vector([*force, 0.0])
