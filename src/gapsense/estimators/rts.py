@@ -89,7 +89,7 @@ def smooth_record(
             for k in range(end - 1, first - 1, -1):
                 smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
             operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
-        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce:
+        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce + 0.5 * T_s:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
 
