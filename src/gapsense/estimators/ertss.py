@@ -165,8 +165,8 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
     """The last operation: a new one with a landing, else with one more bounce if the mover is back from one."""
     last, start = state.last, now.motion.start
-    soon = start - last.rest_time <= contact.debounce
-    bounces = now.returns & (state.queue.landed > 0.0) & soon
+    longest = contact.debounce + 0.5 * contact.sample_time  # times are rounded
+    bounces = now.returns & (state.queue.landed > 0.0) & (start - last.rest_time <= longest)
 
     def landed() -> Operation:
         time, speed = impact(found.mean, limit(contact.mode), contact.time, m)
