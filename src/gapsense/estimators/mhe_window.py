@@ -48,9 +48,9 @@ AT_START = 0.004  # deviation of the flux linkage at the start of a window, in l
 TRIES = 5.0  # passes with derivatives
 SHORTENED, SHORTENINGS = 0.25, 3.0  # of a step whose trial is worse than what it left; the last one to nothing
 LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
-LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 3.0  # of the cost that noise and model error make: see `_judged`
+LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 6.0  # of the cost that noise and model error make: see `_judged`
 LATE = 400.0  # samples behind the end of a window after which no other pass with derivatives begins
-INFLATION = 400.0  # covariances grow with the misfit, at most by this
+REJECTED, DOUBT = 6.0, 0.25  # misfit from which nothing is learnt, and what is left of the information then
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -518,7 +518,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     total = walk.cost + d @ (_taken(work.prior) @ d)
     missing, is_last = total - work.promised, work.shortenings >= SHORTENINGS
     is_good = missing < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
-    is_late = (work.age - work.end > LATE) & (walk.cost < BAD * unit)
+    is_late = (work.age - work.end > LATE) & (walk.cost < REJECTED * unit)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
@@ -551,7 +551,7 @@ def _shortened(work: Work) -> Work:
 def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
     """The smoothed estimate is ready; the posterior, wider by misfit and drift, is to become the next prior."""
     walk, T_s = work.walk, par.sample_time
-    P = clip(misfit, 1.0, INFLATION) * -_taken(work.normal)
+    P = where(misfit > 1.0, misfit, 1.0) * -_taken(work.normal)
     since, has_landed, old = time - work.age * T_s, walk.landings > 0.0, work.learnt
     operation = (since + walk.takeoff * T_s, since + walk.landing * T_s, walk.speed, walk.landings - 1.0)
     deviations = published([deviation(P[k, k]) for k in range(START)], par)
@@ -570,17 +570,25 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         P[k, k] = P[k, k] + square(drift)
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(_start(par))
-    return work._replace(
-        phase=RENEWING,
-        turn=0.0,
-        normal=_put(work.normal, P),
-        q=store(work.q, START, 0.0),
+    finished = work._replace(
         origin=put(work.origin, _origin(Point(*walk.at))),
         age=work.age - work.end,
         shown=where(work.ready > 0.0, work.shown, place(samples.newest, work.age)),
         ready=work.ready + work.end,
         learnt=learnt,
     )
+    return cond(
+        misfit < REJECTED,
+        lambda: finished._replace(phase=RENEWING, turn=0.0, normal=_put(work.normal, P), q=store(work.q, START, 0.0)),
+        lambda: _rejected(finished),
+    )
+
+
+def _rejected(work: Work) -> Work:
+    """The currents were not explained: the parameters stay what they were, a little less certain."""
+    q, Pi = put(work.q, [*get(work.q_prior, START), 0.0]), _taken(work.prior)
+    Pi[:START, :START] = DOUBT * Pi[:START, :START]
+    return _opened(work._replace(q=q, prior=_put(work.prior, Pi)))
 
 
 def _renewed(work: Work, inverse: Array) -> Work:
