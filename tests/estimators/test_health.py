@@ -6,6 +6,7 @@ here, the papers' scenarios, 10 % wrong and together were not used for them.
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ PAPER = 0.0  # memory of the current error [s]
 def run(par: Any, s: Signals) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
     constants = KERNEL.scalar["constants"](tuple(par))
-    rows = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist()))
+    rows = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist(), repeat(0.0)))
     state, outputs = KERNEL.scalar["initial"](rows[0], tuple(par))
     found = [outputs]
     for given in rows[1:]:
