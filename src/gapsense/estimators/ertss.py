@@ -16,11 +16,11 @@ from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
 from gapsense.estimators.motions import (
     RING,
-    SPARE_SAMPLE,
     Contact,
     Followed,
     Motion,
     Queue,
+    Turn,
     follow,
     joined,
     nothing,
@@ -83,7 +83,7 @@ class Operation(NamedTuple):
 
 
 WIDTH = len(names(Sample))
-SIZE = (RING + 1) * WIDTH
+SIZE = RING * WIDTH
 
 
 class State(NamedTuple):
@@ -145,10 +145,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
     sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
-    samples = _stored(state.samples, to_keep(now, filtered.mode), sample)
+    samples = _stored(state.samples, to_keep(now, contact), sample)
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
-    samples = _stored(samples, where(turn.is_due, slot(turn.place), SPARE_SAMPLE), found)
+    samples = _stored(samples, turn, found)
     last = _last(state, now, contact, found, m)
     queue, turn, time = to_show(queue, T_s)
     shown = cond(
@@ -165,7 +165,8 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
     """The last operation: a new one with a landing, else with one more bounce if the mover is back from one."""
     last, start = state.last, now.motion.start
-    bounces = now.returns & (state.queue.landed > 0.0) & (start - last.rest_time <= contact.debounce)
+    longest = contact.debounce + 0.5 * contact.sample_time  # times are rounded
+    bounces = now.returns & (state.queue.landed > 0.0) & (start - last.rest_time <= longest)
 
     def landed() -> Operation:
         time, speed = impact(found.mean, limit(contact.mode), contact.time, m)
@@ -204,11 +205,16 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, slot: Scalar, values: Sample | Estimate) -> Array:
-    """The memory with a sample, or with the estimate of one."""
-    for k, value in enumerate(flat(values)):
-        samples = store(samples, slot * WIDTH, value, k)
-    return samples
+def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
+    """The memory with a sample, or with the estimate of one, if it is its turn."""
+
+    def kept() -> Array:
+        kept, start = samples, slot(turn.place) * WIDTH
+        for k, value in enumerate(flat(values)):
+            kept = store(kept, start, value, k)
+        return kept
+
+    return cond(turn.is_due, kept, lambda: samples)
 
 
 def _loaded(samples: Array, place: Scalar) -> Sample:

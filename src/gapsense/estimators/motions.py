@@ -16,12 +16,11 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import is_moving, limit
 from gapsense.records import Array, Memory, Scalar, zeros
-from gapsense.trace import floor, load, not_, store, where
+from gapsense.trace import cond, floor, load, not_, store, where
 
 LENGTH = 1024  # samples of a motion that are kept, the last ones
 RING = 3 * LENGTH  # samples that are kept of all motions, each with the one that it lands with
 QUEUE = RING // 2  # motions that may wait: each takes a sample at least, and one at rest
-SPARE_SAMPLE, SPARE_MOTION = RING, QUEUE  # take what is written when there is nothing to keep
 ENTRY = 3  # numbers of a motion that waits: place of its first sample kept, samples kept, time of the sample before
 
 
@@ -60,7 +59,7 @@ class Queue(NamedTuple):
     samples_smoothed: Scalar  # of the next one; its last sample was with its landing
     shown: Scalar  # how many are published
     samples_shown: Scalar  # of the next one
-    waiting: Annotated[Array, Memory((QUEUE + 1) * ENTRY)]
+    waiting: Annotated[Array, Memory(QUEUE * ENTRY)]
 
 
 class Turn(NamedTuple):
@@ -72,7 +71,7 @@ class Turn(NamedTuple):
 
 def nothing(time: Scalar) -> tuple[Motion, Queue]:
     """No motion, none that waits."""
-    return Motion(0.0, 0.0, time, 0.0), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros((QUEUE + 1) * ENTRY))
+    return Motion(0.0, 0.0, time, 0.0), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
 
 
 def slot(place: Scalar) -> Scalar:
@@ -100,23 +99,26 @@ def follow(motion: Motion, c: Contact) -> Followed:
     return Followed(found, ends & not_(is_short), ends & is_short)
 
 
-def to_keep(now: Followed, mode: Scalar) -> Scalar:
-    """Where the sample of this mode is kept, if it belongs to a motion."""
+def to_keep(now: Followed, c: Contact) -> Turn:
+    """The turn of this sample to be kept, if it belongs to a motion."""
     motion, lands, _ = now
-    moves = is_moving(mode) & (motion.count > 0.0)
-    return where(moves | lands, slot(motion.place + motion.count - where(lands, 0.0, 1.0)), SPARE_SAMPLE)
+    moves = is_moving(c.mode) & (motion.count > 0.0)
+    return Turn(moves | lands, motion.place + motion.count - where(lands, 0.0, 1.0))
 
 
 def joined(queue: Queue, now: Followed, T_s: Scalar) -> Queue:
     """The queue with the motion, if it lands: with its last `LENGTH` samples."""
     motion, lands, _ = now
-    kept = where(motion.count > LENGTH, LENGTH, motion.count)
-    lost = motion.count - kept
-    row = where(lands, _within(queue.landed, QUEUE), SPARE_MOTION) * ENTRY
-    waiting = queue.waiting
-    for k, value in enumerate((motion.place + lost, kept, motion.start + lost * T_s)):
-        waiting = store(waiting, row, value, k)
-    return queue._replace(landed=where(lands, queue.landed + 1.0, queue.landed), waiting=waiting)
+
+    def landed() -> Queue:
+        kept = where(motion.count > LENGTH, LENGTH, motion.count)
+        lost = motion.count - kept
+        row, waiting = _within(queue.landed, QUEUE) * ENTRY, queue.waiting
+        for k, value in enumerate((motion.place + lost, kept, motion.start + lost * T_s)):
+            waiting = store(waiting, row, value, k)
+        return queue._replace(landed=queue.landed + 1.0, waiting=waiting)
+
+    return cond(lands, landed, lambda: queue)
 
 
 def to_smooth(queue: Queue, now: Followed) -> tuple[Queue, Turn]:

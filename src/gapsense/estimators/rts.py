@@ -82,13 +82,14 @@ def smooth_record(
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
     filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
-    smoothed, operations, T_s = list(filtered), list[Operation](), par.sample_time
-    for first, end, is_motion in _moving([u.mode for u in held], debounce / T_s):
+    smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
+    operations: list[Operation] = []
+    for first, end, is_motion in _moving(q, debounce / T_s):
         if is_motion:
             for k in range(end - 1, first - 1, -1):
                 smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
-            operations.append(_operation(first, end, smoothed[end - 1], limit(held[end].mode), par))
-        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce:
+            operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
+        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce + 0.5 * T_s:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
 
