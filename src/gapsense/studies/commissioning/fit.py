@@ -104,7 +104,7 @@ def commission(record: Record, known: Parameters, progress: Progress = lambda do
     whole = problem(record, par, names)
     J, found = whole.jacobian(logs), changed(whole, logs)
     misfit = float(np.sum(whole.residuals(logs)[: -len(names)] ** 2)) / usual(whole)
-    covariance = max(1.0, misfit) * np.linalg.inv(J.T @ J)
+    covariance: Matrix = max(1.0, misfit) * np.linalg.inv(J.T @ J).astype(np.float64)
     return Commissioned(found, names, covariance, misfit, simulate(found, whole.voltage))
 
 
@@ -137,7 +137,8 @@ def minimised(p: Problem, logs: Vector) -> Vector:
 
 def usual(p: Problem) -> float:
     """Cost that noise and error of the model make, as `Mhe` takes it."""
-    return 1.5 * (p.known.noise_current**2 + p.known.model_error**2) * float(p.weights @ p.weights)
+    variance = float(p.known.noise_current) ** 2 + float(p.known.model_error) ** 2
+    return 1.5 * variance * float(p.weights @ p.weights)
 
 
 def deviations(names: Collection[str]) -> Vector:

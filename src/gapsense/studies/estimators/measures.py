@@ -130,7 +130,7 @@ def rests(result: Result) -> list[int]:
 
 
 def judged(result: Result, samples: Samples) -> list[int]:
-    """The rests, but for those at the end of the run whose landing is not published yet, though no later than others."""
+    """The rests, but for those at the end of the run whose landing is not published yet, though others took as long."""
     longest = float(np.max(result.times[samples.came] - result.times[samples.about], initial=0.0))
     known, end = np.max(samples.about, initial=-1), result.times[-1] - longest
     landed = {row: max(last for _, last in motions(result["actuator.mode"]) if last <= row) for row in rests(result)}
