@@ -502,7 +502,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     d = q - work.q_prior
     total = walk.cost + d @ (_taken(work.prior) @ d)
     missing, is_last = total - work.promised, work.shortenings >= SHORTENINGS
-    is_good = missing < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
+    is_good = fabs(missing) < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
     is_late = (work.age - work.end > LATE) & (walk.cost < BAD * unit)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
