@@ -93,7 +93,7 @@ class Learnt(NamedTuple):
     bounces: Scalar
     windows: Scalar  # so far
     misfit: Scalar  # cost over what noise and model error make
-    given_up: Scalar  # windows that were not solved before the memory was full
+    given_up: Scalar  # windows since then that were not solved before the memory was full
     deviations: Annotated[Array, Vector(11)]
 
 
@@ -540,7 +540,7 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
     deviations = _published([deviation(P[k, k]) for k in range(START)], par)
     takeoff, landing, speed, bounces = (where(has_landed, new, last) for new, last in zip(operation, old))
     learnt = Learnt(
-        takeoff, landing, speed, bounces, old.windows + 1.0, misfit, old.given_up, deviations=vector(deviations)
+        takeoff, landing, speed, bounces, old.windows + 1.0, misfit, given_up=0.0, deviations=vector(deviations)
     )
     for k, drift in enumerate(DRIFT):
         P[k, k] = P[k, k] + square(drift)
