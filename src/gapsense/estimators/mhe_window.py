@@ -95,7 +95,7 @@ class Learnt(NamedTuple):
     bounces: Scalar
     windows: Scalar  # so far
     misfit: Scalar  # cost over what noise and model error make
-    given_up: Scalar  # windows that were not solved before the memory was full
+    given_up: Scalar  # windows since then that were not solved before the memory was full
     deviations: Annotated[Array, Memory(11)]
 
 
@@ -528,7 +528,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     d = q - get(work.q_prior, N)
     total = walk.cost + d @ (_taken(work.prior) @ d)
     missing, is_last = total - work.promised, work.shortenings >= SHORTENINGS
-    is_good = missing < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
+    is_good = fabs(missing) < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
     is_late = (work.age - work.end > LATE) & (walk.cost < REJECTED * unit)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
@@ -608,7 +608,7 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         bounces,
         old.windows + 1.0,
         misfit,
-        old.given_up,
+        given_up=0.0,
         deviations=put(old.deviations, deviations),
     )
     for k, drift in enumerate(DRIFT):
