@@ -17,7 +17,7 @@ SHOWN = ("position", "velocity", "flux_linkage", "position_std", "velocity_std")
 
 def stepped(voltage: Any, current: Any, mode: Any, par: Any, debounce: float = 0.0) -> dict[str, np.ndarray]:
     """Outputs at samples 0, T_s, 2 T_s, ... for parameters of the filter."""
-    columns = (np.arange(len(mode)) * T_S, voltage, current, mode, np.zeros(len(mode)))
+    columns = (np.arange(len(mode)) * T_S, voltage, current, mode, np.zeros(len(mode)))  # no resistance is wired
     given = list(zip(*(np.asarray(column, float).tolist() for column in columns)))
     constants = KERNEL.scalar["constants"](flat(ertss.Parameters(par, debounce)))
     state, outputs = KERNEL.scalar["initial"](given[0], flat(ertss.Parameters(par, debounce)))

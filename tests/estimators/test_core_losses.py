@@ -20,7 +20,7 @@ from gapsense.estimators.core_losses import advanced, bent, lossy
 from gapsense.estimators.ekf import process_noise, tuning
 from gapsense.estimators.ertss import backward
 from gapsense.estimators.kalman import Gaussian, predict
-from gapsense.estimators.readings import told, wired
+from gapsense.estimators.readings import believed
 from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalised, transition
 from gapsense.estimators.rts import smooth_record
 from gapsense.kernel import Kernel
@@ -113,8 +113,10 @@ def signals(module: Any, resistance: float) -> list[tuple[float, ...]]:
 
 
 def parameters(module: Any, **changes: float) -> Any:
-    par = defaults(ukf, **changes) if module is ukf else exact(**changes)
-    return ertss.Parameters(par, 0.2e-3) if module is ertss else par
+    """Those of the models under test; every sample in motion is a motion."""
+    if module is ertss:
+        return ertss.Parameters(exact(**changes), contact_debounce=0.0)
+    return defaults(ukf, **changes) if module is ukf else exact(**changes)
 
 
 def outputs(module: Any, resistance: float, **changes: float) -> np.ndarray:
@@ -141,8 +143,8 @@ def test_wired_resistance_is_the_parameter_bit_for_bit(module: Any, losses: dict
 
 @pytest.mark.parametrize("value", [0.0, -0.0, -48.0, math.nan, math.inf, -math.inf])
 def test_parameter_counts_where_the_input_is_no_resistance(value: float) -> None:
-    assert told(wired(value), 50.0) == 50.0
-    assert told(wired(48.0), 50.0) == 48.0
+    assert believed(value, 50.0) == 50.0
+    assert believed(48.0, 50.0) == 48.0
 
 
 @pytest.mark.parametrize("module", KERNELS, ids=lambda m: m.__name__)

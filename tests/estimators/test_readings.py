@@ -54,7 +54,7 @@ def _reduced(kernel: ModuleType) -> Case:
     time = {"time": 20e-6 * np.arange(s.mode.size)} if kernel is ertss else {}
     inputs = {**time, "voltage": s.voltage, "current": s.current, "mode": s.mode, "resistance": 0.0 * s.mode}
     takeoff = int(np.argmax(s.mode == 2.0))
-    par = ertss.Parameters(believed(), 0.2e-3) if kernel is ertss else believed()
+    par = ertss.Parameters(believed(), contact_debounce=0.2e-3) if kernel is ertss else believed()
     return Case(kernel, par, inputs, s.position, takeoff + 40, START + 300, START + 2 * HALF)
 
 

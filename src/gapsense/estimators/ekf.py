@@ -88,7 +88,7 @@ class State(NamedTuple):
     P: Annotated[Array, Covariance(5)]  # its covariance
     voltage: Scalar  # last voltage that could be read, held until the next sample [V]
     mode: Scalar  # last mode that could be read
-    resistance: Scalar  # of this sample, believed until the next; 0: the parameter [ohm]
+    resistance: Scalar  # believed until the next sample [ohm]
     hysteresis: Scalar  # h of `core_losses` [A]
     watch: Watch
 
@@ -163,14 +163,15 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     x = rest(now.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    state = State(x, P, now.voltage, now.mode, readings.wired(inputs.resistance), hysteresis=0.0, watch=START)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(x, P, now.voltage, now.mode, R, hysteresis=0.0, watch=START)
     health = readings.health({readings.LOST: not_(is_whole)})
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=health)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
-    m = normalised(par)._replace(R=readings.told(state.resistance, par.coil_resistance))
+    m = normalised(par)._replace(R=state.resistance)
     before = Held(state.voltage, state.mode, state.hysteresis)
     now, measured, is_whole = _read(inputs, before, state.watch.far, par)
     new = forward(Gaussian(state.x, state.P), before, measured, m, tuning(par))
@@ -178,8 +179,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     watch = watched(state.watch, _seen(new, now, par), par.range_innovation, par.health_samples)
     health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    resistance = readings.wired(inputs.resistance)
-    return State(x, P, now.voltage, now.mode, resistance, new.hysteresis, watch), outputs
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    return State(x, P, now.voltage, now.mode, R, new.hysteresis, watch), outputs
 
 
 def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[Held, Measured, Scalar]:

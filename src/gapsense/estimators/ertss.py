@@ -29,7 +29,6 @@ from gapsense.estimators.motions import (
     to_show,
     to_smooth,
 )
-from gapsense.estimators.readings import told
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
     FORCE_ERROR,
@@ -65,7 +64,7 @@ class Estimate(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What is kept of one sample: the estimate, filtered and later smoothed, and what was held until the next one."""
+    """What is kept of one sample: the estimate, filtered and later smoothed, and what acted until the next one."""
 
     kept: Estimate
     held_voltage: Scalar
@@ -148,7 +147,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
     samples = _stored(state.samples, to_keep(now, contact), sample)
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
-    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, par.filter), lambda: estimate)
+    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
     samples = _stored(samples, turn, found)
     last = _last(state, now, contact, found, m)
     queue, turn, time = to_show(queue, T_s)
@@ -180,12 +179,11 @@ def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Mod
     return cond(now.lands, landed, rested)
 
 
-def _smoothed(samples: Array, place: Scalar, m: Model, par: ekf.Parameters) -> Estimate:
+def _smoothed(samples: Array, place: Scalar, m: Model, tuned: Tuning) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
     at, later = _loaded(samples, place), _loaded(samples, place + 1.0)
-    held = Held(at.held_voltage, 2.0, at.held_hysteresis)
-    m = m._replace(R=told(at.held_resistance, par.coil_resistance))
-    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuning(par)))
+    held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
+    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuned))
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:

@@ -53,11 +53,6 @@ def most_current(range_current: Scalar, range_voltage: Scalar, resistance: Scala
     return where(range_current > 0.0, range_current, TWICE * range_voltage / resistance)
 
 
-def wired(resistance: Scalar) -> Scalar:
-    """Resistance at an input [ohm], or 0 if it says none: not wired, or not positive and finite."""
-    return where((resistance > 0.0) & (resistance < math.inf), resistance, 0.0)
-
-
-def told(resistance: Scalar, parameter: Scalar) -> Scalar:
-    """The resistance to believe: what `wired` has left of the input, or else the parameter."""
-    return where(resistance > 0.0, resistance, parameter)
+def believed(resistance: Scalar, parameter: Scalar) -> Scalar:
+    """The resistance at an input [ohm]; the parameter, if it says none: not wired, lost, or not positive and finite."""
+    return where((resistance > 0.0) & (resistance < math.inf), resistance, parameter)

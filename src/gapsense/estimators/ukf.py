@@ -16,7 +16,6 @@ import numpy as np
 from gapsense.derivative import linearise
 from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, predict, surprise
-from gapsense.estimators.readings import told, wired
 from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
@@ -121,7 +120,7 @@ class State(NamedTuple):
     x: Annotated[Array, Vector(4)]  # corrected estimate (33)
     P: Annotated[Array, Covariance(4)]  # its covariance
     voltage: Scalar  # last voltage that could be read [V]
-    resistance: Scalar  # of this sample, believed until the next; 0: the parameter [ohm]
+    resistance: Scalar  # believed until the next sample [ohm]
     hysteresis: Scalar  # h of `core_losses` [A]
     surprise: Scalar  # mean of the squared normalised innovation [1]
 
@@ -175,7 +174,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest, the position and the flux linkage as the prior says."""
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
-    state = State(estimate.mean, estimate.cov, voltage, wired(inputs.resistance), hysteresis=0.0, surprise=1.0)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, surprise=1.0)
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
@@ -205,7 +205,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         }
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
-    state = State(estimate.mean, estimate.cov, voltage, wired(inputs.resistance), hysteresis, surprised)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, surprised)
     return state, _outputs(estimate, innovation, S, health, par)
 
 
@@ -220,7 +221,7 @@ def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scala
 def _model(par: Parameters, resistance: Scalar) -> Model:
     is_unbounded = par.option_filter == Filter.unbounded_ukf
     low, high = where(is_unbounded, -EVERYWHERE, par.stop_lower), where(is_unbounded, EVERYWHERE, par.stop_upper)
-    return model(par, told(resistance, par.coil_resistance), _tuning(par).memory, low, high)
+    return model(par, resistance, _tuning(par).memory, low, high)
 
 
 def _predicted(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:

@@ -109,14 +109,19 @@ def reduced(v: Valve) -> dict[str, float]:
     return {**mechanics(v), "core.reluctance": v.core, "coil.turns": v.turns, **law}
 
 
+def blind(v: Valve) -> dict[str, float]:
+    """Parameters of `Mhe`: those of `Ekf`, and guesses of the losses that it learns."""
+    return {**reduced(v), "core.eddy": 0.5e-3, "core.hysteresis": 5e-3, "core.turnover": 0.07 * v.saturation}
+
+
 def tabulated(v: Valve) -> dict[str, float]:
     """Parameters of `BoundedUkf`.
 
     Its table is a file.  A factor of the reluctance is one of N^2 the other way round, in all that the filter computes
     from reluctances; that of the core must not change.
     """
-    core = {"core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
-    return {**mechanics(v), **core, "prior.position": v.upper}
+    coil_and_core = {"core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
+    return {**mechanics(v), **coil_and_core, "prior.position": v.upper}
 
 
 def reduced_core(v: Valve) -> dict[str, float]:
@@ -126,12 +131,9 @@ def reduced_core(v: Valve) -> dict[str, float]:
 
 def tabulated_core(v: Valve) -> dict[str, float]:
     """Parameters of `BoundedUkf` that knows them."""
-    found = core(v)
-    return {
-        **tabulated(v),
-        **found,
-        **{f"core.{name}": found[f"core.{name}"] / v.gap for name in ("reluctance", "bend")},
-    }
+    known = core(v)
+    reluctances = {name: known[name] / v.gap for name in ("core.reluctance", "core.bend")}
+    return {**tabulated(v), **known, **reluctances}
 
 
 def core(v: Valve) -> dict[str, float]:
