@@ -75,6 +75,15 @@ def test_only_the_middle_of_the_rest_decides():
     assert benchmark.numbers(made(MODE, POSITION, {"position": late, "velocity": late}), FILTER)["missed"] == 1
 
 
+def test_a_landing_is_not_missed_that_may_still_be_published_when_the_run_ends():
+    slow = smoothed([(14, 4), (15, 5), (16, 6)])  # ten rows late: rows 10 and 11 would come after the end
+    found = benchmark.numbers(made(MODE, POSITION, slow), SMOOTHER)
+    assert (found["landings"], found["missed"]) == (1, 0)
+    fast = smoothed([(7, 4), (8, 5), (9, 6)])  # three rows late: they should have come
+    found = benchmark.numbers(made(MODE, POSITION, fast), SMOOTHER)
+    assert (found["landings"], found["missed"]) == (2, 1)
+
+
 def test_errors_are_those_in_motion_from_the_second_cycle_on():
     off = np.zeros(18)
     off[[1, 4]] = 1.0  # in motion, but in the first cycle

@@ -20,6 +20,7 @@ from gapsense.estimators.mhe_window import (
     Work,
     first_work,
     get,
+    place,
     priors,
     published,
     put,
@@ -35,6 +36,7 @@ JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
 LARGE = 20.0  # noises that such a current must have
+WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 
 
 class Parameters(NamedTuple):
@@ -202,11 +204,12 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
-    before, has_current = Point(*state.causal), _has_current(inputs, par)
+    before, can_read = Point(*state.causal), _has_current(inputs, par)
     has_voltage = can_be_read(inputs.voltage, par.range_voltage)
     u = where(has_voltage, inputs.voltage, before.voltage)
-    i = where(has_current, inputs.current, 0.0)
-    is_edge = fabs(u - before.voltage) > par.edge + JUMP * par.noise_voltage
+    i = where(can_read, inputs.current, load(state.samples.currents, state.samples.newest))
+    is_edge = _is_edge(u, before.voltage, par)
+    has_current = can_read & not_(_is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
     held = _held(state.held, u, i, is_edge | not_(has_current))
@@ -227,6 +230,21 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
+
+
+def _is_edge(u: Scalar, before: Scalar, par: Parameters) -> Scalar:
+    return fabs(u - before) > par.edge + JUMP * par.noise_voltage
+
+
+def _is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
+    """A current that is far from the line through the last two, although the voltage has not changed."""
+    places = [place(before.newest, age) for age in (0.0, 1.0, 2.0)]
+    voltages = [u, *(load(before.voltages, spot) for spot in places)]
+    last, older = (load(before.currents, spot) for spot in places[:2])
+    is_wild = square(i - 2.0 * last + older) * weight(par) > square(WILD)
+    for new, old in zip(voltages, voltages[1:]):
+        is_wild = is_wild & not_(_is_edge(new, old, par))
+    return is_wild
 
 
 def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:

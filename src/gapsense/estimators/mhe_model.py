@@ -5,7 +5,7 @@ State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis ove
     i = (g_e u + f) / (1 + R g_e),    f = R_g(z) lambda + R_c lambda + b S(m) + h (1 + m^2),    m = lambda / lambda_sat,
 
 with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis
-dh/dlambda = (s I_h - h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover, m_z dv/dt = k (z_sp - z) - c v -
+dh/dlambda = (I_h - s h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover, m_z dv/dt = k (z_sp - z) - c v -
 R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 FULL = 0.97  # |m| from which S goes on linearly
 SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
-# R_c0 lambda_sat and lambda_sat: least squares of the relative error up to 90 % of saturation; at most 10 % are left
+# R_c0 lambda_sat and lambda_sat: least squares of the relative error from 2 to 90 % of saturation; at most 10 % stay
 CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
 
 

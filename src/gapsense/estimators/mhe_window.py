@@ -31,8 +31,8 @@ from gapsense.trace import clip, cond, fabs, load, log, loop, not_, square, stor
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
-RING = 4096  # samples that are kept
-PACE = 4  # of them that a pass takes in a step
+RING = 8192  # samples that are kept
+PACE = 8  # of them that a pass takes in a step
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window
 START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
@@ -51,6 +51,8 @@ LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: w
 LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 6.0  # of the cost that noise and model error make: see `_judged`
 LATE = 400.0  # samples behind the end of a window after which no other pass with derivatives begins
 REJECTED, DOUBT = 6.0, 0.25  # misfit from which nothing is learnt, and what is left of the information then
+# where a search begins if nothing explains the currents: field of `Device`, and how many deviations off
+STARTS = tuple((k, by) for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -93,7 +95,7 @@ class Learnt(NamedTuple):
     bounces: Scalar
     windows: Scalar  # so far
     misfit: Scalar  # cost over what noise and model error make
-    given_up: Scalar  # windows that were not solved before the memory was full
+    given_up: Scalar  # windows since then that were not solved before the memory was full
     deviations: Annotated[Array, Memory(11)]
 
 
@@ -112,6 +114,9 @@ class Work(NamedTuple):
     has_grown: Scalar  # 1: it was made longer
     tries: Scalar
     shortenings: Scalar
+    start: Scalar  # of `STARTS` that is tried, from 1 on; 0: none; -1: all were
+    best: Scalar  # of them
+    least_total: Scalar  # its cost
     q: Annotated[Array, Memory(12)]  # corrections
     q_prior: Annotated[Array, Memory(12)]
     change: Annotated[Array, Memory(12)]  # step that is tried
@@ -145,6 +150,9 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
         has_grown=0.0,
         tries=0.0,
         shortenings=0.0,
+        start=0.0,
+        best=0.0,
+        least_total=0.0,
         q=zeros(N),
         q_prior=zeros(N),
         change=zeros(N),
@@ -219,7 +227,10 @@ def work_on(
 
     def concluded() -> Work:
         ended = work._replace(over=0.0)
-        return cond(is_deriving, lambda: _derived(ended, held, par), lambda: _judged(ended, samples, time, par))
+        tried = lambda: cond(  # noqa: E731
+            ended.start > 0.0, lambda: _sought(ended, par), lambda: _judged(ended, samples, time, par)
+        )
+        return cond(is_deriving, lambda: _derived(ended, held, par), tried)
 
     is_passing = (is_deriving | (work.phase == TRYING)) & (work.over < 1.0)
     work, smoothed = cond(
@@ -517,7 +528,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     d = q - get(work.q_prior, N)
     total = walk.cost + d @ (_taken(work.prior) @ d)
     missing, is_last = total - work.promised, work.shortenings >= SHORTENINGS
-    is_good = missing < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
+    is_good = fabs(missing) < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
     is_late = (work.age - work.end > LATE) & (walk.cost < REJECTED * unit)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
@@ -529,16 +540,50 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
         grown = work._replace(end=0.0, least=work.end + where(is_bad, tail, 1.0), tries=0.0, has_grown=1.0)
         return _deriving(cond(grows, lambda: grown, lambda: work)._replace(q=put(work.q, q)))
 
-    is_better = (total < work.total) | is_last
+    is_better, is_lost = (total < work.total) | is_last, walk.cost > REJECTED * unit
+    seeks = is_final & not_(grows) & is_lost & (work.start == 0.0) & (work.age < 0.5 * RING)
     return cond(
         is_better,
         lambda: cond(
-            is_final & not_(grows),
-            lambda: _finished(work._replace(q=put(work.q, q)), walk.cost / unit, samples, time, par),
-            longer,
+            seeks,
+            lambda: _seeking(work._replace(start=1.0, best=0.0, least_total=total), par),
+            lambda: cond(
+                is_final & not_(grows),
+                lambda: _finished(work._replace(q=put(work.q, q)), walk.cost / unit, samples, time, par),
+                longer,
+            ),
         ),
         lambda: _shortened(work),
     )
+
+
+def _offset(start: Scalar, par: Parameters) -> list[Scalar]:
+    """Corrections of one of the `STARTS`."""
+    deviations, offset = priors(par), [0.0] * N
+    for n, (k, by) in enumerate(STARTS):
+        offset[k] = where(start == n + 1.0, by * deviations[k], offset[k])
+    return offset
+
+
+def _seeking(work: Work, par: Parameters) -> Work:
+    """A trial of one of the `STARTS`, from what was known before."""
+    q = put(work.q, [*get(work.q_prior, START), 0.0])
+    return work._replace(q=q, change=put(work.change, _offset(work.start, par)), begins=1.0)
+
+
+def _sought(work: Work, par: Parameters) -> Work:
+    """The next of the `STARTS`; after the last one Gauss-Newton from the best."""
+    d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
+    total = work.walk.cost + d @ (_taken(work.prior) @ d)
+    is_best = total < work.least_total
+    best, least = where(is_best, work.start, work.best), where(is_best, total, work.least_total)
+    more = work._replace(best=best, least_total=least, start=work.start + 1.0)
+
+    def chosen() -> Work:
+        q = get(work.q, N) + vector(_offset(best, par))
+        return _deriving(work._replace(q=put(work.q, q), start=-1.0, tries=0.0, shortenings=0.0))
+
+    return cond(work.start < len(STARTS), lambda: _seeking(more, par), chosen)
 
 
 def _shortened(work: Work) -> Work:
@@ -563,7 +608,7 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         bounces,
         old.windows + 1.0,
         misfit,
-        old.given_up,
+        given_up=0.0,
         deviations=put(old.deviations, deviations),
     )
     for k, drift in enumerate(DRIFT):

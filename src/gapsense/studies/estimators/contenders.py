@@ -11,6 +11,7 @@ from typing import NamedTuple
 from gapsense.studies.estimators.parameters import (
     VALVE,
     Valve,
+    blind,
     coil,
     core,
     magnet,
@@ -49,7 +50,7 @@ class Contender(NamedTuple):
     """An estimator of the benchmark; several may be the same FMU with other options or other wires."""
 
     label: str
-    component: str  # its name in the scenario
+    component: str  # its name in the scenario, and of its numbers
     gives: Mapping[str, str]  # signal by quantity
     needs: str  # beside voltage and current
     fmu: str = ""
@@ -61,6 +62,13 @@ class Contender(NamedTuple):
     published: str = ""  # signal that is 1 in samples that are about `time`
     time: str = ""
     is_lift: bool = False  # the position counts from the upper stop down
+    shared: str = ""  # component that it looks at, where it has none of its own
+    is_commissioned: bool = False  # it has a parameter set for each device
+
+    @property
+    def source(self) -> str:
+        """The component in the scenario that gives its signals."""
+        return self.shared or self.component
 
     def signals(self) -> list[str]:
         """What it gives, and what says which sample that is about."""
@@ -78,6 +86,16 @@ INTEGRAL = Contender(
     "Integral", "integral", ELECTRIC, "R, periodic drive", "IntegralEstimator", "integral", coil, CURRENT
 )
 OFFLINE = INTEGRAL._replace(options={"offline": True}, published="published", time="published_time")
+MHE = Contender("Mhe", "mhe", {**REAL_TIME, "resistance": "resistance"}, f"{MODEL}, roughly", "Mhe", "mhe", blind)
+MHE = MHE._replace(wires={**MEASURED, "command": 0.0})
+COMMISSIONED = MHE._replace(
+    label="Mhe commissioned",
+    component="mhe_commissioned",
+    needs="one record",
+    file="mhe_commissioned",
+    told=lambda valve: {},
+    is_commissioned=True,
+)
 CORE_UKF = BOUNDED_UKF._replace(needs=LOSSES, told=tabulated_core, options=CORE)
 
 
@@ -90,6 +108,18 @@ def with_losses(c: Contender) -> Contender:
         told=reduced_core,
         wires=WIRED,
         options={**CORE, "process.current_error": 0.2e-3},
+    )
+
+
+def smoothed(c: Contender) -> Contender:
+    """What the same `Mhe` says after a motion."""
+    return c._replace(
+        label=f"{c.label} smoothed",
+        component=f"{c.component}_smoothed",
+        shared=c.component,
+        gives=SMOOTHED,
+        published="smoothed_published",
+        time="smoothed_time",
     )
 
 
@@ -121,4 +151,8 @@ CONTENDERS = (
     ERTSS._replace(label="Ertss, R wired", component="ertss_wired", wires=WIRED),
     with_losses(EKF),
     with_losses(ERTSS),
+    MHE,
+    smoothed(MHE),
+    COMMISSIONED,
+    smoothed(COMMISSIONED),
 )

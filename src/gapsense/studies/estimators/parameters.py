@@ -109,6 +109,11 @@ def reduced(v: Valve) -> dict[str, float]:
     return {**mechanics(v), "core.reluctance": v.core, "coil.turns": v.turns, **law}
 
 
+def blind(v: Valve) -> dict[str, float]:
+    """Parameters of `Mhe`: those of `Ekf`, and guesses of the losses that it learns."""
+    return {**reduced(v), "core.eddy": 0.5e-3, "core.hysteresis": 5e-3, "core.turnover": 0.07 * v.saturation}
+
+
 def tabulated(v: Valve) -> dict[str, float]:
     """Parameters of `BoundedUkf`.
 

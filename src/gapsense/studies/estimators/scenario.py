@@ -48,7 +48,7 @@ def save(file: Path, header: str, values: ArrayLike, form: str) -> None:
 
 def beliefs(v: Valve) -> dict[str, float]:
     """Parameters of all contenders by `component.parameter`."""
-    return {f"{c.component}.{parameter}": value for c in CONTENDERS for parameter, value in c.told(v).items()}
+    return {f"{c.source}.{parameter}": value for c in CONTENDERS for parameter, value in c.told(v).items()}
 
 
 def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
@@ -63,9 +63,9 @@ def rows(width: float, draws: int = DRAWS) -> list[dict[str, float]]:
 
 def parts() -> dict[str, str]:
     """The marked parts by name."""
-    wires = {f"{c.component}.{name}": source for c in CONTENDERS for name, source in c.wires.items()}
+    wires = {f"{c.source}.{name}": source for c in CONTENDERS for name, source in c.wires.items()}
     return {
-        "components": "\n".join(map(component, CONTENDERS)),
+        "components": "\n".join(component(c) for c in CONTENDERS if not c.shared),
         "connections": lines({target: source for target, source in wires.items() if isinstance(source, str)}),
         "inputs": lines({target: source for target, source in wires.items() if not isinstance(source, str)}),
         "signals": "".join(f'  "*.{name}",\n' for name in dict.fromkeys(s for c in CONTENDERS for s in c.signals())),
@@ -82,12 +82,17 @@ def lines(values: Mapping[str, Value]) -> str:
 def component(c: Contender) -> str:
     """FMU and parameters of a contender."""
     options = {"set": c.options} if c.options else {}
-    return toml(f"components.{c.component}", {"fmu": c.fmu, "parameters": [f"parameters/{c.file}.toml"], **options})
+    return toml(f"components.{c.component}", {"fmu": c.fmu, "parameters": [set_file(c)], **options})
+
+
+def set_file(c: Contender, variant: str | None = None) -> str:
+    """The parameter set of a contender, or that for another actuator, in the folder of the scenario."""
+    return f"parameters/{c.file}{'' if variant is None else f'_{variant}'}.toml"
 
 
 def noise(variant: str) -> str:
     """The noise of the sensor in a variant, as the contenders know it."""
-    told = {"sensor": NOISES, **{c.component: c.noises for c in CONTENDERS if c.noises}}
+    told = {"sensor": NOISES, **{c.source: c.noises for c in CONTENDERS if c.noises}}
     values = {f"{name}.set": {n: LEVELS[variant][n] for n in noises} for name, noises in told.items()}
     return toml(f"variants.{variant}.components", values)
 
@@ -95,11 +100,13 @@ def noise(variant: str) -> str:
 def device(variant: str) -> str:
     """Another actuator, and what the contenders are told of it: all that is not as before."""
     valve = DEVICES[variant]
-    told = {"actuator": plant, **{c.component: c.told for c in CONTENDERS}}
+    told = {"actuator": plant, **{c.source: c.told for c in CONTENDERS}}
     values = {name: differing(tell(valve), tell(VALVE)) for name, tell in told.items()}
     for c in CONTENDERS:
-        values[c.component] |= {"gap.file": gap_file(variant)} if c.fmu == TABULATED else {}
-    return toml(f"variants.{variant}.components", {f"{name}.set": given for name, given in values.items() if given})
+        values[c.source] |= {"gap.file": gap_file(variant)} if c.fmu == TABULATED else {}
+    sets = {f"{c.source}.parameters": [set_file(c, variant)] for c in CONTENDERS if c.is_commissioned}
+    told_all = {f"{name}.set": given for name, given in values.items() if given}
+    return toml(f"variants.{variant}.components", {**told_all, **sets})
 
 
 def differing(values: Mapping[str, float], others: Mapping[str, float]) -> dict[str, Value]:

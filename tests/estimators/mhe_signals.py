@@ -1,0 +1,121 @@
+"""The model of `Mhe` compiled, and the kernel in C run on records."""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from c_code import CKernel
+
+from gapsense.emit import compiled
+from gapsense.estimators import mhe
+from gapsense.estimators.mhe_model import Device, Model, Point, advance, corrected, current, device, model, point
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.kernel import Kernel, trace
+from gapsense.records import Scalar, fields, flat, names, record
+from gapsense.studies.estimators.parameters import VALVE, Valve, reduced
+
+T_S, START = 20e-6, 11  # sampling period; correction of the flux linkage at the start
+
+
+class Level(NamedTuple):
+    voltage: Scalar
+
+
+class Seen(NamedTuple):
+    current: Scalar
+
+
+class Run(NamedTuple):
+    """The model on a record."""
+
+    points: np.ndarray  # (n, 10), rows are a `Point`
+    current: np.ndarray
+
+
+def blind(valve: Valve = VALVE, **changes: Any) -> mhe.Parameters:
+    """What `Ekf` is told; the defaults for the core losses."""
+    par: mhe.Parameters = kernel_parameters(own("mhe"), reduced(valve))
+    return par._replace(**changes)
+
+
+@cache
+def _advance() -> Callable[..., Any]:
+    """`advance` and the current of the new point on flat tuples."""
+
+    def follow(p: Point, u: Level, m: Model) -> tuple[Point, Seen]:
+        new = advance(p, u.voltage, m)
+        return new, Seen(current(new, 0.5 * (p.voltage + u.voltage), m))
+
+    return compiled(trace(follow, {"p": Point, "u": Level, "m": Model}))
+
+
+def model_run(start: Point, voltage: Iterable[float], m: Model) -> Run:
+    """The model on the voltages after the start."""
+    p, entries, points, currents = tuple(start), tuple(flat(m)), [tuple(start)], [float(current(start, 0.0, m))]
+    for u in voltage:
+        p, (i,) = _advance()(p, (u,), entries)
+        points.append(p)
+        currents.append(i)
+    return Run(np.array(points, float), np.array(currents, float))
+
+
+def at_rest(m: Model, lam: float = 0.0) -> Point:
+    """On the upper stop without voltage."""
+    return point(lam, 0.0, m.upper, 0.0, 0.0, m)
+
+
+def corrected_run(par: mhe.Parameters, q: np.ndarray, voltage: np.ndarray) -> Run:
+    """The model with corrections q (12,) from rest on."""
+    m = model(par, corrected(device(par), q[:START]))
+    return model_run(at_rest(m, q[START]), voltage[1:].tolist(), m)
+
+
+def true_device(par: mhe.Parameters) -> Device:
+    """Another one than `par` says: all that is learnt is wrong by a deviation of the blind prior or less."""
+    factors = Device(1.1, 1.6, 0.98, 1.3, 1.03, 0.6, 1.03, 0.98, 1.0, 1.0, 1.0)
+    return Device(*(f * value for f, value in zip(factors, device(par))))
+
+
+@cache
+def _compiled() -> CKernel:
+    with tempfile.TemporaryDirectory() as folder:
+        return CKernel(Kernel(mhe), Path(folder))
+
+
+def kernel() -> CKernel:
+    """Another instance of the kernel in C."""
+    made = copy.copy(_compiled())
+    made.memory, made.state, made.outputs = [m.copy() for m in made.memory], made.state.copy(), made.outputs.copy()
+    return made
+
+
+def state_of(c: CKernel) -> mhe.State:
+    """The state as it is, copied."""
+    scalars, memory, entries = iter(c.state.tolist()), iter(c.memory), []
+    for f in fields(mhe.State).values():
+        entries += [next(memory).copy()] if f.kind == "memory" else [next(scalars) for _ in range(f.size)]
+    found: mhe.State = record(mhe.State, entries)
+    return found
+
+
+def rows(voltage: np.ndarray, current: np.ndarray, command: np.ndarray | None = None, dt: float = T_S) -> np.ndarray:
+    """Inputs of all samples."""
+    n = voltage.size
+    return np.c_[np.arange(n) * dt, voltage, current, np.zeros(n) if command is None else command]
+
+
+def run(par: mhe.Parameters, given: np.ndarray, seen: Callable[[CKernel], Any] | None = None) -> dict[str, np.ndarray]:
+    """Outputs of all samples by name; `seen` is called with the kernel before each step."""
+    c, found = kernel(), []
+    for k, row in enumerate(given):
+        if k and seen:
+            seen(c)
+        c.call("step" if k else "initial", row, par)
+        found.append(c.outputs.copy())
+    return dict(zip(names(mhe.Outputs), np.array(found).T))
