@@ -101,7 +101,7 @@ class Work(NamedTuple):
     """The window and the state of the work on it."""
 
     phase: Scalar
-    begins: Scalar  # 1: a pass is to begin; 2: the very first one
+    begins: Scalar  # 1: a pass is to begin; 2: and nothing is known but what the parameters say
     turn: Scalar  # pivots done
     origin: Annotated[Array, Vector(5)]  # flux linkage, hysteresis, position, velocity, voltage at its start
     age: Scalar  # samples since then
@@ -268,10 +268,15 @@ def put(memory: Array, d: Device) -> Array:
 
 
 def _given_up(work: Work, causal: Point) -> Work:
-    """The memory is full before the window is solved: the next one begins where the causal estimate is."""
+    """The memory is full before the window is solved: the next one begins where the causal estimate is.
+
+    After a second one in a row what was learnt is forgotten.
+    """
     learnt = work.learnt._replace(given_up=work.learnt.given_up + 1.0)
-    known = vector([*work.q_prior[:START], 0.0])
-    return _opened(work._replace(origin=_origin(causal), age=1.0, q=known, ready=0.0, learnt=learnt))
+    is_lost = learnt.given_up > 1.0
+    known = vector([*(where(is_lost, 0.0, q) for q in work.q_prior[:START]), 0.0])
+    opened = _opened(work._replace(origin=_origin(causal), age=1.0, q=known, ready=0.0, learnt=learnt))
+    return opened._replace(begins=where(is_lost, 2.0, 1.0))
 
 
 def _opened(work: Work) -> Work:
