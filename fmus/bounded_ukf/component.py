@@ -5,6 +5,7 @@ from gapsense.fmi.ports import Component, choice, fixed, input_, option, output,
 
 BOTH = ("voltage", "current")  # the voltage too, with the option to use the sample at the end of an interval
 EKF = load_component(own("ekf"))
+LOSSES = ("core.bend", "core.eddy", "core.hysteresis", "core.turnover")
 
 OWN = {
     "current_error": output(
@@ -23,6 +24,7 @@ COMPONENT = Component(
     ports=(
         input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
         input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
+        *(port for port in EKF.of("input") if port.name == "resistance"),
         *(OWN.get(port.name, port._replace(feedthrough=BOTH)) for port in EKF.of("output") if "force" not in port.name),
         sample_time(20e-6),
         parameter("coil.resistance", "Ohm", "Resistance R", 77.5, min=1e-9),
@@ -35,6 +37,7 @@ COMPONENT = Component(
         ),
         parameter("core.reluctance", "1/H", "Reluctance of the core without flux k_1", 3.25e6, min=1e-9),
         parameter("core.saturation", "Wb", "Flux linkage of saturation, N / k_2", 0.024, min=1e-12),
+        *(port for port in EKF.of("parameter") if port.name in LOSSES),
         parameter("mover.mass", "kg", "Mass of the mover m", 1.6e-3, min=1e-9),
         parameter("spring.stiffness", "N/m", "Stiffness k_sp", 37.0, min=0.0),
         parameter("spring.rest", "m", "Gap without spring force z_sp", 22.5e-3),

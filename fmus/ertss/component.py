@@ -1,7 +1,7 @@
 """Port table of the extended Rauch-Tung-Striebel smoother: that of the filter, and what it says later."""
 
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import output
+from gapsense.fmi.ports import output, parameter
 
 BOTH = ("current", "mode")
 EKF = load_component(own("ekf"))
@@ -46,6 +46,21 @@ COMPONENT = EKF._replace(
         ),
         output("landing_time", "s", "Landing of the last motion", nominal=0.01, feedthrough=BOTH),
         output("impact_speed", "m/s", "Speed before that landing", min=0.0, feedthrough=BOTH),
+        output("bounces", "1", "How often the mover came off its stop again after it", min=0.0, feedthrough=BOTH),
+        output(
+            "rest_time",
+            "s",
+            "Last contact after it; the landing if there was no bounce",
+            nominal=0.01,
+            feedthrough=BOTH,
+        ),
         *EKF.of("parameter"),
+        parameter(
+            "contact.debounce",
+            "s",
+            "A mover that leaves its stop and is back in this time has bounced",
+            0.2e-3,
+            min=0.0,
+        ),
     ),
 )

@@ -5,6 +5,7 @@ from gapsense.fmi.ports import Component, Limit, choice, fixed, input_, option, 
 UNSTABLE = (
     "at 3 the anhysteretic curve of the core is vertical (alpha M_sat / (3 a) = 1), beyond it the model is unstable"
 )
+STIFF = "beyond it friction brings the mover to rest faster than the micro-steps can follow"
 
 COMPONENT = Component(
     name="ReluctanceActuator",
@@ -13,7 +14,10 @@ COMPONENT = Component(
     step_size=20e-6,
     resources=("fringing_29.csv",),
     rising=(("stop.lower", "stop.upper"),),
-    limits=(Limit((("core.coupling", 1), ("core.magnetization", 1), ("core.shape", -1)), 3.0, UNSTABLE),),
+    limits=(
+        Limit((("core.coupling", 1), ("core.magnetization", 1), ("core.shape", -1)), 3.0, UNSTABLE),
+        Limit((("friction", 1), ("micro_step", 1), ("mover.mass", -1)), 4e-3, STIFF),
+    ),
     ports=(
         input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0),
         output("current", "A", "Coil current; at a jump of the voltage, that before it", nominal=0.6),
@@ -61,6 +65,7 @@ COMPONENT = Component(
         parameter("spring.stiffness", "N/m", "Stiffness k_sp", 61.8, min=0.0),
         parameter("spring.rest", "m", "Gap without spring force, z_sp", 0.0192),
         parameter("damping", "N.s/m", "Viscous damping c_f", 0.8, min=0.0),
+        fixed("friction", "N", "Dry friction, at rest and in motion", 0.0, min=0.0),
         fixed("stop.lower", "m", "Smallest gap z_min", 0.4e-3, min=0.0),
         fixed("stop.upper", "m", "Largest gap z_max", 1.4e-3, min=1e-9),
         fixed("initial.position", "m", "Gap at the start", 1.4e-3, min=0.0),

@@ -34,5 +34,6 @@ COMPONENT = Component(
         fixed("contact.lower", "m", "Lower stop below this position", 0.05e-3),
         fixed("contact.upper", "m", "Upper stop above this position", 0.85e-3),
         fixed("contact.hysteresis", "m", "Way back past a threshold before the contact opens", 0.01e-3, min=0.0),
+        fixed("contact.bounce", "1", "Samples for which a contact opens again after it has closed", 0.0, min=0.0),
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -36,16 +36,17 @@ def derivative(
     return memo[key]
 
 
-def jacobian(functions: Sequence[Any], variables: Sequence[Expr]) -> Any:
+def jacobian(functions: Sequence[Any], variables: Sequence[Expr], constants: Iterable[Any] = ()) -> Any:
     """Matrix of partial derivatives df/dx, an object array (len(functions), len(variables)).
 
-    The other variables count as constants, also if they were computed from each other; each must be a node of its own.
+    The other variables and the `constants` count as constants, also if they were computed from each other; each
+    variable must be a node of its own.
     """
     if len({id(x) for x in variables}) < len(variables):
         raise TraceError(
             "two variables of jacobian() are the same traced value: their derivatives cannot be told apart."
         )
-    held = frozenset(x.id for x in variables if isinstance(x, Expr))
+    held = frozenset(x.id for x in (*variables, *constants) if isinstance(x, Expr))
     memos: list[dict[tuple[int, int], Any]] = [{} for _ in variables]
     rows = [[derivative(f, x, memo, held) for x, memo in zip(variables, memos)] for f in functions]
     return np.array(rows, dtype=object)
@@ -54,6 +55,7 @@ def jacobian(functions: Sequence[Any], variables: Sequence[Expr]) -> Any:
 def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any, Any]:
     """Value (m,) of `function(x, *records)` and its Jacobian by the vector `x`, an object array (m, n).
 
+    The records count as constants, also where they were computed from `x`.
     The same bits on floats as traced: for floats, `function` is traced and compiled once; it must be one of a module,
     and `records` named tuples of scalars and tables.  A constant among traced values of `x` is told apart as a sum.
     """
@@ -62,7 +64,7 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
         tape = traced[0].tape
         x = np.array([v if is_traced(v) else tape.node("+", (v, 0.0)) for v in x], dtype=object)
         values = function(x, *records)
-        return np.array([*values], dtype=object), jacobian(values, x)
+        return np.array([*values], dtype=object), jacobian(values, x, (v for record in records for v in record))
     flat = _linearised(function, len(x), *map(type, records))((*x, *(v for record in records for v in record)))
     m = len(flat) // (len(x) + 1)
     return np.array(flat[:m], dtype=object), np.array(flat[m:], dtype=object).reshape(m, len(x))

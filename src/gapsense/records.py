@@ -44,8 +44,12 @@ def fields(cls: type) -> dict[str, Field]:
 
 
 def choices(cls: type) -> dict[str, tuple[str, ...]]:
-    """Names of the choices of every field that has them."""
-    return {name: tuple(note.__members__) for name, note in _notes(cls).items() if isinstance(note, EnumMeta)}
+    """Names of the choices of every field that has them, also in the records that it holds."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, note in _notes(cls).items():
+        found |= choices(note) if _is_record(note) else {}
+        found |= {name: tuple(note.__members__)} if isinstance(note, EnumMeta) else {}
+    return found
 
 
 @cache

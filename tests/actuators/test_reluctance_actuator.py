@@ -70,11 +70,22 @@ def test_series_and_closed_form_meet():
     assert below == pytest.approx(above, rel=3e-12)
 
 
-@pytest.mark.parametrize("par", [RTS_VALVE, ANHYSTERETIC, LINEAR], ids=["complete", "anhysteretic", "linear"])
+@pytest.mark.parametrize(
+    "par",
+    [RTS_VALVE, RTS_VALVE._replace(friction=0.1), ANHYSTERETIC, LINEAR],
+    ids=["complete", "friction", "anhysteretic", "linear"],
+)
 def test_energy_balance_closes_through_impacts(kernel, par):
     found = drive(kernel, par, 2 * ([30.0] * 100 + [0.0] * 100))
     assert {s.mode for s, _ in found} == {1.0, 2.0, 3.0}
     assert imbalance(found) < 2e-9
+
+
+def test_friction_holds_a_mover_that_the_force_does_not_overcome(kernel):
+    """The spring holds it open with 1.10 N: 18 V close it, but not against 0.1 N more."""
+    without, held = (drive(kernel, RTS_VALVE._replace(friction=f), [18.0] * 800) for f in (0.0, 0.1))
+    assert {s.mode for s, _ in without} == {1.0, 2.0, 3.0}
+    assert {s.mode for s, _ in held} == {3.0} and 1.1 < -held[-1][1].force < 1.2
 
 
 @few

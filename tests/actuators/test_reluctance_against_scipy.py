@@ -32,6 +32,7 @@ def actuator():
         pytest.param(RTS_VALVE, False, id="complete"),
         pytest.param(RTS_VALVE, True, id="minor loops"),
         pytest.param(TABLE, False, id="table"),
+        pytest.param(RTS_VALVE._replace(friction=0.1), False, id="friction"),
         pytest.param(RTS_VALVE._replace(eddy_currents=0.0), False, id="no eddy currents"),
         pytest.param(RTS_VALVE._replace(hysteresis=0.0), False, id="no hysteresis"),
         pytest.param(RTS_VALVE._replace(saturation=0.0), False, id="no saturation"),

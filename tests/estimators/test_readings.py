@@ -19,7 +19,7 @@ from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
 from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.records import flat, names
 from gapsense.studies.devices import POT_MAGNET, VALVE, driven
 
 Columns = Mapping[str, np.ndarray]
@@ -52,16 +52,17 @@ LOSSES = {"NaN": (math.nan,), "infinity": (-math.inf,), "wild": (), "three NaN":
 def _reduced(kernel: ModuleType) -> Case:
     s = square_wave()
     time = {"time": 20e-6 * np.arange(s.mode.size)} if kernel is ertss else {}
-    inputs = {**time, "voltage": s.voltage, "current": s.current, "mode": s.mode}
+    inputs = {**time, "voltage": s.voltage, "current": s.current, "mode": s.mode, "resistance": 0.0 * s.mode}
     takeoff = int(np.argmax(s.mode == 2.0))
-    return Case(kernel, believed(), inputs, s.position, takeoff + 40, START + 300, START + 2 * HALF)
+    par = ertss.Parameters(believed(), contact_debounce=0.2e-3) if kernel is ertss else believed()
+    return Case(kernel, par, inputs, s.position, takeoff + 40, START + 300, START + 2 * HALF)
 
 
 def _valve(kernel: ModuleType) -> Case:
     voltage = np.where((np.arange(2050) % 1000 >= 50) & (np.arange(2050) % 1000 < 550), 30.0, 0.0)
     plant = VALVE._replace(coil_resistance=77.5, gap_law=2.0)
     current, mode, position = driven(solenoid_valve, plant, voltage, 20e-6, "current", "mode", "position").T
-    inputs = {"voltage": voltage, "current": _noisy(current, 2e-3)}
+    inputs = {"voltage": voltage, "current": _noisy(current, 2e-3), "resistance": 0.0 * voltage}
     return Case(kernel, defaults(kernel), inputs, position, int(np.argmax(mode == 2.0)) + 20, 400, 1050)
 
 
@@ -84,7 +85,7 @@ def compiled(module: ModuleType) -> dict[str, Any]:
 
 def run(at: Case, inputs: Columns) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    code, par = compiled(at.kernel), tuple(at.par)
+    code, par = compiled(at.kernel), flat(at.par)
     constants = code["constants"](par)
     rows = list(zip(*(column.tolist() for column in inputs.values())))
     state, outputs = code["initial"](rows[0], par)
@@ -145,7 +146,7 @@ def test_a_lost_reading_costs_no_motion(signal: str) -> None:
 def test_a_record_with_lost_readings_is_smoothed(signal: str) -> None:
     at = case("Ekf")
     records = [at.inputs, disturbed(at, signal, at.motion, (math.nan,) * 3)]
-    whole, found = (smooth_record(*inputs.values(), at.par) for inputs in records)
+    whole, found = (smooth_record(inputs["voltage"], inputs["current"], inputs["mode"], at.par) for inputs in records)
     assert [o[:2] for o in found.operations] == [o[:2] for o in whole.operations]
     np.testing.assert_allclose(found.smoothed.position, whole.smoothed.position, atol=2e-6)
 

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from batch_gaussian import batch
 from scipy.interpolate import CubicSpline
+from smoother_runs import SHOWN, stepped
 from valve_signals import AREA, T_S, WINDOW, exact, valve
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.derivative import linearise
-from gapsense.estimators import ertss
 from gapsense.estimators.ekf import process_noise
 from gapsense.estimators.reduced_model import Held, normalised, observation, transition
 from gapsense.estimators.rts import Operation, Posterior, motions, smooth_record
-from gapsense.kernel import Kernel
-from gapsense.records import names, record
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 PAPER = {"process_current_error_memory": 0.0}  # with the memory the filter has better velocities, the smoother the same
@@ -125,20 +123,9 @@ def test_motions_that_do_not_start_or_end_in_the_record_are_left_out() -> None:
     assert motions([3, 3]) == motions([2, 2]) == motions([3, 2]) == []
 
 
-KERNEL = Kernel(ertss)
-
-
 def run_component(cycles: int, par: Any) -> dict[str, np.ndarray]:
     s = valve(cycles)
-    step = KERNEL.scalar["step"]
-    current = (s.current + noise()[: s.current.size]).tolist()
-    given = list(zip(s.time.tolist(), s.voltage.tolist(), current, s.mode.tolist()))
-    state, outputs = KERNEL.scalar["initial"](given[0], tuple(par))
-    rows = [outputs]
-    for inputs in given[1:]:
-        state, outputs = step(state, inputs, tuple(par))
-        rows.append(outputs)
-    return dict(zip(names(ertss.Outputs), np.array(rows, float).T))
+    return stepped(s.voltage, s.current + noise()[: s.current.size], s.mode, par)
 
 
 @pytest.mark.parametrize("options", [{}, {"option_force_error": 0.0}, WRONG], ids=str)
@@ -160,23 +147,8 @@ def test_component_publishes_what_the_record_gives(options: dict[str, float]) ->
         assert len(shown) == min(count, until - shown[0])
         samples = slice(o.first, o.first + len(shown))
         np.testing.assert_allclose(found["smoothed_time"][shown], s.time[samples], atol=1e-12)
-        for name in ("position", "velocity", "flux_linkage", "position_std", "velocity_std"):
+        for name in SHOWN:
             expected = getattr(p.smoothed, name)[samples]
             np.testing.assert_allclose(
                 found[f"smoothed_{name}"][shown], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
             )
-
-
-def test_motion_that_is_too_long_is_not_smoothed() -> None:
-    par = tuple(exact())
-    step = KERNEL.scalar["step"]
-    state, _ = KERNEL.scalar["initial"]((0.0, 0.0, 0.0, 3.0), par)
-    for k in range(1, ertss.LENGTH + 40):
-        mode = 3.0 if k < 5 else 2.0 if k < ertss.LENGTH + 10 else 1.0
-        state, outputs = step(state, (k * T_S, 0.0, 0.0, mode), par)
-    last = record(ertss.Outputs, outputs)
-    assert last.smoothed_published == 0.0 and last.last.landing_time == 0.0
-    assert (
-        last.smoothed.smoothed_position == last.filter.estimates.position
-        and last.smoothed_time == (ertss.LENGTH + 39) * T_S
-    )

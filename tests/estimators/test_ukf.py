@@ -17,6 +17,7 @@ from valve_model_textbook import VALVE
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators import readings, ukf
 from gapsense.estimators.kalman import Gaussian
+from gapsense.estimators.valve_model import Held
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import VALVE as SOLENOID_VALVE
 
@@ -101,7 +102,8 @@ def test_prediction_has_the_moments_of_monte_carlo(noise: float) -> None:
     x = np.array([15e-3, 0.475e-3, 0.48e-3, 5e-3])
     root = np.array([[1e-4, 0, 0, 0], [2e-6, 4e-6, 0, 0], [2e-6, 3e-6, 1e-6, 0], [1e-3, -2e-3, 1e-3, 3e-3]])
     Q = np.array(ukf._process_noise(par), float)
-    found = ukf._predicted(Gaussian(np.array(x, object), np.array(root @ root.T, object)), 24.0, ukf._model(par), par)
+    before, held = Gaussian(np.array(x, object), np.array(root @ root.T, object)), Held(24.0, 0.0, 0.0)
+    found, _ = ukf._predicted(before, held, ukf._model(par, par.coil_resistance), par)
     rng, samples = np.random.default_rng(4), 400_000
     drawn = x[:, None] + root @ rng.standard_normal((4, samples))
     p = VALVE | {"phi": ukf.ROBUST.memory}

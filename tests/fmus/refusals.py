@@ -53,9 +53,10 @@ def _parameters(component: Component) -> Iterator[tuple[str, Case]]:
         equal = {low: starts[high], high: starts[high]}
         yield f"{low} is not below {high}", (at_start(**equal), [f"`{low}` is", f"less than `{high}`"])
     for limit in component.limits:
-        product = math.prod(starts[name] ** power for name, power in limit.powers)
+        given = {p.name: p.start or p.nominal for p in parameters if p.name in dict(limit.powers)}
+        product = math.prod(given[name] ** power for name, power in limit.powers)
         name, power = limit.powers[-1]
-        at_limit = {name: starts[name] * (1.000001 * limit.below / product) ** (1 / power)}
+        at_limit = {**given, name: given[name] * (1.000001 * limit.below / product) ** (1 / power)}
         yield f"{limit.text()} is at its limit", (at_start(**at_limit), [limit.text(), limit.reason])
 
 

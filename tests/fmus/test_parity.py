@@ -14,7 +14,7 @@ from gapsense.fmi.components import load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.records import flat, names, record
 
 Function = Callable[..., tuple[Any, Any]]
 
@@ -37,11 +37,11 @@ def parameters(part: Part, setting: dict[str, Any], cls: Any) -> Any:
     for port in part.component.of("parameter"):
         value = setting.get(port.name, port.start)
         if port.columns:
-            names = [f"{port.field}_{column_name(column)}" for column in port.columns]
-            values |= dict(zip(names, read_table(part.folder / value, port.columns)))
+            columns = [f"{port.field}_{column_name(column)}" for column in port.columns]
+            values |= dict(zip(columns, read_table(part.folder / value, port.columns)))
         else:
             values[port.field] = float(port.choices.index(value) if port.choices else value)
-    return cls(**values)
+    return record(cls, (values[name] for name in names(cls)))
 
 
 def direct(

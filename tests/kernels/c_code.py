@@ -11,7 +11,7 @@ import numpy as np
 
 from gapsense.emit import C, Graph
 from gapsense.kernel import Kernel
-from gapsense.records import fields, names
+from gapsense.records import fields, flat, names
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 
@@ -62,8 +62,8 @@ class CKernel:
 
     def call(self, function: str, inputs: Any, par: Any) -> None:
         """Call `initial` or `step` in place: the state in is the state out."""
-        scalars = [v for v in par if not isinstance(v, list)]
-        tables = [np.array(v, self.real) for v in par if isinstance(v, list)]
+        scalars = [v for v in flat(par) if not isinstance(v, list)]
+        tables = [np.array(v, self.real) for v in flat(par) if isinstance(v, list)]
         sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
         given = [np.array(values, self.real) for values in (list(inputs), scalars)]
         getattr(self.library, f"{self.kernel.name}_{function}")(

@@ -19,7 +19,7 @@ import numpy as np
 
 from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
-from gapsense.records import fields, leaves, record, triangle
+from gapsense.records import fields, leaves, names, record, triangle
 
 PACKAGES = ("gapsense.actuators", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
 CONTRACT = ("Parameters", "State", "Inputs", "Outputs", "initial", "step")
@@ -27,6 +27,9 @@ FMUS = Path(__file__).parents[2] / "fmus"
 
 # kernel module -> (parameters by field, nominal inputs by field, step in s); only for kernels without a component
 EXAMPLES: dict[str, tuple[dict[str, Any], dict[str, float], float]] = {}
+
+# what parameters are that switch something on, by field; their default is 0
+OPTIONAL = {"core_bend": 8e6, "core_eddy": 1e-3, "core_hysteresis": 10e-3}
 
 
 def kernel_modules() -> list[str]:
@@ -72,7 +75,8 @@ def _draw(port: Any, rng: random.Random, folder: Path) -> Iterator[tuple[str, An
     elif port.kind == "Integer":
         yield port.field, float(rng.randrange(1, 1000))
     else:
-        yield port.field, port.start * rng.uniform(0.9, 1.1)
+        usual = port.start or rng.choice((0.0, OPTIONAL.get(port.field, 0.0)))
+        yield port.field, usual * rng.uniform(0.9, 1.1)
 
 
 def parameters(name: str, rng: random.Random) -> Any:
@@ -90,8 +94,9 @@ def parameters(name: str, rng: random.Random) -> Any:
         raise AssertionError(
             f"`{name}` has no component in fmus/. Give it an example in EXAMPLES of {Path(__file__).name}."
         )
-    assert set(drawn) == set(cls._fields), f"{name}: ports and Parameters differ in {set(drawn) ^ set(cls._fields)}"
-    return cls(**drawn)
+    expected = names(cls)
+    assert set(drawn) == set(expected), f"{name}: ports and Parameters differ in {set(drawn) ^ set(expected)}"
+    return record(cls, (drawn[entry] for entry in expected))
 
 
 def nominal_inputs(name: str) -> tuple[dict[str, float], float]:

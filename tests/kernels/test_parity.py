@@ -116,7 +116,7 @@ def test_numpy_batch_equals_scalar(name: str) -> None:
     rngs = [random.Random(100 + run) for run in range(RUNS)]
     pars = [parameters(name, rng) for rng in rngs]
     inputs = list(zip(*(input_sequence(name, rng, 26, degenerate=False) for rng in rngs)))
-    stacked = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*pars)]
+    stacked = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
     many = [k.initial(given, par) for given, par in zip(inputs[0], pars)]
     state, outputs = k.initial_batch([np.array(v) for v in zip(*inputs[0])], stacked, RUNS)
     for given in inputs[1:]:

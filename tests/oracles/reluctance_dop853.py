@@ -66,7 +66,7 @@ class Oracle:
         mu_delta = MU_0 * (1 + (1 - p.core_coupling) * chi) / (1 - p.core_coupling * chi)
         rates = [phi_dot, phi_dot / (p.core_area * mu_delta), 0.0, 0.0]
         if q == 2:
-            rates[2:] = v, (self.net_force(phi, z) - p.damping * v) / p.mover_mass
+            rates[2:] = v, (self.net_force(phi, z) - p.damping * v - p.friction * v / (abs(v) + 2e-3)) / p.mover_mass
         return rates / SCALE
 
     def guards(self, q, delta, walls):
@@ -77,7 +77,7 @@ class Oracle:
             guards += [(lambda t, y, *_: GRAZED + y[2] - p.stop_lower / SCALE[2], 1)]
             guards += [(lambda t, y, *_: GRAZED + p.stop_upper / SCALE[2] - y[2], 3)]
         else:
-            guards += [(lambda t, y, *_: (q - 2) * self.net_force(y[0] * SCALE[0], y[2] * SCALE[2]), 2)]
+            guards += [(lambda t, y, *_: p.friction + (q - 2) * self.net_force(y[0] * SCALE[0], y[2] * SCALE[2]), 2)]
         if p.hysteresis:
             # beyond zero, or rounding errors would turn round the flux of a settled coil for ever
             guards += [(lambda t, y, u, *_: delta * self.flux_rate(*(y * SCALE)[:3], u(t)) / 0.01 + SETTLED, q)]

@@ -56,6 +56,34 @@ def modes(par, positions, first=None):
     return found
 
 
+def shown(par, true):
+    """Measured mode at each true mode, the first by `initial`."""
+    state, outputs = sensor.initial(TRUE._replace(mode=true[0]), par)
+    found = [outputs.mode_measured]
+    for mode in true[1:]:
+        state, outputs = sensor.step(state, TRUE._replace(mode=mode), par)
+        found.append(outputs.mode_measured)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("bounce", "then"),
+    [
+        (0, [1] * 9),
+        (1, [1, 2, 1, 1, 1, 1, 1, 1, 1]),
+        (2, [1, 2, 2, 1, 2, 1, 1, 1, 1]),
+        (3, [1, 2, 2, 2, 1, 2, 2, 1, 2]),
+    ],
+)
+def test_contact_bounces_less_and_less_after_it_has_closed(bounce, then):
+    par = IDEAL._replace(contact_bounce=float(bounce))
+    assert shown(par, [3, 3, 2] + [1] * 9) == [3, 3, 2, *then]
+    assert shown(par, [1, 1, 1]) == [1, 1, 1]
+    assert shown(par, [2, 1, 1, 2, 2, 3]) == [2, 1, 2 if bounce else 1, 2, 2, 3]
+    by_position = par._replace(contact_source=1.0, contact_lower=1e-4, contact_upper=9e-4, contact_hysteresis=5e-5)
+    assert modes(by_position, [5e-4] + [1.2e-4, 0.9e-4] + [1.2e-4] * 8) == [2, 2, *then]
+
+
 def test_ideal_sensor_shows_the_truth():
     assert np.all(readings(IDEAL, 5) == [12.0, 0.25, 2.0, 0.0])
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
+from valve_signals import exact
 
 from gapsense.cli import app
 from gapsense.cosim import load, prepare, run
@@ -17,9 +18,9 @@ from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
 from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.estimators import core, scenario
 from gapsense.studies.estimators import measures as benchmark
 from gapsense.studies.estimators import parameters as known
-from gapsense.studies.estimators import scenario
 from gapsense.studies.estimators import show as drawn
 from gapsense.studies.estimators.contenders import CONTENDERS, EKF, Contender
 from gapsense.studies.figures import drawer
@@ -72,6 +73,15 @@ def test_only_the_middle_of_the_rest_decides():
     assert benchmark.numbers(made(MODE, POSITION, {"position": late, "velocity": late}), FILTER)["missed"] == 0
     late[14] = POSITION[9]
     assert benchmark.numbers(made(MODE, POSITION, {"position": late, "velocity": late}), FILTER)["missed"] == 1
+
+
+def test_a_landing_is_not_missed_that_may_still_be_published_when_the_run_ends():
+    slow = smoothed([(14, 4), (15, 5), (16, 6)])  # ten rows late: rows 10 and 11 would come after the end
+    found = benchmark.numbers(made(MODE, POSITION, slow), SMOOTHER)
+    assert (found["landings"], found["missed"]) == (1, 0)
+    fast = smoothed([(7, 4), (8, 5), (9, 6)])  # three rows late: they should have come
+    found = benchmark.numbers(made(MODE, POSITION, fast), SMOOTHER)
+    assert (found["landings"], found["missed"]) == (2, 1)
 
 
 def test_errors_are_those_in_motion_from_the_second_cycle_on():
@@ -136,7 +146,8 @@ def test_files_of_the_scenario_are_what_the_functions_give(tmp_path):
     assert "ertss" not in emptied.partition("[baseline]")[0]
     (tmp_path / "scenario.toml").write_text(emptied)
     scenario.write(tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["gap_19.csv", "rows_10.csv", "rows_5.csv", "scenario.toml"]
+    tables = ["gap_19.csv", "gap_19_other_gap.csv", "gap_19_other_table.csv", "rows_10.csv", "rows_5.csv"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [*tables, "scenario.toml"]
     for file in tmp_path.iterdir():
         assert file.read_text() == (FOLDER / file.name).read_text()
 
@@ -166,11 +177,56 @@ def test_estimators_of_the_plain_scenario_know_the_valve():
         component, _, parameter = name.partition(".")
         assert components[component].values[parameter] == pytest.approx(value, rel=1e-9), name
     rows = load(FOLDER, "wrong_5").rows
-    assert {str(port) for port in rows[0]} == set(scenario.beliefs(known.VALVE))
+    varied = known.wrong(np.linspace(0.02, 0.05, 8))  # equal ones may cancel
+    right, wrong = scenario.beliefs(known.VALVE), scenario.beliefs(varied)
+    assert {str(port) for port in rows[0]} == {name for name in right if right[name] != wrong[name]}
     assert len(rows) == scenario.DRAWS
     for row in rows:
         mass = {value for port, value in row.items() if port.variable == "mover.mass"}
         assert len(mass) == 1 and mass.pop() == pytest.approx(RTS_VALVE.mover_mass, rel=0.05)
+
+
+@pytest.mark.parametrize("variant", known.DEVICES)
+def test_estimators_are_told_of_another_device(variant):
+    """The plant and all its estimators have every number of it, those that are not as before in the variant."""
+    read, valve = load(FOLDER, variant), known.DEVICES[variant]
+    for name, value in {
+        **{f"actuator.{n}": v for n, v in known.plant(valve).items()},
+        **scenario.beliefs(valve),
+    }.items():
+        component, _, parameter = name.partition(".")
+        assert read.components[component].values[parameter] == pytest.approx(value, rel=1e-9), name
+    file = Path(read.components["bounded_ukf"].values["gap.file"])
+    gaps, reluctances, slopes = np.loadtxt(file, delimiter=",", skiprows=1).T
+    assert (gaps[0], gaps[-1]) == (valve.lower, valve.upper)
+    for gap, *law in zip(gaps, reluctances, slopes):
+        assert law == pytest.approx(known.gap_law(gap, valve), rel=1e-9)
+
+
+def test_the_other_table_is_that_of_semera():
+    valve = known.DEVICES["other_table"]
+    assert (valve.resistance, valve.stiffness, valve.rest, valve.damping) == (76.0, 37.0, 22.5e-3, 0.4)
+    circuit = exact()
+    assert (valve.slope, valve.fringing, valve.window) == pytest.approx(
+        (circuit.gap_slope, circuit.gap_fringing, circuit.gap_window)
+    )
+
+
+def test_core_with_losses_is_what_a_record_gives(fmus):
+    found = core.of_scenario(FOLDER)
+    assert found == pytest.approx(known.CORE, rel=3e-3)
+    conductance = RTS_VALVE.core_eddy_conductance / RTS_VALVE.coil_turns**2
+    assert found.eddy == pytest.approx(conductance, rel=0.15)
+
+
+def test_wrong_core_with_losses_is_as_wrong_as_the_one_without():
+    valve = known.wrong([0, 0, 0, 0, 0.03, -0.02, 0.05, 0])
+    ekf, ukf = known.reduced_core(valve), known.tabulated_core(valve)
+    assert ekf["core.bend"] == pytest.approx(1.03 * known.CORE.bend)
+    assert ekf["core.saturation"] == ukf["core.saturation"] == pytest.approx(0.98 * known.CORE.saturation)
+    for name in ("core.reluctance", "core.bend"):
+        assert ukf[name] / ukf["coil.turns"] ** 2 == pytest.approx(ekf[name] / known.VALVE.turns**2)
+    assert ekf["core.eddy"] == ukf["core.eddy"] == known.CORE.eddy
 
 
 def test_wrong_gap_is_the_same_for_a_formula_a_table_and_a_magnet():
@@ -257,6 +313,11 @@ def test_tables_show_median_worst_and_misses():
     lines = [line for line in text.splitlines() if line.startswith("  Ekf ")]
     assert "20.0 (30.0)" in lines[0] and lines[0].endswith("1 of 10")
     assert "30.0 (50.0)" in lines[1] and " - " in lines[1]
+    held_out = plain_text(*drawn.tables({None: plain, "volts_27": plain, "all_wrong": wrong})).partition(
+        "| z / um | 27 V"
+    )[2]
+    assert held_out.startswith(" | all wrong | missed |") and "| Ekf | 20 | 30 (50) | 3 of 20 |" in held_out
+    assert "| Semera |" not in held_out
     row = next(line for line in text.splitlines() if line.startswith("| Ekf "))
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[:3] == ["Ekf", "20.0", "30 (50)"] and "3 of 20" in cells
@@ -284,6 +345,6 @@ def test_the_whole_family(fmus, tmp_path, monkeypatch):
     arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
     done = CliRunner().invoke(app, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
-    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(drawn.CONDITIONS)
-    assert imread(tmp_path / "estimators.png").std() > 0.01
-    assert set(load(FOLDER).variants) == {c for c in drawn.CONDITIONS if c}
+    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(drawn.TITLES)
+    assert all(imread(tmp_path / name).std() > 0.01 for name in ("estimators.png", "estimators_held_out.png"))
+    assert set(load(FOLDER).variants) == {c for c in drawn.TITLES if c}

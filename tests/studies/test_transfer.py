@@ -9,6 +9,7 @@ import pytest
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.files import read_columns
+from gapsense.fmi.components import load_component, own
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.transfer import read_values, reduced_gap, values_for
@@ -27,6 +28,13 @@ def reduced(law, h):
 def test_component_with_the_valves_own_gap_takes_names_as_they_are():
     names = ("gap.law", "gap.slope", "coil.turns", "seed")
     assert values_for(names, LINEAR) == {"gap.law": "linear", "gap.slope": 2.7e10, "coil.turns": 1200.0}
+
+
+def test_resistance_of_a_device_is_not_taken_for_its_deviation():
+    mhe = [port.name for port in load_component(own("mhe")).of("parameter")]
+    taken = values_for(mhe, LINEAR)
+    assert taken["coil.resistance"] == 76.0 and "prior.resistance" not in taken
+    assert values_for(("prior.resistance", "prior.inductance"), LINEAR)["prior.resistance"] == 76.0
 
 
 def test_linear_law_has_no_fringing():

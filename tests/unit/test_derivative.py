@@ -218,6 +218,15 @@ def curve(x: Any, pair: Constants) -> Any:
     return [pair.k * x[0] * log(x[1]), x[1] * x[1] + pair.c, cond(x[0] > 0.0, lambda: x[0] * x[1], lambda: pair.c)]
 
 
+def test_linearise_holds_what_was_computed_from_the_variables_too() -> None:
+    """Traced as on floats: a record is a constant, wherever it comes from."""
+
+    def slope_of(a: Any, b: Any, _: Any) -> Any:
+        return linearise(curve, [a, b], Constants(a * b, a + b))[1][0, 0]
+
+    assert run_python(slope_of, 1.5, 2.0, 0.0) == slope_of(1.5, 2.0, 0.0) == pytest.approx(3.0 * math.log(2.0))
+
+
 @pytest.mark.parametrize("x", [(1.5, 2.0), (-1.5, 0.25)])
 def test_linearise_gives_value_and_jacobian_on_floats_and_the_same_bits_traced(x: tuple[float, float]) -> None:
     values, J = linearise(curve, x, Constants(3.0, 0.5))

@@ -1,7 +1,8 @@
 """Mover between two stops, as the hybrid automaton of [SEMERA] Fig. 2.
 
 Mode 1 rests on the stop of the smallest gap, mode 2 moves, mode 3 rests on the stop of the largest gap.  An impact
-takes all the velocity.  A stop is left when the net force points inward: a guard on the position would chatter.
+takes all the velocity.  A stop is left when the net force points inward: a guard on the position would chatter.  Dry
+friction has to be overcome for that; a moving mover has all of it but at speeds of the order of `CREEP`.
 """
 
 from __future__ import annotations
@@ -9,9 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.records import Scalar
-from gapsense.trace import square, where
+from gapsense.trace import fabs, square, where
 
 CLOSED, MOVING, OPEN = 1.0, 2.0, 3.0
+CREEP = 2e-3  # speed at which half of the dry friction acts [m/s]
 
 
 class Mover(NamedTuple):
@@ -23,11 +25,17 @@ class Mover(NamedTuple):
     damping: Scalar  # c [N s/m]
     lower: Scalar  # h_min [m]
     upper: Scalar  # h_max [m]
+    friction: Scalar = 0.0  # dry [N]
 
 
 def spring_force(h: Scalar, mover: Mover) -> Scalar:
     """Force of the spring along the gap [N], second term of (52)."""
     return mover.stiffness * (mover.rest - h)
+
+
+def drag(v: Scalar, mover: Mover) -> Scalar:
+    """Force of the damper and of dry friction against the motion [N]."""
+    return mover.damping * v + mover.friction * (v / (fabs(v) + CREEP))
 
 
 def kinetic_energy(v: Scalar, mover: Mover) -> Scalar:
@@ -55,6 +63,6 @@ def resting_mode(h: Scalar, mover: Mover) -> Scalar:
     return where(h <= mover.lower, CLOSED, where(h >= mover.upper, OPEN, MOVING))
 
 
-def leaving(mode: Scalar, net_force: Scalar) -> Scalar:
-    """Mode after the release guard: moving if the net force points inward."""
-    return where(inward(mode, net_force) > 0.0, MOVING, mode)
+def leaving(mode: Scalar, net_force: Scalar, friction: Scalar = 0.0) -> Scalar:
+    """Mode after the release guard: moving if the net force points inward, by more than the friction."""
+    return where(inward(mode, net_force) > friction, MOVING, mode)

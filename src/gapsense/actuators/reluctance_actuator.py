@@ -59,6 +59,7 @@ class Parameters(NamedTuple):
     spring_stiffness: Scalar  # k_sp [N/m]
     spring_rest: Scalar  # z_sp [m]
     damping: Scalar  # c_f [N s/m]
+    friction: Scalar  # dry [N]
     stop_lower: Scalar  # z_min [m]
     stop_upper: Scalar  # z_max [m]
     initial_position: Scalar  # [m]
@@ -111,7 +112,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest and unmagnetized inside the stops, before any voltage."""
     act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
-    mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
+    mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover), par.friction)
     state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
     return state, _outputs(state, act)
 
@@ -200,6 +201,7 @@ def _mover(par: Parameters) -> Mover:
         damping=par.damping,
         lower=par.stop_lower,
         upper=par.stop_upper,
+        friction=par.friction,
     )
 
 

@@ -162,9 +162,9 @@ def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Moving) -> tup
 
 
 def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Electric]:
-    """As `_magnetic_rates`, with velocity and acceleration (11), and with the loss in the damper."""
+    """As `_magnetic_rates`, with velocity and acceleration (11), and with what drag loses."""
     rates, losses, watched = _magnetic_rates(act, walls, circuit.electric)
-    drag = act.mover.damping * y.v
+    drag = motion.drag(y.v, act.mover)
     net_force = magnetics.flux_force(y.flux, circuit.slope) + motion.spring_force(y.h, act.mover) - drag
     change = Moving(rates.flux, rates.H_e, y.v, net_force / act.mover.mass)
     return change, losses._replace(heat=losses.heat + drag * y.v), watched
@@ -216,7 +216,7 @@ def _stopped(act: Actuator, done: Step) -> Step:
     stop = where(is_below, mover.lower, mover.upper)
 
     def land() -> Step:
-        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, at.flux, stop))
+        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, at.flux, stop), mover.friction)
         losses = done.losses._replace(heat=done.losses.heat + motion.kinetic_energy(at.v, mover))
         return Step(done.length, at._replace(h=stop, v=0.0), mode, losses)
 
@@ -230,7 +230,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.reluctance), start, first=first)
 
     def hold(flux: Scalar) -> Scalar:
-        return -motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
+        return act.mover.friction - motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
 
     def margin(y: Resting, watched: Electric) -> Scalar:
         return least(hold(y.flux), least(*_switch(act, switches, watched)))

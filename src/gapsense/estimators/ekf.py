@@ -20,6 +20,7 @@ from gapsense.estimators.reduced_model import (
     GapLaw,
     Held,
     Model,
+    after,
     is_moving,
     limit,
     move,
@@ -50,6 +51,10 @@ class Parameters(NamedTuple):
     stop_upper: Scalar  # z_max [m]
     core_reluctance: Scalar  # R_c0 [1/H]
     core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
+    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
+    core_hysteresis: Scalar  # I_h; 0: none [A]
+    core_turnover: Scalar  # l_h [Wb]
     gap_law: Annotated[Scalar, GapLaw]
     gap_reluctance: Scalar  # R_g0 [1/H]
     gap_slope: Scalar  # R_g0' [1/(H m)]
@@ -83,6 +88,8 @@ class State(NamedTuple):
     P: Annotated[Array, Covariance(5)]  # its covariance
     voltage: Scalar  # last voltage that could be read, held until the next sample [V]
     mode: Scalar  # last mode that could be read
+    resistance: Scalar  # believed until the next sample [ohm]
+    hysteresis: Scalar  # h of `core_losses` [A]
     watch: Watch
 
 
@@ -92,6 +99,7 @@ class Inputs(NamedTuple):
     voltage: Scalar  # [V]
     current: Scalar  # [A]
     mode: Scalar  # 1: lower stop, 2: moving, 3: upper stop
+    resistance: Scalar = 0.0  # known from elsewhere; the parameter if it is not positive and finite [ohm]
 
 
 class Estimates(NamedTuple):
@@ -145,6 +153,7 @@ class Pass(NamedTuple):
     innovation: Scalar
     innovation_std: Scalar
     is_used: Scalar  # the current is neither lost nor wild
+    hysteresis: Scalar  # h of the core [A]
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -154,21 +163,24 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     x = rest(now.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    state = State(x=x, P=P, voltage=now.voltage, mode=now.mode, watch=START)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(x, P, now.voltage, now.mode, R, hysteresis=0.0, watch=START)
     health = readings.health({readings.LOST: not_(is_whole)})
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=health)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
-    m, before = normalised(par), Held(state.voltage, state.mode)
+    m = normalised(par)._replace(R=state.resistance)
+    before = Held(state.voltage, state.mode, state.hysteresis)
     now, measured, is_whole = _read(inputs, before, state.watch.far, par)
     new = forward(Gaussian(state.x, state.P), before, measured, m, tuning(par))
     x, P = new.filtered
     watch = watched(state.watch, _seen(new, now, par), par.range_innovation, par.health_samples)
     health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    return State(x=x, P=P, voltage=now.voltage, mode=now.mode, watch=watch), outputs
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    return State(x, P, now.voltage, now.mode, R, new.hysteresis, watch), outputs
 
 
 def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[Held, Measured, Scalar]:
@@ -220,14 +232,17 @@ def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
     """
     Q = process_noise(m, tuned)
 
+    def at_end(x: Array) -> Held:
+        return after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
+
     def moved() -> Pass:
         x, F = linearise(move, before.mean, held, m)
-        return _updated(Gaussian(x, predict(before.cov, F, Q)), measured, m, tuned)
+        return _updated(Gaussian(x, predict(before.cov, F, Q)), at_end(x), measured, m, tuned)
 
     def stayed() -> Pass:
         known = _known(before, limit(held.mode))
         x, F = linearise(stay, known.mean, held, m)
-        return _updated(Gaussian(x, predict(known.cov, F, Q)), measured, m, tuned)
+        return _updated(Gaussian(x, predict(known.cov, F, Q)), at_end(x), measured, m, tuned)
 
     return cond(is_moving(held.mode), moved, stayed)
 
@@ -241,9 +256,9 @@ def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
     return Gaussian(x, P)
 
 
-def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pass:
+def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
     """On a stop the position is measured as well, without noise (27)-(29); a lost or wild current corrects nothing."""
-    h, H = linearise(observation, prior.mean, m)
+    h, H = linearise(observation, prior.mean, m, held)
     R = square(tuned.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R
     innovation, std = where(measured.has_current, measured.current - h[0], 0.0), deviation(S)
@@ -257,7 +272,7 @@ def _updated(prior: Gaussian, measured: Measured, m: Model, tuned: Tuning) -> Pa
         return given(known, innovation - H[0] @ (known.mean - prior.mean))
 
     posterior = cond(is_moving(measured.mode), lambda: given(prior, innovation), resting)
-    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, std, is_used)
+    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, std, is_used, held.hysteresis)
 
 
 def process_noise(m: Model, tuned: Tuning) -> Array:

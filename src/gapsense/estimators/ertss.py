@@ -2,19 +2,33 @@
 
 [RTS], Section III.  When the mover has landed the samples of its motion are smoothed, one of them with each new sample,
 from the landing back to the take-off; then they are published one by one with their own times.  The speed of the impact
-is known with the landing.  An operation that lands before the one before it is published takes its place, and one of
-more than `LENGTH` samples in motion is not smoothed.
+is known with the landing.  Operations that follow each other fast wait for their turn, and all are published; of a
+motion of more than `LENGTH` samples the last ones.  `motions` says what is a motion and whose turn it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
 from gapsense.estimators import ekf
-from gapsense.estimators.ekf import Parameters, Tuning, physical, process_noise, tuning
+from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, predict, project, smooth
+from gapsense.estimators.motions import (
+    RING,
+    Contact,
+    Followed,
+    Motion,
+    Queue,
+    Turn,
+    follow,
+    joined,
+    nothing,
+    slot,
+    to_keep,
+    to_show,
+    to_smooth,
+)
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
     FORCE_ERROR,
@@ -24,23 +38,22 @@ from gapsense.estimators.reduced_model import (
     Model,
     acceleration,
     gap_law,
-    is_moving,
     limit,
     magnetic_force,
     normalised,
     transition,
 )
-from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Covariance, Memory, Scalar, Vector, record, triangle, zeros
-from gapsense.trace import clip, cond, fabs, load, not_, store, where
-
-LENGTH = 1024  # samples of one motion
-WIDTH = 23  # numbers per sample: x, upper triangle of P, voltage, two standard deviations
-STD = 21  # place of the standard deviations
-SPARE = 2 * LENGTH  # sample that takes idle writes, and the filter while nothing is published
-SIZE = (2 * LENGTH + 1) * WIDTH
+from gapsense.records import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
+from gapsense.trace import clip, cond, fabs, load, store, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
+
+
+class Parameters(NamedTuple):
+    """Those of the filter, and how long a mover that leaves its stop and returns has not moved."""
+
+    filter: ekf.Parameters
+    contact_debounce: Scalar  # [s]; 0: every sample in motion is a motion
 
 
 class Estimate(NamedTuple):
@@ -50,22 +63,13 @@ class Estimate(NamedTuple):
     cov: Annotated[Array, Covariance(5)]
 
 
-class Motion(NamedTuple):
-    """The motion being recorded, or the last one."""
+class Sample(NamedTuple):
+    """What is kept of one sample: the estimate, filtered and later smoothed, and what acted until the next one."""
 
-    half: Scalar  # half of the memory that is written: 0 or 1
-    count: Scalar  # samples of the motion so far
-    start: Scalar  # time of the last sample before it [s]
-
-
-class Smoothed(NamedTuple):
-    """The motion being smoothed and published."""
-
-    smoothed_half: Scalar  # half of the memory that is smoothed
-    length: Scalar  # samples of the motion there
-    left: Scalar  # how many of them are not smoothed yet
-    published: Scalar  # how many of them were published
-    first: Scalar  # time of the last sample before it [s]
+    kept: Estimate
+    held_voltage: Scalar
+    held_resistance: Scalar
+    held_hysteresis: Scalar
 
 
 class Operation(NamedTuple):
@@ -74,15 +78,20 @@ class Operation(NamedTuple):
     takeoff_time: Scalar
     landing_time: Scalar
     impact_speed: Scalar
+    bounces: Scalar
+    rest_time: Scalar
+
+
+WIDTH = len(names(Sample))
+SIZE = RING * WIDTH
 
 
 class State(NamedTuple):
-    """The filter, the motion being recorded, the motion being smoothed and published."""
+    """The filter, the motion being recorded, those that wait to be smoothed and published."""
 
     filter: ekf.State
     motion: Motion
-    smoothed: Smoothed
-    later: Estimate  # smoothed, of the sample after the next one to smooth
+    queue: Queue
     last: Operation
     samples: Annotated[Array, Memory(SIZE)]
 
@@ -94,6 +103,7 @@ class Inputs(NamedTuple):
     voltage: Scalar
     current: Scalar
     mode: Scalar
+    resistance: Scalar = 0.0
 
 
 class Shown(NamedTuple):
@@ -120,83 +130,60 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
-    filtered, outputs = ekf.initial(_measured(inputs), par)
+    filtered, outputs = ekf.initial(_measured(inputs), par.filter)
     now = outputs.estimates
     rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
-    last = Operation(inputs.time, inputs.time, 0.0)
-    motion, smoothed = Motion(0.0, 0.0, inputs.time), Smoothed(0.0, 0.0, 0.0, 0.0, inputs.time)
-    nowhere = Estimate(vector([0.0] * 5), matrix([[0.0] * 5] * 5))
-    return State(filtered, motion, smoothed, nowhere, last, zeros(SIZE)), Outputs(outputs, 0.0, inputs.time, rest, last)
+    last = Operation(inputs.time, inputs.time, 0.0, 0.0, inputs.time)
+    state = State(filtered, *nothing(inputs.time), last, zeros(SIZE))
+    return state, Outputs(outputs, 0.0, inputs.time, rest, last)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published."""
-    m = normalised(par)
-    now, outputs = ekf.step(state.filter, _measured(inputs), par)
-    state, lands = _recorded(state, inputs, now, par)
-    state = _smoothed(state, inputs, lands, outputs.estimates, m, par)
-    motion = state.smoothed
-    is_published = (motion.left <= 0.0) & (motion.published < motion.length)
-    shown = _shown(state.samples, where(is_published, motion.smoothed_half * LENGTH + motion.published, SPARE), m)
-    published = where(is_published, motion.published + 1.0, motion.published)
-    time = where(is_published, motion.first + published * par.sample_time, inputs.time)
-    state = state._replace(smoothed=motion._replace(published=published))
-    return state, Outputs(outputs, where(is_published, 1.0, 0.0), time, shown, state.last)
+    """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
+    m, T_s = normalised(par.filter), par.filter.sample_time
+    filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
+    contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
+    now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
+    sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
+    samples = _stored(state.samples, to_keep(now, contact), sample)
+    queue, turn = to_smooth(joined(state.queue, now, T_s), now)
+    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
+    samples = _stored(samples, turn, found)
+    last = _last(state, now, contact, found, m)
+    queue, turn, time = to_show(queue, T_s)
+    shown = cond(
+        turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place).kept), m), lambda: outputs.estimates
+    )
+    is_published, time = where(turn.is_due, 1.0, 0.0), where(turn.is_due, time, inputs.time)
+    return State(filtered, now.motion, queue, last, samples), Outputs(outputs, is_published, time, _shown(shown), last)
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
-    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode)
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
-def _recorded(state: State, inputs: Inputs, now: ekf.State, par: Parameters) -> tuple[State, Scalar]:
-    """The filtered sample kept, if the mover moves; at a landing the motion becomes the one to be smoothed.
+def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
+    """The last operation: a new one with a landing, else with one more bounce if the mover is back from one."""
+    last, start = state.last, now.motion.start
+    longest = contact.debounce + 0.5 * contact.sample_time  # times are rounded
+    bounces = now.returns & (state.queue.landed > 0.0) & (start - last.rest_time <= longest)
 
-    The second value says whether a motion ends with this sample.
-    """
-    motion, smoothed = state.motion, state.smoothed
-    moves, moved = is_moving(now.mode), is_moving(state.filter.mode)
-    takes_off = moves & not_(moved)
-    half = where(takes_off, 1.0 - motion.half, motion.half)
-    count = where(takes_off, 1.0, where(moves, motion.count + 1.0, motion.count))
-    start = where(takes_off, inputs.time - par.sample_time, motion.start)
-    slot = where(moves & (count <= LENGTH), half * LENGTH + count - 1.0, SPARE)
-    entries = [*now.x, *(now.P[i, j] for i, j in triangle(5)), now.voltage]
-    lands = moved & not_(moves) & (count > 0.0) & (count <= LENGTH)
-    smoothed = Smoothed(
-        smoothed_half=where(lands, half, smoothed.smoothed_half),
-        length=where(lands, count, smoothed.length),
-        left=where(lands, count, smoothed.left),
-        published=where(lands, 0.0, smoothed.published),
-        first=where(lands, start, smoothed.first),
-    )
-    samples = _stored(state.samples, slot, 0, entries)
-    return State(now, Motion(half, count, start), smoothed, state.later, state.last, samples), lands
+    def landed() -> Operation:
+        time, speed = impact(found.mean, limit(contact.mode), contact.time, m)
+        return Operation(start, time, speed, bounces=0.0, rest_time=time)
+
+    def rested() -> Operation:
+        count, time = where(bounces, last.bounces + 1.0, last.bounces), where(bounces, contact.time, last.rest_time)
+        return last._replace(bounces=count, rest_time=time)
+
+    return cond(now.lands, landed, rested)
 
 
-def _smoothed(state: State, inputs: Inputs, lands: Scalar, now: ekf.Estimates, m: Model, par: Parameters) -> State:
-    """One sample of the backward pass, if one is left."""
-    smoothed, x = state.smoothed, state.filter.x
-    is_busy = smoothed.left > 0.0
-    slot = where(is_busy, smoothed.smoothed_half * LENGTH + smoothed.left - 1.0, SPARE)
-
-    def back() -> tuple[Estimate, Operation, Array, tuple[Scalar, Scalar]]:
-        filtered, voltage = _loaded(state.samples, slot)
-        later = cond(lands, lambda: Estimate(x, state.filter.P), lambda: state.later)
-        found = backward(filtered, Held(voltage, 2.0), Gaussian(later.mean, later.cov), m, tuning(par))
-        last = cond(
-            lands,
-            lambda: Operation(state.motion.start, *impact(found.mean, limit(state.filter.mode), inputs.time, m)),
-            lambda: state.last,
-        )
-        shown = physical(found, m)
-        return Estimate(found.mean, found.cov), last, found.mean, (shown.position_std, shown.velocity_std)
-
-    later, last, mean, stds = cond(
-        is_busy, back, lambda: (state.later, state.last, x, (now.position_std, now.velocity_std))
-    )
-    samples = _stored(_stored(state.samples, slot, 0, mean), slot, STD, stds)
-    smoothed = smoothed._replace(left=where(is_busy, smoothed.left - 1.0, smoothed.left))
-    return state._replace(smoothed=smoothed, later=later, last=last, samples=samples)
+def _smoothed(samples: Array, place: Scalar, m: Model, tuned: Tuning) -> Estimate:
+    """Smoothed estimate of a sample, from that of the next one."""
+    at, later = _loaded(samples, place), _loaded(samples, place + 1.0)
+    held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
+    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuned))
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:
@@ -218,22 +205,24 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, slot: Scalar, place: int, entries: Iterable[Scalar]) -> Array:
-    for k, value in enumerate(entries):
-        samples = store(samples, slot * WIDTH, value, place + k)
-    return samples
+def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
+    """The memory with a sample, or with the estimate of one, if it is its turn."""
+
+    def kept() -> Array:
+        kept, start = samples, slot(turn.place) * WIDTH
+        for k, value in enumerate(flat(values)):
+            kept = store(kept, start, value, k)
+        return kept
+
+    return cond(turn.is_due, kept, lambda: samples)
 
 
-def _loaded(samples: Array, slot: Scalar) -> tuple[Gaussian, Scalar]:
-    """Filtered estimate and voltage of a sample."""
-    values = [load(samples, slot * WIDTH, k) for k in range(STD)]
-    estimate = record(Estimate, values)
-    return Gaussian(estimate.mean, estimate.cov), values[-1]
+def _loaded(samples: Array, place: Scalar) -> Sample:
+    start = slot(place) * WIDTH
+    sample: Sample = record(Sample, [load(samples, start, k) for k in range(WIDTH)])
+    return sample
 
 
-def _shown(samples: Array, slot: Scalar, m: Model) -> Shown:
-    """Smoothed values of a sample in SI units."""
-    x = [load(samples, slot * WIDTH, k) for k in range(5)]
-    stds = [load(samples, slot * WIDTH, STD + k) for k in range(2)]
-    at = physical(Gaussian(vector(x), matrix([[0.0] * 5] * 5)), m)
-    return Shown(at.position, at.velocity, at.flux_linkage, at.current_error, at.force_error, *stds)
+def _shown(estimate: ekf.Estimates) -> Shown:
+    """What is shown of an estimate."""
+    return Shown(*(getattr(estimate, name.partition("_")[2]) for name in Shown._fields))

@@ -14,13 +14,16 @@ from gapsense.estimators.mhe_model import Device, Point, advance, current, devic
 from gapsense.estimators.mhe_window import (
     LOGARITHMS,
     RING,
+    START,
     Learnt,
     Samples,
     Work,
     first_work,
+    get,
     place,
+    priors,
+    published,
     put,
-    taken,
     work_on,
 )
 from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
@@ -196,7 +199,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
-    return state, _outputs(at, d, 0.0, shown, work.learnt, is_lost, par)
+    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), is_lost, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -212,16 +215,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     held = _held(state.held, u, i, is_edge | not_(has_current))
     smoothed, R = (state.fluxes, state.positions), _resistance(held, par)
     work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, par)
-    is_new = caught & (work.follows < 1.0)
-    believed = cond(is_new, lambda: put(state.believed, taken(work.device)), lambda: state.believed)
+    is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
+    believed = cond(is_new | is_first, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
     work = work._replace(follows=where(caught, 1.0, work.follows))
-    m = model(par, taken(believed))
+    m = model(par, Device(*get(believed, START)))
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, 0.5 * (before.voltage + u), m), 0.0)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
     state = State(inputs.command, at, believed, held, work, samples, *smoothed)
-    return state, _outputs(now, m.d, innovation, shown, work.learnt, not_(has_voltage & has_current), par)
+    is_lost = not_(has_voltage & has_current)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, get(work.learnt.deviations, START), is_lost, par)
 
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
@@ -298,12 +302,19 @@ def _published(
 
 
 def _outputs(
-    at: Point, d: Device, innovation: Scalar, shown: Shown, learnt: Learnt, is_lost: Scalar, par: Parameters
+    at: Point,
+    d: Device,
+    innovation: Scalar,
+    shown: Shown,
+    learnt: Learnt,
+    known: Array,
+    is_lost: Scalar,
+    par: Parameters,
 ) -> Outputs:
     """The mode is that of the model; deviations of logarithms are relative."""
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
     causes = {INNOVATION: learnt.misfit >= par.health_limit, LOST: is_lost, RESTARTED: learnt.given_up > 0.0}
     sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
-    stds = Certainty(*(size * std for size, std in zip(sizes, learnt.deviations)))
+    stds = Certainty(*(size * std for size, std in zip(sizes, known)))
     motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)
     return Outputs(*motion, health(causes), shown, Operation(*learnt[:6]), Found(*d), stds)

@@ -9,7 +9,7 @@ is bounded: `PACE` samples of a pass, or two pivots of an inverse.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import (
@@ -31,8 +31,8 @@ from gapsense.trace import clip, cond, fabs, load, log, loop, not_, square, stor
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
-RING = 4096  # samples that are kept
-PACE = 4  # of them that a pass takes in a step
+RING = 8192  # samples that are kept
+PACE = 8  # of them that a pass takes in a step
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window
 START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
@@ -48,9 +48,11 @@ AT_START = 0.004  # deviation of the flux linkage at the start of a window, in l
 TRIES = 5.0  # passes with derivatives
 SHORTENED, SHORTENINGS = 0.25, 3.0  # of a step whose trial is worse than what it left; the last one to nothing
 LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
-LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 3.0  # of the cost that noise and model error make: see `_judged`
+LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 6.0  # of the cost that noise and model error make: see `_judged`
 LATE = 400.0  # samples behind the end of a window after which no other pass with derivatives begins
-INFLATION = 400.0  # covariances grow with the misfit, at most by this
+REJECTED, DOUBT = 6.0, 0.25  # misfit from which nothing is learnt, and what is left of the information then
+# where a search begins if nothing explains the currents: field of `Device`, and how many deviations off
+STARTS = tuple((k, by) for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -94,16 +96,17 @@ class Learnt(NamedTuple):
     windows: Scalar  # so far
     misfit: Scalar  # cost over what noise and model error make
     given_up: Scalar  # windows since then that were not solved before the memory was full
-    deviations: Annotated[Array, Vector(11)]
+    deviations: Annotated[Array, Memory(11)]
 
 
 class Work(NamedTuple):
     """The window and the state of the work on it."""
 
     phase: Scalar
-    begins: Scalar  # 1: a pass is to begin; 2: and nothing is known but what the parameters say
+    begins: Scalar  # 1: a pass is to begin; 2: the very first one
+    over: Scalar  # 1: the pass is at the end of the window
     turn: Scalar  # pivots done
-    origin: Annotated[Array, Vector(5)]  # flux linkage, hysteresis, position, velocity, voltage at its start
+    origin: Annotated[Array, Memory(5)]  # flux linkage, hysteresis, position, velocity, voltage at its start
     age: Scalar  # samples since then
     end: Scalar  # its last sample, or 0
     least: Scalar  # shortest length
@@ -111,9 +114,12 @@ class Work(NamedTuple):
     has_grown: Scalar  # 1: it was made longer
     tries: Scalar
     shortenings: Scalar
-    q: Annotated[Array, Vector(12)]  # corrections
-    q_prior: Annotated[Array, Vector(12)]
-    change: Annotated[Array, Vector(12)]  # step that is tried
+    start: Scalar  # of `STARTS` that is tried, from 1 on; 0: none; -1: all were
+    best: Scalar  # of them
+    least_total: Scalar  # its cost
+    q: Annotated[Array, Memory(12)]  # corrections
+    q_prior: Annotated[Array, Memory(12)]
+    change: Annotated[Array, Memory(12)]  # step that is tried
     total: Scalar  # cost at q
     promised: Scalar  # cost at q + change, if all were linear
     device: Annotated[Array, Memory(11)]  # `Device` of the pass
@@ -131,12 +137,12 @@ class Work(NamedTuple):
 
 def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
     """The first window begins."""
-    nothing = vector([0.0] * N)
     return Work(
         phase=DERIVING,
         begins=2.0,
+        over=0.0,
         turn=0.0,
-        origin=_origin(at),
+        origin=zeros(5),
         age=0.0,
         end=0.0,
         least=1.0,
@@ -144,9 +150,12 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
         has_grown=0.0,
         tries=0.0,
         shortenings=0.0,
-        q=nothing,
-        q_prior=nothing,
-        change=nothing,
+        start=0.0,
+        best=0.0,
+        least_total=0.0,
+        q=zeros(N),
+        q_prior=zeros(N),
+        change=zeros(N),
         total=0.0,
         promised=0.0,
         device=zeros(START),
@@ -159,11 +168,11 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
         prior=zeros(len(PAIRS)),
         ready=0.0,
         shown=0.0,
-        learnt=Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, vector(_published(_priors(par), par))),
+        learnt=Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, zeros(START)),
     )
 
 
-def _priors(par: Parameters) -> list[Scalar]:
+def priors(par: Parameters) -> list[Scalar]:
     """Standard deviations of the corrections before the first window; any, of those that are not learnt."""
     usual = [getattr(par, f"prior_{name}") for name in Device._fields[: len(FURTHER) * -1]]
     further = [where(par.option_further > 0.0, s, 1.0) for s in FURTHER]
@@ -175,7 +184,7 @@ def _start(par: Parameters) -> Scalar:
     return AT_START * par.core_saturation
 
 
-def _published(deviations: Sequence[Scalar], par: Parameters) -> list[Scalar]:
+def published(deviations: Sequence[Scalar], par: Parameters) -> list[Scalar]:
     """As outputs: what is not learnt has none."""
     return [s if k in USUAL else where(par.option_further > 0.0, s, 0.0) for k, s in enumerate(deviations)]
 
@@ -204,35 +213,30 @@ def work_on(
     """
     work = work._replace(age=work.age + 1.0)
     work = cond(work.age > RING - 2.0 * PACE, lambda: _given_up(work, causal), lambda: work)
-    work = cond(work.begins > 1.0, lambda: _informed(work, par), lambda: work)
-    work = cond(work.begins > 0.0, lambda: _begun(work, par), lambda: work)
-    is_deriving, is_trying = work.phase == DERIVING, work.phase == TRYING
-    is_over = is_trying & (work.walk.done >= work.end)  # a trial that is not worth its pass
-    is_walking = (is_deriving | is_trying) & (work.walk.done < work.age) & not_(is_over)
+    work = cond(work.begins > 1.0, lambda: _informed(work, causal, par), lambda: work)
+    is_deriving = work.phase == DERIVING
 
-    def walked() -> tuple[Work, tuple[Array, Array], Scalar]:
-        m = model(par, taken(work.device))
-        walk, trail, ends = _walked(work, samples, m, par)
-        passed = walk.done - work.walk.done
-        new = work._replace(walk=walk)
-        new = cond(is_deriving & _is_full(walk), lambda: _summed(new, m, par), lambda: new)
-        kept = cond(
-            is_trying, lambda: _remembered(smoothed, trail, passed, work.age - walk.done, samples), lambda: smoothed
+    def passed() -> tuple[Work, tuple[Array, Array]]:
+        return cond(
+            work.begins > 0.0,
+            lambda: (_begun(work, par), smoothed),
+            lambda: cond(
+                work.walk.done < work.age, lambda: _walked(work, samples, smoothed, par), lambda: (work, smoothed)
+            ),
         )
-        return new, kept, ends
 
-    work, smoothed, is_over = cond(is_walking, walked, lambda: (work, smoothed, is_over))
-    caught = is_deriving & (work.walk.done >= work.age)
-    work = cond(
-        is_deriving,
-        lambda: cond(is_over, lambda: _derived(work, held, par), lambda: work),
-        lambda: cond(
-            is_trying,
-            lambda: cond(is_over, lambda: _judged(work, samples, time, par), lambda: work),
-            lambda: _turned(work, par),
-        ),
+    def concluded() -> Work:
+        ended = work._replace(over=0.0)
+        tried = lambda: cond(  # noqa: E731
+            ended.start > 0.0, lambda: _sought(ended, par), lambda: _judged(ended, samples, time, par)
+        )
+        return cond(is_deriving, lambda: _derived(ended, held, par), tried)
+
+    is_passing = (is_deriving | (work.phase == TRYING)) & (work.over < 1.0)
+    work, smoothed = cond(
+        is_passing, passed, lambda: (cond(work.over > 0.0, concluded, lambda: _turned(work, par)), smoothed)
     )
-    return work, smoothed, caught
+    return work, smoothed, (work.phase == DERIVING) & (work.begins < 1.0) & (work.walk.done >= work.age)
 
 
 def _remembered(
@@ -252,14 +256,14 @@ def place(newest: Scalar, age: Scalar) -> Scalar:
     return where(at < 0.0, at + RING, at)
 
 
-def taken(memory: Array) -> Device:
-    """A device in memory."""
-    return Device(*(load(memory, k) for k in range(START)))
+def get(memory: Array, size: int) -> Array:
+    """A vector in memory."""
+    return vector([load(memory, k) for k in range(size)])
 
 
-def put(memory: Array, d: Device) -> Array:
-    """The memory with a device."""
-    for k, value in enumerate(d):
+def put(memory: Array, values: Iterable[Scalar]) -> Array:
+    """The memory with a vector."""
+    for k, value in enumerate(values):
         memory = store(memory, k, value)
     return memory
 
@@ -268,39 +272,38 @@ def put(memory: Array, d: Device) -> Array:
 
 
 def _given_up(work: Work, causal: Point) -> Work:
-    """The memory is full before the window is solved: the next one begins where the causal estimate is.
-
-    After a second one in a row what was learnt is forgotten.
-    """
+    """The memory is full before the window is solved: the next one begins where the causal estimate is."""
     learnt = work.learnt._replace(given_up=work.learnt.given_up + 1.0)
-    is_lost = learnt.given_up > 1.0
-    known = vector([*(where(is_lost, 0.0, q) for q in work.q_prior[:START]), 0.0])
-    opened = _opened(work._replace(origin=_origin(causal), age=1.0, q=known, ready=0.0, learnt=learnt))
-    return opened._replace(begins=where(is_lost, 2.0, 1.0))
+    known = put(work.q, [*get(work.q_prior, START), 0.0])
+    return _opened(work._replace(origin=put(work.origin, _origin(causal)), age=1.0, q=known, ready=0.0, learnt=learnt))
 
 
 def _opened(work: Work) -> Work:
     """A window begins at its origin."""
-    return _deriving(work._replace(q_prior=work.q, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, tries=0.0))
+    known = put(work.q_prior, get(work.q, N))
+    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, tries=0.0, start=0.0)
+    return _deriving(new)
 
 
 def _deriving(work: Work) -> Work:
     """A pass with derivatives is next."""
-    return work._replace(phase=DERIVING, begins=1.0)
+    return work._replace(phase=DERIVING, begins=1.0, over=0.0)
 
 
-def _informed(work: Work, par: Parameters) -> Work:
+def _informed(work: Work, causal: Point, par: Parameters) -> Work:
     """What is known before the first window."""
-    deviations = [*_priors(par), _start(par)]
-    return work._replace(prior=_put(work.prior, diagonal([1.0 / square(s) for s in deviations])))
+    deviations = priors(par)
+    prior = diagonal([1.0 / square(s) for s in (*deviations, _start(par))])
+    known = work.learnt._replace(deviations=put(work.learnt.deviations, published(deviations, par)))
+    return work._replace(origin=put(work.origin, _origin(causal)), prior=_put(work.prior, prior), learnt=known)
 
 
 def _begun(work: Work, par: Parameters) -> Work:
     """A pass begins."""
     is_trying = work.phase == TRYING
-    q = vector([a + where(is_trying, b, 0.0) for a, b in zip(work.q, work.change)])
+    q = vector([a + where(is_trying, b, 0.0) for a, b in zip(get(work.q, N), get(work.change, N))])
     d = corrected(device(par), q[:START])
-    lam, h, z, v, u = work.origin
+    lam, h, z, v, u = get(work.origin, 5)
     at = point(lam + q[START], h, z, v, u, model(par, d))
     work = work._replace(begins=0.0, device=put(work.device, d), follows=0.0, walk=_started(at, par), summed=0.0)
     return cond(is_trying, lambda: work, lambda: _cleared(work))
@@ -308,18 +311,33 @@ def _begun(work: Work, par: Parameters) -> Work:
 
 def _cleared(work: Work) -> Work:
     """No sums; the derivatives at the start of the window."""
-    tangents, normal, gradient = work.tangents, work.normal, work.gradient
-    for k in range(4 * N):
-        tangents = store(tangents, k, 1.0 if k == 4 * START else 0.0)
-    for k in range(len(PAIRS)):
-        normal = store(normal, k, 0.0)
-    for k in range(N):
-        gradient = store(gradient, k, 0.0)
-    return work._replace(tangents=tangents, normal=normal, gradient=gradient)
+    return work._replace(
+        tangents=put(work.tangents, [1.0 if k == 4 * START else 0.0 for k in range(4 * N)]),
+        normal=put(work.normal, [0.0] * len(PAIRS)),
+        gradient=put(work.gradient, [0.0] * N),
+    )
 
 
-def _walked(work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, list[Kept], Scalar]:
-    """Some samples more, the last of them, the newest first, and whether the pass is at the end of the window.
+def _walked(
+    work: Work, samples: Samples, smoothed: tuple[Array, Array], par: Parameters
+) -> tuple[Work, tuple[Array, Array]]:
+    """Some samples more of a pass: derivatives where they are due, or the memory of smoothed samples."""
+    m = model(par, Device(*get(work.device, START)))
+    walk, trail, is_over = _some(work, samples, m, par)
+    new, count, age = (
+        work._replace(walk=walk, over=where(is_over, 1.0, 0.0)),
+        walk.done - work.walk.done,
+        work.age - walk.done,
+    )
+    return cond(
+        work.phase == DERIVING,
+        lambda: (cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new), smoothed),
+        lambda: (new, _remembered(smoothed, trail, count, age, samples)),
+    )
+
+
+def _some(work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, list[Kept], Scalar]:
+    """Samples of a pass, the last of them, the newest first, and whether the pass is at the end of the window.
 
     The first pass finds the end.
     """
@@ -448,9 +466,8 @@ def _derived(work: Work, held: Scalar, par: Parameters) -> Work:
     work = work._replace(end=work.walk.done)
 
     def jumped() -> Work:
-        q = work.q.copy()
-        q[0] = clip(q[0] + off, -FARTHEST, FARTHEST)
-        return _deriving(work._replace(q=q, has_jumped=1.0))
+        q = clip(load(work.q, 0) + off, -FARTHEST, FARTHEST)
+        return _deriving(work._replace(q=store(work.q, 0, q), has_jumped=1.0))
 
     again = (fabs(off) > JUMP) & (work.has_jumped < 1.0) & (work.tries < 1.0)
     return cond(again, jumped, lambda: _solving(work))
@@ -458,27 +475,29 @@ def _derived(work: Work, held: Scalar, par: Parameters) -> Work:
 
 def _solving(work: Work) -> Work:
     """The arrival cost joins the normal equations."""
-    Pi, d, gradient = _taken(work.prior), work.q - work.q_prior, work.gradient
+    Pi, d, gradient = _taken(work.prior), get(work.q, N) - get(work.q_prior, N), work.gradient
     pull = Pi @ d
-    for k in range(N):
-        gradient = store(gradient, k, load(gradient, k) - pull[k])
+    gradient = put(gradient, get(gradient, N) - pull)
     normal, total = _put(work.normal, _taken(work.normal) + Pi), work.walk.cost + d @ pull
     return work._replace(phase=SOLVING, turn=0.0, normal=normal, gradient=gradient, total=total)
 
 
 def _solved(work: Work, inverse: Array, par: Parameters) -> Work:
     """The step of Gauss-Newton, no logarithm farther than `LARGEST`; one that promises little is not worth its pass."""
-    gradient, farthest = vector([load(work.gradient, k) for k in range(N)]), 0.0
+    gradient, farthest = get(work.gradient, N), 0.0
     full = -(inverse @ gradient)
     for x in full[:LOGARITHMS]:
         farthest = where(fabs(x) > farthest, fabs(x), farthest)
     share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
     promised = work.total - share * (2.0 - share) * (full @ gradient)
+    steps = enumerate(zip(get(work.q, N), full))
     is_little = (work.tries >= 1.0) & (work.total - promised < LITTLE * _usual(work.walk, par))
+    change = [_bounded(q, where(is_little, 0.0, share) * x, k) for k, (q, x) in steps]
     return work._replace(
         phase=TRYING,
         begins=where(is_little, 0.0, 1.0),
-        change=vector([_bounded(q, where(is_little, 0.0, share) * x, k) for k, (q, x) in enumerate(zip(work.q, full))]),
+        over=where(is_little, 1.0, 0.0),
+        change=put(work.change, change),
         promised=promised,
         shortenings=where(is_little, SHORTENINGS, 0.0),
         tries=work.tries + 1.0,
@@ -503,12 +522,12 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     exactly so; but if the motion turned out to end later, or the cost is bad, the window is made longer once.
     """
     walk, unit = work.walk, _usual(work.walk, par)
-    q = work.q + work.change
-    d = q - work.q_prior
+    q = get(work.q, N) + get(work.change, N)
+    d = q - get(work.q_prior, N)
     total = walk.cost + d @ (_taken(work.prior) @ d)
     missing, is_last = total - work.promised, work.shortenings >= SHORTENINGS
     is_good = fabs(missing) < where(walk.cost < POOR * unit, GAIN, LITTLE) * unit
-    is_late = (work.age - work.end > LATE) & (walk.cost < BAD * unit)
+    is_late = (work.age - work.end > LATE) & (walk.cost < REJECTED * unit)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
@@ -517,51 +536,102 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
 
     def longer() -> Work:
         grown = work._replace(end=0.0, least=work.end + where(is_bad, tail, 1.0), tries=0.0, has_grown=1.0)
-        return _deriving(cond(grows, lambda: grown, lambda: work)._replace(q=q))
+        return _deriving(cond(grows, lambda: grown, lambda: work)._replace(q=put(work.q, q)))
 
-    is_better = (total < work.total) | is_last
+    is_better, is_lost = (total < work.total) | is_last, walk.cost > REJECTED * unit
+    seeks = is_final & not_(grows) & is_lost & (work.start == 0.0) & (work.age < 0.5 * RING)
     return cond(
         is_better,
         lambda: cond(
-            is_final & not_(grows), lambda: _finished(work._replace(q=q), walk.cost / unit, samples, time, par), longer
+            seeks,
+            lambda: _seeking(work._replace(start=1.0, best=0.0, least_total=total), par),
+            lambda: cond(
+                is_final & not_(grows),
+                lambda: _finished(work._replace(q=put(work.q, q)), walk.cost / unit, samples, time, par),
+                longer,
+            ),
         ),
         lambda: _shortened(work),
     )
 
 
+def _offset(start: Scalar, par: Parameters) -> list[Scalar]:
+    """Corrections of one of the `STARTS`."""
+    deviations, offset = priors(par), [0.0] * N
+    for n, (k, by) in enumerate(STARTS):
+        offset[k] = where(start == n + 1.0, by * deviations[k], offset[k])
+    return offset
+
+
+def _seeking(work: Work, par: Parameters) -> Work:
+    """A trial of one of the `STARTS`, from what was known before."""
+    q = put(work.q, [*get(work.q_prior, START), 0.0])
+    return work._replace(q=q, change=put(work.change, _offset(work.start, par)), begins=1.0)
+
+
+def _sought(work: Work, par: Parameters) -> Work:
+    """The next of the `STARTS`; after the last one Gauss-Newton from the best."""
+    d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
+    total = work.walk.cost + d @ (_taken(work.prior) @ d)
+    is_best = total < work.least_total
+    best, least = where(is_best, work.start, work.best), where(is_best, total, work.least_total)
+    more = work._replace(best=best, least_total=least, start=work.start + 1.0)
+
+    def chosen() -> Work:
+        q = get(work.q, N) + vector(_offset(best, par))
+        return _deriving(work._replace(q=put(work.q, q), start=-1.0, tries=0.0, shortenings=0.0))
+
+    return cond(work.start < len(STARTS), lambda: _seeking(more, par), chosen)
+
+
 def _shortened(work: Work) -> Work:
     """A trial of a shorter step."""
     n = work.shortenings + 1.0
-    change = where(n >= SHORTENINGS, 0.0, SHORTENED) * work.change
-    return work._replace(shortenings=n, change=change, begins=1.0)
+    change = where(n >= SHORTENINGS, 0.0, SHORTENED) * get(work.change, N)
+    return work._replace(shortenings=n, change=put(work.change, change), begins=1.0)
 
 
 def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
     """The smoothed estimate is ready; the posterior, wider by misfit and drift, is to become the next prior."""
     walk, T_s = work.walk, par.sample_time
-    P = clip(misfit, 1.0, INFLATION) * -_taken(work.normal)
+    P = where(misfit > 1.0, misfit, 1.0) * -_taken(work.normal)
     since, has_landed, old = time - work.age * T_s, walk.landings > 0.0, work.learnt
     operation = (since + walk.takeoff * T_s, since + walk.landing * T_s, walk.speed, walk.landings - 1.0)
-    deviations = _published([deviation(P[k, k]) for k in range(START)], par)
+    deviations = published([deviation(P[k, k]) for k in range(START)], par)
     takeoff, landing, speed, bounces = (where(has_landed, new, last) for new, last in zip(operation, old))
     learnt = Learnt(
-        takeoff, landing, speed, bounces, old.windows + 1.0, misfit, given_up=0.0, deviations=vector(deviations)
+        takeoff,
+        landing,
+        speed,
+        bounces,
+        old.windows + 1.0,
+        misfit,
+        given_up=0.0,
+        deviations=put(old.deviations, deviations),
     )
     for k, drift in enumerate(DRIFT):
         P[k, k] = P[k, k] + square(drift)
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(_start(par))
-    return work._replace(
-        phase=RENEWING,
-        turn=0.0,
-        normal=_put(work.normal, P),
-        q=vector([*work.q[:START], 0.0]),
-        origin=_origin(Point(*walk.at)),
+    finished = work._replace(
+        origin=put(work.origin, _origin(Point(*walk.at))),
         age=work.age - work.end,
         shown=where(work.ready > 0.0, work.shown, place(samples.newest, work.age)),
         ready=work.ready + work.end,
         learnt=learnt,
     )
+    return cond(
+        misfit < REJECTED,
+        lambda: finished._replace(phase=RENEWING, turn=0.0, normal=_put(work.normal, P), q=store(work.q, START, 0.0)),
+        lambda: _rejected(finished),
+    )
+
+
+def _rejected(work: Work) -> Work:
+    """The currents were not explained: the parameters stay what they were, a little less certain."""
+    q, Pi = put(work.q, [*get(work.q_prior, START), 0.0]), _taken(work.prior)
+    Pi[:START, :START] = DOUBT * Pi[:START, :START]
+    return _opened(work._replace(q=q, prior=_put(work.prior, Pi)))
 
 
 def _renewed(work: Work, inverse: Array) -> Work:

@@ -5,6 +5,7 @@ Every estimator has the outputs `health`, 1 or 0, and `health_causes`, the sum o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -50,3 +51,8 @@ def is_mode(value: Scalar) -> Scalar:
 def most_current(range_current: Scalar, range_voltage: Scalar, resistance: Scalar) -> Scalar:
     """Limit of a current reading [A]: the parameter, or, where that is 0, twice what the voltage's limit can drive."""
     return where(range_current > 0.0, range_current, TWICE * range_voltage / resistance)
+
+
+def believed(resistance: Scalar, parameter: Scalar) -> Scalar:
+    """The resistance at an input [ohm]; the parameter, if it says none: not wired, lost, or not positive and finite."""
+    return where((resistance > 0.0) & (resistance < math.inf), resistance, parameter)

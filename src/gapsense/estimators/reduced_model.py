@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
 from gapsense.interpolate import spline
 from gapsense.linalg import vector
 from gapsense.records import Array, Choice, Scalar, Table
@@ -20,7 +21,6 @@ from gapsense.trace import clip, cond, exp, fabs, is_traced, log, square, where
 if TYPE_CHECKING:
     from gapsense.estimators.ekf import Parameters
 
-SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
 FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable beyond
 POSITION, POSITION_PREV, FLUX_LINKAGE, CURRENT_ERROR, FORCE_ERROR = range(5)
@@ -57,6 +57,10 @@ class Model(NamedTuple):
     gap_tilt: Scalar
     has_force_error: Scalar
     memory: Scalar  # what is left of e_i after a sample at rest; 1 in the paper
+    bend: Scalar = 0.0  # of `core_losses`, as the following
+    eddy: Scalar = 0.0
+    amplitude: Scalar = 0.0
+    length: Scalar = 1.0
 
 
 class Held(NamedTuple):
@@ -64,6 +68,10 @@ class Held(NamedTuple):
 
     voltage: Scalar
     mode: Scalar
+    hysteresis: Scalar = 0.0  # h of `core_losses` [A]
+
+
+UNDRIVEN = Held(0.0, 3.0)
 
 
 def normalised(par: Parameters) -> Model:
@@ -93,6 +101,10 @@ def normalised(par: Parameters) -> Model:
         gap_tilt=par.gap_tilt * scale,
         has_force_error=par.option_force_error,
         memory=_memory(par.sample_time, par.process_current_error_memory),
+        bend=par.core_bend / square(par.coil_turns),
+        eddy=par.core_eddy,
+        amplitude=par.core_hysteresis,
+        length=par.core_turnover,
     )
 
 
@@ -137,18 +149,21 @@ def _fringing(g: Scalar, m: Model) -> tuple[Scalar, Scalar]:
 
 
 def core_law(lam: Scalar, m: Model) -> Scalar:
-    """R_c*(lambda) of Froehlich and Kennelly (15), continued linearly above `SATURATED`."""
+    """R_c*(lambda) of Froehlich and Kennelly (15), continued linearly above `SATURATED`; or with a sharper bend."""
     x = fabs(lam) / m.lam_sat
 
     def beyond() -> Scalar:
         return m.R_c0 / (1.0 - SATURATED) + m.R_c0 / square(1.0 - SATURATED) * (x - SATURATED)
 
-    return cond(x < SATURATED, lambda: m.R_c0 / (1.0 - x), beyond)
+    def froehlich() -> Scalar:
+        return cond(x < SATURATED, lambda: m.R_c0 / (1.0 - x), beyond)
+
+    return cond(m.bend > 0.0, lambda: bent(x, m.R_c0, m.bend)[0], froehlich)
 
 
-def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model) -> Scalar:
-    """f_i* (14) [A], for the reluctance of the gap."""
-    return (R_g + core_law(lam, m)) * lam + e_i
+def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model, u: Held = UNDRIVEN) -> Scalar:
+    """f_i* (14) [A], for the reluctance of the gap; with the losses of the core, if it has any."""
+    return lossy((R_g + core_law(lam, m)) * lam, lam, u, m) + e_i
 
 
 def acceleration(z: Scalar, v: Scalar, force: Scalar, m: Model) -> Scalar:
@@ -182,7 +197,7 @@ def move(x: Array, u: Held, m: Model) -> Array:
     R_g, slope = gap_law(z, m)
     force = magnetic_force(slope, lam) + e_F
     z_next = 2.0 * z - z_prev + square(m.T_s) * acceleration(z, (z - z_prev) / m.T_s, force, m)
-    return _next(x, z_next, R_g, u.voltage, e_i, m)
+    return _next(x, z_next, R_g, u, e_i, m)
 
 
 def stay(x: Array, u: Held, m: Model) -> Array:
@@ -192,20 +207,25 @@ def stay(x: Array, u: Held, m: Model) -> Array:
     z_stop = limit(u.mode)
     force = magnetic_force(slope if z is z_stop else gap_law(z_stop, m)[1], lam) + e_F
     rise = where(m.has_force_error > 0.0, square(m.T_s) * acceleration(z_stop, 0.0, force, m), 0.0)
-    return _next(x, z_stop + rise, R_g, u.voltage, m.memory * e_i, m)
+    return _next(x, z_stop + rise, R_g, u, m.memory * e_i, m)
 
 
-def _next(x: Array, z_next: Scalar, R_g: Scalar, voltage: Scalar, e_i_next: Scalar, m: Model) -> Array:
+def _next(x: Array, z_next: Scalar, R_g: Scalar, u: Held, e_i_next: Scalar, m: Model) -> Array:
     z, _, lam, e_i, e_F = x
-    lam_next = lam + m.T_s * (voltage - m.R * current(R_g, lam, e_i, m))
+    lam_next = lam + m.T_s * (u.voltage - m.R * current(R_g, lam, e_i, m, u))
     most = FLUX_LIMIT * m.lam_sat
     lam_next = cond(fabs(lam_next) < most, lambda: lam_next, lambda: clip(lam_next, -most, most))
     return vector([z_next, z, lam_next, e_i_next, e_F])
 
 
-def observation(x: Array, m: Model) -> Array:
+def observation(x: Array, m: Model, u: Held = UNDRIVEN) -> Array:
     """The current of h(x) (28); the position of a stop is a row of its own."""
-    return vector([current(gap_law(x[POSITION], m)[0], x[FLUX_LINKAGE], x[CURRENT_ERROR], m)])
+    return vector([current(gap_law(x[POSITION], m)[0], x[FLUX_LINKAGE], x[CURRENT_ERROR], m, u)])
+
+
+def after(u: Held, lam: Scalar, lam_next: Scalar, m: Model) -> Held:
+    """The same voltage and mode, with the core's hysteresis at the end of the interval."""
+    return u._replace(hysteresis=advanced(u.hysteresis, lam, lam_next - lam, m))
 
 
 def rest(mode: Scalar, lam: Scalar, m: Model) -> Array:

@@ -50,6 +50,8 @@ class Operation(NamedTuple):
     takeoff_time: float  # of the last sample at rest [s]
     landing_time: float  # between two samples [s]
     impact_speed: float  # [m/s]
+    bounces: int
+    rest_time: float  # of the last contact [s]
 
 
 class Posterior(NamedTuple):
@@ -60,7 +62,9 @@ class Posterior(NamedTuple):
     operations: list[Operation]
 
 
-def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: Parameters) -> Posterior:
+def smooth_record(
+    voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: Parameters, debounce: float = 0.0
+) -> Posterior:
     """Filter the record, and smooth every motion of it that lands.
 
     Parameters
@@ -69,37 +73,55 @@ def smooth_record(voltage: ArrayLike, current: ArrayLike, mode: ArrayLike, par: 
         Samples at 0, T_s, 2 T_s, ... [V, A, 1]; the first one at rest on a stop. Lost ones are not a number.
     par : Parameters
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
+    debounce : float
+        A mover that is back on its stop within this time has bounced [s]; 0 as in the paper.
 
     Returns
     -------
     Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, v, q = _filter(list(zip(*inputs)), par)
-    smoothed, operations = list(filtered), []
-    for first, landed in motions(q):
-        for k in range(landed - 1, first - 1, -1):
-            smoothed[k] = _backward()(filtered[k], (v[k], q[k]), smoothed[k + 1], par)
-        x, m = list(smoothed[landed - 1][:5]), normalised(par)
-        time, speed = impact(vector(x), limit(q[landed]), landed * par.sample_time, m)
-        operations.append(Operation(first, landed, (first - 1) * par.sample_time, time, speed))
+    filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
+    smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
+    operations: list[Operation] = []
+    for first, end, is_motion in _moving(q, debounce / T_s):
+        if is_motion:
+            for k in range(end - 1, first - 1, -1):
+                smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
+            operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
+        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce + 0.5 * T_s:
+            operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
 
 
-def motions(mode: ArrayLike) -> list[tuple[int, int]]:
-    """First sample and landing sample of every motion that starts and ends at rest."""
+def _operation(first: int, landed: int, last: tuple[float, ...], stop: float, par: Parameters) -> Operation:
+    """A motion that lands on a stop, by the last smoothed estimate in it."""
+    time, speed = impact(vector(last[:5]), stop, landed * par.sample_time, normalised(par))
+    return Operation(first, landed, (first - 1) * par.sample_time, time, speed, 0, time)
+
+
+def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:
+    """First sample and landing sample of every motion that starts and ends at rest.
+
+    One of at most `debounce` samples that ends on the stop where it began is none.
+    """
+    return [(first, end) for first, end, is_motion in _moving(mode, debounce) if is_motion]
+
+
+def _moving(mode: ArrayLike, debounce: float) -> list[tuple[int, int, bool]]:
+    """First sample of every time in motion, the sample at rest that ends it, and whether it was a motion."""
     q = np.asarray(mode, float)
     moving = (q > 1.5) & (q < 2.5)
     change = np.flatnonzero(moving[1:] != moving[:-1]) + 1
     starts, ends = change[moving[change]], change[~moving[change]]
     ends = ends[ends > starts[0]] if len(starts) else ends[:0]
-    return [(int(a), int(b)) for a, b in zip(starts, ends)]
+    return [
+        (int(a), int(b), bool(b - a - 0.5 > debounce or limit(q[a - 1]) != limit(q[b]))) for a, b in zip(starts, ends)
+    ]
 
 
-def _filter(
-    inputs: list[tuple[float, float, float]], par: Parameters
-) -> tuple[list[tuple[float, ...]], list[float], list[float]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples; voltages and modes, held where they are lost."""
+def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:
+    """Flat filtered estimates (x, upper triangle of P) of all samples, and what acts until the next."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
@@ -107,8 +129,9 @@ def _filter(
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
         states.append(state)
-    width = len(names(Estimate))  # of what the state begins with; voltage and mode follow
-    return [s[:width] for s in states], [s[width] for s in states], [s[width + 1] for s in states]
+    width = len(names(Estimate))  # of what the state begins with
+    places = [names(ekf.State).index(name) for name in Held._fields]
+    return [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
 
 
 @cache

@@ -24,6 +24,7 @@ from gapsense.estimators.valve_model import (
     POSITION_PREV,
     Held,
     Model,
+    after,
     bounded,
     model,
     model_current,
@@ -79,6 +80,10 @@ class Parameters(NamedTuple):
     gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
     core_reluctance: Scalar  # k_1 [1/H]
     core_saturation: Scalar  # lambda_sat = N / k_2 [Wb]
+    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
+    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
+    core_hysteresis: Scalar  # I_h; 0: none [A]
+    core_turnover: Scalar  # l_h [Wb]
     mover_mass: Scalar  # m [kg]
     spring_stiffness: Scalar  # k_sp [N/m]
     spring_rest: Scalar  # z_sp [m]
@@ -115,6 +120,8 @@ class State(NamedTuple):
     x: Annotated[Array, Vector(4)]  # corrected estimate (33)
     P: Annotated[Array, Covariance(4)]  # its covariance
     voltage: Scalar  # last voltage that could be read [V]
+    resistance: Scalar  # believed until the next sample [ohm]
+    hysteresis: Scalar  # h of `core_losses` [A]
     surprise: Scalar  # mean of the squared normalised innovation [1]
 
 
@@ -123,6 +130,7 @@ class Inputs(NamedTuple):
 
     voltage: Scalar  # [V]
     current: Scalar  # [A]
+    resistance: Scalar = 0.0  # known from elsewhere; the parameter if it is not positive and finite [ohm]
 
 
 class Outputs(NamedTuple):
@@ -166,7 +174,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest, the position and the flux linkage as the prior says."""
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
-    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=1.0)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, surprise=1.0)
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
@@ -174,8 +183,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: prediction, correction, and whatever went wrong put right."""
     (voltage, has_current), is_whole = _read(inputs, state.voltage, par)
     mean = state.voltage + 0.5 * par.option_voltage * (voltage - state.voltage)
-    m = _model(par)
-    joint = _predicted(Gaussian(state.x, state.P), mean, m, par)
+    m = _model(par, state.resistance)
+    joint, hysteresis = _predicted(Gaussian(state.x, state.P), Held(mean, 0.0, state.hysteresis), m, par)
     innovation = where(has_current, inputs.current - joint.mean[-1], 0.0)
     S = deviation(joint.cov[-1, -1] + square(par.noise_current))
     most = _tuning(par).limit * S
@@ -195,7 +204,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
             readings.RESTARTED: not_(is_sound),
         }
     )
-    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, surprise=surprised)
+    hysteresis = where(is_sound, hysteresis, 0.0)
+    R = readings.believed(inputs.resistance, par.coil_resistance)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, surprised)
     return state, _outputs(estimate, innovation, S, health, par)
 
 
@@ -207,22 +218,22 @@ def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scala
     return (where(has_voltage, inputs.voltage, voltage), has_current), has_voltage & has_current
 
 
-def _model(par: Parameters) -> Model:
+def _model(par: Parameters, resistance: Scalar) -> Model:
     is_unbounded = par.option_filter == Filter.unbounded_ukf
     low, high = where(is_unbounded, -EVERYWHERE, par.stop_lower), where(is_unbounded, EVERYWHERE, par.stop_upper)
-    return model(par, _tuning(par).memory, low, high)
+    return model(par, resistance, _tuning(par).memory, low, high)
 
 
-def _predicted(before: Gaussian, voltage: Scalar, m: Model, par: Parameters) -> Gaussian:
-    """State and current together, before the current is measured: mean (5,) and covariance (5, 5)."""
+def _predicted(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
+    """State and current together, before the current is measured: mean (5,) and covariance (5, 5); and hysteresis."""
     noise = _process_noise(par)
     return cond(
         (par.option_filter == Filter.bounded_ekf) | (par.option_filter == Filter.open_loop),
-        lambda: _linearised(before, voltage, m, noise, par),
+        lambda: _linearised(before, held, m, noise, par),
         lambda: cond(
             par.option_noise == Noise.augmented,
-            lambda: _augmented(before, voltage, m, noise, par),
-            lambda: _additive(before, voltage, m, noise, par),
+            lambda: _augmented(before, held, m, noise, par),
+            lambda: _additive(before, held, m, noise, par),
         ),
     )
 
@@ -236,14 +247,15 @@ def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Pa
     )
 
 
-def _additive(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+def _additive(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
     """Algorithm 2, then the process noise added, and Algorithm 3 on points drawn again."""
 
     def moved(x: Array) -> Array:
         x = bounded(x, m)
-        return transition(x, Held(voltage, 0.0), segment(x[POSITION], par), m)
+        return transition(x, held, segment(x[POSITION], par), m)
 
     x, pairs = moved(before.mean), []
+    then = after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
     for k, c in enumerate(columns(before.cov, par.sigma_spread, ORDER)):
         up = moved(before.mean + c)
         odd, even = pair(x, up, moved(before.mean - c))
@@ -252,15 +264,15 @@ def _additive(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Pa
             odd[FLUX_LINKAGE], even[FLUX_LINKAGE] = up[FLUX_LINKAGE] - x[FLUX_LINKAGE], 0.0
         pairs.append(Pair(odd, even))
     x, P = moments(x, pairs, par.sigma_spread)
-    return _observed(Gaussian(x, P + diagonal(noise)), m, par)
+    return _observed(Gaussian(x, P + diagonal(noise)), then, m, par), then.hysteresis
 
 
-def _observed(prior: Gaussian, m: Model, par: Parameters) -> Gaussian:
+def _observed(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussian:
     """State and current together, from points in which the position is clipped once more: w_z stays in the bounds."""
 
     def seen(x: Array) -> Array:
         z = clip(x[POSITION], m.low, m.high)
-        return vector([z, model_current(z, x[FLUX_LINKAGE], segment(z, par), m)])
+        return vector([z, model_current(z, x[FLUX_LINKAGE], held, segment(z, par), m)])
 
     centre, pairs = seen(prior.mean), []
     for c in columns(prior.cov, par.sigma_spread, ORDER):
@@ -276,32 +288,37 @@ def _observed(prior: Gaussian, m: Model, par: Parameters) -> Gaussian:
     return joint
 
 
-def _augmented(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+def _augmented(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
     """Algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
+    x = bounded(before.mean, m)
+    lam_next = transition(x, held, segment(x[POSITION], par), m)[FLUX_LINKAGE]
+    then = after(held, x[FLUX_LINKAGE], lam_next, m)
     n = len(before.mean)
     cov = diagonal([0.0] * n + [noise[k] for k in range(n) if k != POSITION_PREV])
     cov[:n, :n] = before.cov
 
     def moved(x: Array) -> Array:
         state, (w_phi, w_z, w_i) = bounded(x[:n], m), x[n:]
-        state = transition(state, Held(voltage, w_z), segment(state[POSITION], par), m)
+        state = transition(state, held._replace(push=w_z), segment(state[POSITION], par), m)
         state = state + vector([w_phi, 0.0, 0.0, w_i])
-        return vector([*state, *observation(state, segment(state[POSITION], par), m)])
+        return vector([*state, *observation(state, then, segment(state[POSITION], par), m)])
 
     mean, spread = vector([*before.mean, 0.0, 0.0, 0.0]), par.sigma_spread
     centre = moved(mean)
     drawn = columns(cov, spread, (*ORDER, n, n + 1, n + 2))
-    return moments(centre, [pair(centre, moved(mean + c), moved(mean - c)) for c in drawn], spread)
+    joint = moments(centre, [pair(centre, moved(mean + c), moved(mean - c)) for c in drawn], spread)
+    return joint, then.hysteresis
 
 
-def _linearised(before: Gaussian, voltage: Scalar, m: Model, noise: Array, par: Parameters) -> Gaussian:
+def _linearised(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
     """As the extended filter has it; while the position is clipped its derivatives are zero."""
-    x, F = linearise(transition, before.mean, Held(voltage, 0.0), segment(before.mean[POSITION], par), m)
+    x, F = linearise(transition, before.mean, held, segment(before.mean[POSITION], par), m)
+    then = after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
     P = predict(before.cov, F, diagonal(noise))
-    h, H = linearise(observation, x, segment(x[POSITION], par), m)
+    h, H = linearise(observation, x, then, segment(x[POSITION], par), m)
     c = P @ H[0]
     rows = [[*row, y] for row, y in zip(P, c)]
-    return Gaussian(vector([*x, *h]), matrix([*rows, [*c, H[0] @ c]]))
+    return Gaussian(vector([*x, *h]), matrix([*rows, [*c, H[0] @ c]])), then.hysteresis
 
 
 def _tuning(par: Parameters) -> Tuning:

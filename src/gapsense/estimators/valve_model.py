@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy, share
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, fabs, load, locate, square, where
+from gapsense.trace import clip, cond, fabs, load, locate, square, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.ukf import Parameters
 
-SATURATED = 0.95  # |lambda| / lambda_sat from which the core reluctance goes on linearly: wrong parameters may pass 1
 FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
 
 
@@ -26,8 +26,7 @@ class Model(NamedTuple):
     core: Scalar  # k_1 [1/H]
     lam_sat: Scalar  # N / k_2 [Wb]
     T_s: Scalar
-    drop: Scalar  # T_s R
-    half_drop: Scalar
+    R: Scalar
     keep: Scalar  # of (28) and (30): factor of z_(k-1)
     lose: Scalar  # factor of z_(k-2)
     spring: Scalar  # constant part
@@ -35,6 +34,10 @@ class Model(NamedTuple):
     memory: Scalar  # phi of (31)
     low: Scalar  # where positions are clipped
     high: Scalar
+    bend: Scalar  # of `core_losses`, as the following
+    eddy: Scalar
+    amplitude: Scalar
+    length: Scalar
 
 
 class Held(NamedTuple):
@@ -42,6 +45,7 @@ class Held(NamedTuple):
 
     voltage: Scalar  # mean of the interval [V]
     push: Scalar  # w_z, inside the bound [m]
+    hysteresis: Scalar  # h of `core_losses` [A]
 
 
 class Segment(NamedTuple):
@@ -55,18 +59,16 @@ class Segment(NamedTuple):
     slope_rise: Scalar
 
 
-def model(par: Parameters, memory: Scalar, low: Scalar, high: Scalar) -> Model:
+def model(par: Parameters, resistance: Scalar, memory: Scalar, low: Scalar, high: Scalar) -> Model:
     """Coefficients for physical parameters."""
     mobility = square(par.sample_time) / par.mover_mass
     drag, stiffness = par.damping * par.sample_time / par.mover_mass, mobility * par.spring_stiffness
-    drop = par.sample_time * par.coil_resistance
     return Model(
         inverse_square=1.0 / square(par.coil_turns),
         core=par.core_reluctance,
         lam_sat=par.core_saturation,
         T_s=par.sample_time,
-        drop=drop,
-        half_drop=0.5 * drop,
+        R=resistance,
         keep=2.0 - drag - stiffness,
         lose=1.0 - drag,
         spring=stiffness * par.spring_rest,
@@ -74,6 +76,10 @@ def model(par: Parameters, memory: Scalar, low: Scalar, high: Scalar) -> Model:
         memory=where(par.option_current_error > 0.5, memory, 0.0),
         low=low,
         high=high,
+        bend=par.core_bend,
+        eddy=par.core_eddy,
+        amplitude=par.core_hysteresis,
+        length=par.core_turnover,
     )
 
 
@@ -95,11 +101,17 @@ def reluctance(z: Scalar, lam: Scalar, s: Segment, m: Model) -> tuple[Scalar, Sc
     """Reluctance of gap and core (4), (8), and the derivative of its product with lambda by lambda [1/H]."""
     R_g = s.R_g + (z - s.gap) / s.width * s.R_g_rise
     x = fabs(lam) / m.lam_sat
-    y = where(x < SATURATED, x, SATURATED)
-    R_c = m.core / (1.0 - y)
-    rate = R_c / (1.0 - y)
-    R = R_g + (R_c + (x - y) * rate)
+    R_c, rate = cond(m.bend > 0.0, lambda: bent(x, m.core, m.bend), lambda: _froehlich(x, m.core))
+    R = R_g + R_c
     return R, R + x * rate
+
+
+def _froehlich(x: Scalar, core: Scalar) -> tuple[Scalar, Scalar]:
+    """Reluctance of the core (8), from `SATURATED` on linear, and its derivative by x."""
+    y = where(x < SATURATED, x, SATURATED)
+    R_c = core / (1.0 - y)
+    rate = R_c / (1.0 - y)
+    return R_c + (x - y) * rate, rate
 
 
 def bounded(x: Array, m: Model) -> Array:
@@ -118,17 +130,24 @@ def transition(x: Array, u: Held, s: Segment, m: Model) -> Array:
     R, rate = reluctance(z, lam, s, m)
     turned = lam * m.inverse_square  # phi / N
     pull = (s.slope + (z - s.gap) / s.width * s.slope_rise) * turned  # derivative of the current by the position
-    change = m.T_s * u.voltage - m.drop * (R * turned - e_i) - m.half_drop * pull * (z - z_prev)
+    drop = m.T_s * m.R
+    half_drop = 0.5 * drop * share(m)  # what is left to the current of a change of the magnetomotive force
+    change = m.T_s * u.voltage - drop * (lossy(R * turned, lam, u, m) - e_i) - half_drop * pull * (z - z_prev)
     z_next = m.keep * z - m.lose * z_prev + (m.spring - m.mobility * pull * lam) + u.push
-    lam_next = lam + change / (1.0 + m.half_drop * m.inverse_square * rate)
+    lam_next = lam + change / (1.0 + half_drop * m.inverse_square * rate)
     return vector([lam_next, clip(z_next, m.low, m.high), z, m.memory * e_i])
 
 
-def observation(x: Array, s: Segment, m: Model) -> Array:
+def observation(x: Array, u: Held, s: Segment, m: Model) -> Array:
     """h(x) (35): the current [A]; epsilon is the model's current minus the measured one (27)."""
-    return vector([model_current(x[POSITION], x[FLUX_LINKAGE], s, m) - x[CURRENT_ERROR]])
+    return vector([model_current(x[POSITION], x[FLUX_LINKAGE], u, s, m) - x[CURRENT_ERROR]])
 
 
-def model_current(z: Scalar, lam: Scalar, s: Segment, m: Model) -> Scalar:
-    """Current by (17) [A]."""
-    return reluctance(z, lam, s, m)[0] * (lam * m.inverse_square)
+def model_current(z: Scalar, lam: Scalar, u: Held, s: Segment, m: Model) -> Scalar:
+    """Current by (17) [A], with the losses of the core, if it has any."""
+    return lossy(reluctance(z, lam, s, m)[0] * (lam * m.inverse_square), lam, u, m)
+
+
+def after(u: Held, lam: Scalar, lam_next: Scalar, m: Model) -> Held:
+    """The same voltage, with the core's hysteresis at the end of the interval."""
+    return u._replace(hysteresis=advanced(u.hysteresis, lam, lam_next - lam, m))

@@ -13,6 +13,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernel import Kernel
 from gapsense.problems import code
+from gapsense.records import names, record
 
 HOLDS = "A component's folder holds component.py, page.md and reference.csv."
 
@@ -65,4 +66,5 @@ def kernel_of(component: Component) -> Kernel:
 def kernel_parameters(folder: Path, given: Mapping[str, Any]) -> Any:
     """The `Parameters` of the kernel of the component in `folder`; a ValuesError tells all values it does not take."""
     component = load_component(folder)
-    return kernel_of(component).module.Parameters(**fields(component, given, folder))
+    cls, values = kernel_of(component).module.Parameters, fields(component, given, folder)
+    return record(cls, (values[name] for name in names(cls)))

@@ -25,6 +25,7 @@ class Port(NamedTuple):
     feedthrough: tuple[str, ...] = ()  # inputs that an output depends on at the same instant
     choices: tuple[str, ...] = ()  # of a String parameter: the kernel gets the index
     columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: one table each, see `read_table`
+    is_optional: bool = False  # of an input: its start value says that nothing is known
 
     @property
     def field(self) -> str:

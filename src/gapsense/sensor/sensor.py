@@ -5,6 +5,9 @@ errors and noise arise in the analogue part; the converter then clips what it ge
 output is a code of the converter.  (If the range is no multiple of the resolution, the outermost code lies up to half a
 step outside it.)  A lost sample leaves all outputs as they were.
 
+A contact that bounces opens again after the sample with which it closes, for as many samples as `contact_bounce` says,
+closes for one, opens for one sample less than before, and so on until it stays closed.
+
 The draws of a sample are always the same: voltage noise, current noise, loss.  Switching one of them on or off, or
 changing its size, leaves the others bit for bit as they were.
 """
@@ -15,7 +18,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.random import normal, seeded, uniform
 from gapsense.records import Array, Choice, Scalar, Vector
-from gapsense.trace import clip, floor, where
+from gapsense.trace import clip, floor, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
 
@@ -46,6 +49,7 @@ class Parameters(NamedTuple):
     contact_lower: Scalar  # below this position the armature counts as at its lower stop [m]
     contact_upper: Scalar  # above this position it counts as at its upper stop [m]
     contact_hysteresis: Scalar  # way back past a threshold before the contact opens [m]
+    contact_bounce: Scalar  # samples for which a contact opens again after closing; 0: it does not bounce
 
 
 class Reading(NamedTuple):
@@ -56,10 +60,19 @@ class Reading(NamedTuple):
     mode: Scalar
 
 
+class Contact(NamedTuple):
+    """The contact, and how it bounces."""
+
+    closed: Scalar  # mode that it has, or would have if it did not bounce
+    opening: Scalar  # samples of the present opening, or of the next one
+    open_left: Scalar  # how many of them are to come
+
+
 class State(NamedTuple):
-    """The generator and the last reading."""
+    """The generator, the contact and the last reading."""
 
     generator: Annotated[Array, Vector(6)]
+    contact: Contact
     reading: Reading
 
 
@@ -83,7 +96,8 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """First sample at once; it is never lost, since there is no earlier reading to hold."""
-    state = _sampled(State(seeded(par.seed), Reading(0.0, 0.0, MOVING)), inputs, par)
+    start = State(seeded(par.seed), Contact(MOVING, 0.0, 0.0), Reading(0.0, 0.0, MOVING))
+    state = _sampled(start, inputs, par._replace(contact_bounce=0.0))
     return state, _outputs(state.reading, 0.0)
 
 
@@ -92,8 +106,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     new = _sampled(state, inputs, par)
     generator, u = uniform(new.generator)
     is_lost = u < par.dropout_probability
+    contact = Contact(*(where(is_lost, old, fresh) for old, fresh in zip(state.contact, new.contact)))
     reading = Reading(*(where(is_lost, old, fresh) for old, fresh in zip(state.reading, new.reading)))
-    return State(generator, reading), _outputs(reading, where(is_lost, 1.0, 0.0))
+    return State(generator, contact, reading), _outputs(reading, where(is_lost, 1.0, 0.0))
 
 
 def _outputs(reading: Reading, dropout: Scalar) -> Outputs:
@@ -106,13 +121,26 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
     generator, z_current = normal(generator)
     voltage = inputs.voltage * (1.0 + par.gain_error_voltage) + par.offset_voltage + par.noise_voltage * z_voltage
     current = inputs.current * (1.0 + par.gain_error_current) + par.offset_current + par.noise_current * z_current
-    mode = _mode(inputs.position, state.reading.mode, par)
+    by_position = _mode(inputs.position, state.contact.closed, par)
+    is_by_position = par.contact_source == ContactSource.position
+    contact, mode = _bounced(state.contact, where(is_by_position, by_position, inputs.mode), par.contact_bounce)
     reading = Reading(
         voltage=_converted(voltage, par.range_voltage, par.resolution_voltage),
         current=_converted(current, par.range_current, par.resolution_current),
-        mode=where(par.contact_source == ContactSource.position, mode, inputs.mode),
+        mode=mode,
     )
-    return State(generator, reading)
+    return State(generator, contact, reading)
+
+
+def _bounced(before: Contact, mode: Scalar, longest: Scalar) -> tuple[Contact, Scalar]:
+    """The contact at a sample, and the mode that it shows; each opening is a sample shorter than the one before."""
+    is_closed = (mode == LOWER) | (mode == UPPER)
+    closes, is_open = is_closed & (before.closed == MOVING), before.open_left > 0.0
+    following = where(before.opening > 0.0, before.opening - 1.0, 0.0)
+    opening = where(closes, longest, where(is_open, before.opening, following))
+    left = where(closes, longest, where(is_open, before.open_left - 1.0, following))
+    shown = where(is_open & is_closed & not_(closes), MOVING, mode)
+    return Contact(mode, where(is_closed, opening, 0.0), where(is_closed, left, 0.0)), shown
 
 
 def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:

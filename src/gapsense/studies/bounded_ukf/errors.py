@@ -119,9 +119,9 @@ def _errors(
     flat = [v if isinstance(v, list) else np.broadcast_to(v, sizes.shape).ravel() for v in par.values()]
     true = np.stack(cycles, axis=-1)[..., None]  # (quantities, samples, voltages, 1)
     error = np.empty((SAMPLES, *sizes.shape))
-    kernel, state = Kernel(ukf), None
+    kernel, state, unwired = Kernel(ukf), None, np.zeros(sizes.size)
     for k in range(SAMPLES):
-        inputs = [(x[k] + s * d).ravel() for x, s, d in zip(true, stds, drawn[:, k])]
+        inputs = [*((x[k] + s * d).ravel() for x, s, d in zip(true, stds, drawn[:, k])), unwired]
         made = kernel.step_batch(state, inputs, flat, sizes.size) if state else None
         state, outputs = made or kernel.initial_batch(inputs, flat, sizes.size)
         error[k] = np.reshape(outputs[0], sizes.shape) - true[2, k]

@@ -37,7 +37,7 @@ def offered(record: Record) -> dict[str, Vector]:
 
 def missing(record: Record, found: Mapping[str, Component], name: str) -> str | None:
     """Why an estimator cannot run on a record, and what to do; None if it can."""
-    lacks = {n: [port.name for port in c.of("input") if port.name not in offered(record)] for n, c in found.items()}
+    lacks = {n: [i for i in needed(c) if i not in offered(record)] for n, c in found.items()}
     if not lacks[name]:
         return None
     lacking = ", ".join(f"`{i}`" for i in lacks[name])
@@ -45,6 +45,11 @@ def missing(record: Record, found: Mapping[str, Component], name: str) -> str | 
     others = ", ".join(n for n, inputs in lacks.items() if not inputs)
     able = f", or choose an estimator that needs none: {others}" if others else ""
     return f"{name} needs {lacking}, which {record.name} does not have. {remedy}{able}."
+
+
+def needed(component: Component) -> list[str]:
+    """Inputs that an estimator cannot do without."""
+    return [port.name for port in component.of("input") if not port.is_optional]
 
 
 def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
@@ -84,12 +89,12 @@ def chosen(
 
 
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
-    """An estimator over a record with all inputs that it needs, with its sample time and those values that it has."""
+    """An estimator over a record with all inputs that this has, with its sample time and those values that it has."""
     description = describe(fmu)
     names = [v.name for v in description.of("parameter")]
     own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
     signals = offered(record)
-    inputs = {v.name: signals[v.name] for v in description.of("input")}
+    inputs = {v.name: signals[v.name] for v in description.of("input") if v.name in signals}
     return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
 
 

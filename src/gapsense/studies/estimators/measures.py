@@ -32,7 +32,7 @@ class Samples(NamedTuple):
 
 def signals() -> list[str]:
     """What a run must have recorded."""
-    own = [f"{c.component}.{signal}" for c in CONTENDERS for signal in c.signals()]
+    own = [f"{c.source}.{signal}" for c in CONTENDERS for signal in c.signals()]
     return ["actuator.position", "actuator.flux_linkage", "actuator.mode", *own]
 
 
@@ -63,14 +63,14 @@ def numbers(result: Result, contender: Contender) -> dict[str, float]:
     later = Samples(*(rows[result.times[samples.about] > learnt(result)] for rows in samples))
     moving = Samples(*(rows[is_moving(result)[later.about]] for rows in later))
     errors = {q: rmse(result, contender, q, moving if q in QUANTITIES[:2] else later) for q in QUANTITIES}
-    landings, position = rests(result), estimate(result, contender, "position")
+    landings, position = judged(result, samples), estimate(result, contender, "position")
     return {
         **errors,
         "landings": float(len(landings)),
         "missed": math.nan if position is None else float(missed(result, position, samples, landings)),
         "latency": median(result.times[samples.came] - result.times[samples.about]),
         "after_landing": after_landing(result.times, samples, motions(result["actuator.mode"])),
-        "cost": result.timing[contender.component].microseconds,
+        "cost": result.timing[contender.source].microseconds,
     }
 
 
@@ -81,11 +81,11 @@ def learnt(result: Result) -> float:
 
 def lined_up(result: Result, contender: Contender) -> Samples:
     """Rows at which estimates came and those that they are about; the initial values are no estimates."""
-    came = np.flatnonzero(result.stepped(f"{contender.component}.{next(iter(contender.gives.values()))}"))
+    came = np.flatnonzero(result.stepped(f"{contender.source}.{next(iter(contender.gives.values()))}"))
     if not contender.published:
         return Samples(came, came)
-    came = came[result[f"{contender.component}.{contender.published}"][came] > 0.5]
-    time = result[f"{contender.component}.{contender.time}"][came]
+    came = came[result[f"{contender.source}.{contender.published}"][came] > 0.5]
+    time = result[f"{contender.source}.{contender.time}"][came]
     about = np.rint((time - result.times[0]) / (result.base_step * result.run.decimation)).astype(np.intp)
     return Samples(came, about)
 
@@ -99,7 +99,7 @@ def estimate(result: Result, contender: Contender, quantity: str) -> Vector | No
     """Estimates of a quantity as they came, in the direction of the actuator; None if there are none."""
     if quantity not in contender.gives:
         return None
-    values = result[f"{contender.component}.{contender.gives[quantity]}"]
+    values = result[f"{contender.source}.{contender.gives[quantity]}"]
     if not contender.is_lift:
         return values
     return float(result.parameters["actuator.stop.upper"]) - values if quantity == "position" else -values
@@ -127,6 +127,14 @@ def rests(result: Result) -> list[int]:
     found = motions(result["actuator.mode"])
     between = [(landed, taken_off) for (_, landed), (taken_off, _) in zip(found, found[1:])]
     return [(landed + end) // 2 for landed, end in between if result.times[landed] > learnt(result)]
+
+
+def judged(result: Result, samples: Samples) -> list[int]:
+    """The rests, but for those at the end of the run whose landing is not published yet, though others took as long."""
+    longest = float(np.max(result.times[samples.came] - result.times[samples.about], initial=0.0))
+    known, end = np.max(samples.about, initial=-1), result.times[-1] - longest
+    landed = {row: max(last for _, last in motions(result["actuator.mode"]) if last <= row) for row in rests(result)}
+    return [row for row, last in landed.items() if last <= known + 1 or result.times[last] < end]
 
 
 def missed(result: Result, position: Vector, samples: Samples, at: list[int]) -> int:

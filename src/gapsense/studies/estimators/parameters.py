@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gapsense.actuators import magnetics
 from gapsense.actuators.magnetics import fringing
 from gapsense.estimators.hybrid_ekf import MU_0
 from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.devices import VALVE as SEMERA_VALVE
 
 Floats = NDArray[np.float64]
 KNOTS = 19  # of the gap table, as in [UKF]
@@ -37,14 +39,52 @@ class Valve(NamedTuple):
     core: float = 1.402 * RTS_VALVE.coil_turns**2  # R_c0 by the reduced fit [1/H]
     saturation: float = 24.71e-3  # lambda_sat by the same [Wb]
     gap: float = 1.0  # factor of the gap reluctance
+    slope: float = RTS_VALVE.gap_slope
+    fringing: float = RTS_VALVE.gap_fringing
+    window: float = RTS_VALVE.gap_window
+
+
+class Core(NamedTuple):
+    """The core of the valve with hysteresis and eddy currents; fields are ports of the group `core`."""
+
+    reluctance: float  # R_c0 [1/H]
+    saturation: float  # [Wb]
+    bend: float  # K [1/H]
+    eddy: float  # g_e [S]
+    hysteresis: float  # I_h [A]
+    turnover: float  # l_h [Wb]
 
 
 VALVE = Valve()
+CORE = Core(1.5e6, 27.67e-3, 8.32e6, 1.011e-3, 9.83e-3, 2.24e-3)  # by `studies.estimators.core`
+DEVICES = {  # others, by variant, that the estimators are told of; their iron is the same
+    "other_gap": VALVE._replace(lower=0.2e-3, upper=1e-3, slope=6e10, fringing=150.0, window=6e-3),
+    "other_table": VALVE._replace(
+        resistance=SEMERA_VALVE.coil_resistance,
+        turns=SEMERA_VALVE.coil_turns,
+        lower=0.1e-3,  # no printed stop: the lower one is the pole face, where no fringing law holds
+        upper=SEMERA_VALVE.stop_upper,
+        mass=SEMERA_VALVE.mover_mass,
+        stiffness=SEMERA_VALVE.spring_stiffness,
+        rest=SEMERA_VALVE.spring_rest,
+        damping=SEMERA_VALVE.damping,
+        slope=1.0 / (magnetics.MU_0 * SEMERA_VALVE.gap_area),
+        fringing=SEMERA_VALVE.gap_area**-0.5,
+        window=2.0 * SEMERA_VALVE.gap_window,
+    ),
+}
+
+
+def plant(v: Valve) -> dict[str, float]:
+    """Parameters of `ReluctanceActuator` but for its iron."""
+    law = {"gap.slope": v.slope, "gap.fringing": v.fringing, "gap.window": v.window}
+    device = {name: value for name, value in mechanics(v).items() if name != "core.saturation"}
+    return {**device, **law, "coil.turns": v.turns, "initial.position": v.upper}
 
 
 def gap_law(z: float, valve: Valve) -> tuple[float, float]:
     """Reluctance of a gap and its derivative."""
-    R, rate, _ = fringing(z, RTS_VALVE.gap_slope, RTS_VALVE.gap_fringing, RTS_VALVE.gap_window)
+    R, rate, _ = fringing(z, valve.slope, valve.fringing, valve.window)
     return valve.gap * R, valve.gap * rate
 
 
@@ -65,7 +105,13 @@ def wrong(e: ArrayLike) -> Valve:
 
 def reduced(v: Valve) -> dict[str, float]:
     """Parameters of `Ekf` and `Ertss`."""
-    return {**mechanics(v), "core.reluctance": v.core, "gap.slope": RTS_VALVE.gap_slope * v.gap}
+    law = {"gap.slope": v.slope * v.gap, "gap.fringing": v.fringing, "gap.window": v.window}
+    return {**mechanics(v), "core.reluctance": v.core, "coil.turns": v.turns, **law}
+
+
+def blind(v: Valve) -> dict[str, float]:
+    """Parameters of `Mhe`: those of `Ekf`, and guesses of the losses that it learns."""
+    return {**reduced(v), "core.eddy": 0.5e-3, "core.hysteresis": 5e-3, "core.turnover": 0.07 * v.saturation}
 
 
 def tabulated(v: Valve) -> dict[str, float]:
@@ -74,7 +120,30 @@ def tabulated(v: Valve) -> dict[str, float]:
     Its table is a file.  A factor of the reluctance is one of N^2 the other way round, in all that the filter computes
     from reluctances; that of the core must not change.
     """
-    return {**mechanics(v), "core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
+    coil_and_core = {"core.reluctance": v.core / v.gap, "coil.turns": v.turns / math.sqrt(v.gap)}
+    return {**mechanics(v), **coil_and_core, "prior.position": v.upper}
+
+
+def reduced_core(v: Valve) -> dict[str, float]:
+    """Parameters of `Ekf` and `Ertss` that know the losses of the core."""
+    return {**reduced(v), **core(v)}
+
+
+def tabulated_core(v: Valve) -> dict[str, float]:
+    """Parameters of `BoundedUkf` that knows them."""
+    known = core(v)
+    reluctances = {name: known[name] / v.gap for name in ("core.reluctance", "core.bend")}
+    return {**tabulated(v), **known, **reluctances}
+
+
+def core(v: Valve) -> dict[str, float]:
+    """`CORE`, its reluctances and its saturation as wrong as those of the valve."""
+    believed = CORE._replace(
+        reluctance=CORE.reluctance * (v.core / VALVE.core),
+        bend=CORE.bend * (v.core / VALVE.core),
+        saturation=CORE.saturation * (v.saturation / VALVE.saturation),
+    )
+    return {f"core.{name}": value for name, value in believed._asdict().items()}
 
 
 def mechanics(v: Valve) -> dict[str, float]:
@@ -86,6 +155,8 @@ def mechanics(v: Valve) -> dict[str, float]:
         "spring.rest": v.rest,
         "damping": v.damping,
         "core.saturation": v.saturation,
+        "stop.lower": v.lower,
+        "stop.upper": v.upper,
     }
 
 
@@ -105,6 +176,8 @@ def magnet(v: Valve) -> dict[str, float]:
         "coil.resistance_upper": v.resistance,
         "core.length": closed * PERMEABILITY * MU_0 * area,
         "pole.area": area,
+        "coil.turns": v.turns,
+        "stop.upper": stroke,
         "mover.mass": v.mass,
         "gravity": v.stiffness * (v.rest - v.lower - 0.5 * stroke) / v.mass,
     }

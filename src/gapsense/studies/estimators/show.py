@@ -32,6 +32,18 @@ CONDITIONS = {  # title by variant
     "cold": "cold coil",
     "together": "together",
 }
+HOLD_OUTS: dict[str | None, str] = {  # conditions that no estimator was tuned on
+    "volts_27": "27 V",
+    "other_gap": "other gap",
+    "other_table": "other table",
+    "all_wrong": "all wrong",
+    "bounce": "bounce",
+    "offset": "3 mA offset",
+    "friction": "friction",
+    "other_physics": "other physics",
+}
+TITLES = {**CONDITIONS, **HOLD_OUTS}
+DRAWN = ("wrong_5", "wrong_10", "together", "all_wrong")  # where the runs differ by wrong parameters
 COLUMNS = {  # number, factor and digits by title
     "position / um": ("position", 1e6, 1),
     "velocity / (mm/s)": ("velocity", 1e3, 0),
@@ -64,13 +76,20 @@ def tables(found: Found) -> list[Table | str]:
         By variant, the plain scenario first, the metrics of its runs that `measures.measure` gives.
     """
     first = next(iter(found.values()))
-    return [*(condition(v, found[v]) for v in CONDITIONS if v in found), summary(found), *waits(first)]
+    known, new = of(found, CONDITIONS), of(found, HOLD_OUTS)
+    summed_up = [*([summary(known)] if known else []), *([held_out(new)] if new else [])]
+    return [*(condition(v, found[v]) for v in TITLES if v in found), *summed_up, *waits(first)]
+
+
+def of(found: Found, chosen: Mapping[Any, str]) -> Found:
+    """The conditions that were run of some."""
+    return {variant: found[variant] for variant in chosen if variant in found}
 
 
 def condition(variant: str | None, runs: Runs) -> Table:
     """Median over the runs of a condition, and the worst of them, by estimator."""
     size = next(iter(runs.values())).size
-    title = f"{CONDITIONS[variant]} ({variant or 'the scenario itself'}), {size} runs: root mean square errors, "
+    title = f"{TITLES[variant]} ({variant or 'the scenario itself'}), {size} runs: root mean square errors, "
     made = table(f"{title}median (worst)", ["", *COLUMNS, "missed landings"])
     for c in CONTENDERS:
         cells = (spread(values(runs, c, number) * factor, digits) for number, factor, digits in COLUMNS.values())
@@ -93,9 +112,9 @@ def spread(numbers: npt.NDArray[np.float64], digits: int) -> str:
     return "-" if np.all(np.isnan(numbers)) else f"{median(numbers, digits)} ({np.max(numbers):.{digits}f})"
 
 
-def misses(of: Sequence[Runs], contender: Contender) -> str:
+def misses(found: Sequence[Runs], contender: Contender) -> str:
     """Missed landings of all landings."""
-    lost, landings = (sum(float(values(runs, contender, n).sum()) for runs in of) for n in ("missed", "landings"))
+    lost, landings = (sum(float(values(runs, contender, n).sum()) for runs in found) for n in ("missed", "landings"))
     return "-" if np.isnan(lost) else f"{lost:.0f} of {landings:.0f}"
 
 
@@ -103,14 +122,38 @@ def summary(found: Found) -> str:
     """The table of the README: medians (worst) of the runs; latency of the plain scenario, least cost of all runs."""
     titles = [title for title, _, variant, _, _ in SUMMED_UP if variant in found]
     head = ["", *titles, "missed", "latency / ms", "us per step", "needs beside u, i"]
-    rows = [head, ["---"] * len(head), *(summed_up(c, found) for c in CONTENDERS)]
+    return markdown([head, ["---"] * len(head), *(summed_up(c, found) for c in CONTENDERS)])
+
+
+def held_out(found: Found) -> str:
+    """Errors of the position [um] under the conditions that nobody tuned on, medians (worst) of the runs."""
+    head = ["z / um", *(HOLD_OUTS[variant] for variant in found), "missed"]
+    giving = [c for c in CONTENDERS if "position" in c.gives]
+    rows = [
+        [
+            c.label,
+            *(typical(variant, runs, c, "position", 1e6, 0) for variant, runs in found.items()),
+            misses([*found.values()], c),
+        ]
+        for c in giving
+    ]
+    return markdown([head, ["---"] * len(head), *rows])
+
+
+def markdown(rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
     return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
 
 
-def summed_up(contender: Contender, found: Found) -> list[str]:
+def typical(variant: str | None, runs: Runs, contender: Contender, number: str, factor: float, digits: int) -> str:
     """The worst run is shown where the runs differ by wrong parameters, not where they differ by the noise only."""
+    return (spread if variant in DRAWN else median)(factor * values(runs, contender, number), digits)
+
+
+def summed_up(contender: Contender, found: Found) -> list[str]:
+    """The row of an estimator."""
     cells = [
-        (spread if variant == "wrong_5" else median)(factor * values(found[variant], contender, number), digits)
+        typical(variant, found[variant], contender, number, factor, digits)
         for _, number, variant, factor, digits in SUMMED_UP
         if variant in found
     ]
@@ -138,14 +181,14 @@ def conditions(found: Found) -> Figure:
     """Root mean square errors: dots are medians over the runs, lines reach from the best to the worst run."""
     title = "All estimators on the same actuator: median of the runs, from the best to the worst"
     figure, axes = plot.panels(title, len(PANELS), size=(11.5, 7.0), sharex=True)
-    shown = [variant for variant in CONDITIONS if variant in found]
+    shown = [variant for variant in TITLES if variant in found]
     for axis, (quantity, (label, factor)) in zip(axes[:, 0], PANELS.items()):
         giving = [c for c in CONTENDERS if quantity in c.gives]
         for k, contender in enumerate(giving):
             at = np.arange(len(shown)) + min(SPACING, WIDTH / len(giving)) * (k - 0.5 * (len(giving) - 1))
             dots(axis, at, [factor * values(found[variant], contender, quantity) for variant in shown], contender)
         bands(axis, f"RMS error of the {label}", len(shown))
-    axes[-1, 0].set_xticks(range(len(shown)), [CONDITIONS[variant] for variant in shown], fontsize="small")
+    axes[-1, 0].set_xticks(range(len(shown)), [TITLES[variant] for variant in shown], fontsize="small")
     return figure
 
 

@@ -74,7 +74,8 @@ def parameters_of(name: str, file: Path | None) -> Any:
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
-    known = {**priors(values), **values}
+    expects = "prior.inductance" in names  # for others `prior.resistance` is how uncertain it is
+    known = {**(priors(values) if expects else {}), **values}
     if values.get("gap.law") in GAPS and ("gap.fringing" in values) != ("gap.fringing" in names):
         others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
         known = others if "gap.fringing" in values else {**reduced_gap(values), **others}

@@ -77,9 +77,9 @@ def require(signals: Collection[str], scenario: str) -> None:
 def line_up(result: Result) -> Profile:
     """Put the estimates of a run at the samples that they are about.
 
-    The smoothers of a co-simulation publish a motion late, sample by sample, and a landing meanwhile cuts it off.  So
-    all motions are smoothed from the recorded measurements, by the same algorithm with the parameters of the FMUs, and
-    held against what was published.
+    The smoothers of a co-simulation publish a motion late, sample by sample, and the last one not before the run ends.
+    So all motions are smoothed from the recorded measurements, by the same algorithm with the parameters of the FMUs,
+    and held against what was published.
     """
     low, high = (float(result.parameters[f"actuator.stop.{end}"]) for end in ("lower", "upper"))
 
@@ -98,7 +98,7 @@ def line_up(result: Result) -> Profile:
         estimates[label] = curve(smoothed.position, smoothed.velocity)
     found = [
         Motion(a, b, OPERATIONS[int(result.times[a] > HALF)], mode[a - 1] == mode[b], bool(published[a:b].all()))
-        for a, b in motions(mode)
+        for a, b in motions(mode, float(result.parameters["ertss.contact.debounce"]) / result.base_step)
     ]
     return Profile(result.times, mode, curve(position, velocity), estimates, found, difference)
 
@@ -112,7 +112,7 @@ def from_record(result: Result, name: str) -> Estimates:
     ekf: Parameters = kernel_parameters(own("ekf"), {})
     numbers = {field: float(value) for field, value in known.items() if field in ekf._fields and field != "gap_law"}
     voltage, current, mode = (result[f"sensor.{signal}_measured"] for signal in ("voltage", "current", "mode"))
-    return smooth_record(voltage, current, mode, ekf._replace(**numbers)).smoothed
+    return smooth_record(voltage, current, mode, ekf._replace(**numbers), float(known["contact_debounce"])).smoothed
 
 
 def compared(result: Result, name: str, smoothed: Estimates) -> tuple[npt.NDArray[np.bool_], float]:

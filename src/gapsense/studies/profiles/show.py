@@ -42,7 +42,7 @@ def counts(profiles: Sequence[Profile]) -> Iterator[str]:
             f"  {operation}: {len(found) - back} motions from stop to stop, {different(profiles, operation)} of them "
             f"different; {back} back to the stop they left; {samples} samples"
         )
-        yield f"    {late} were cut off by a landing before they were published, and are smoothed from the record"
+        yield f"    {late} were not yet published completely when the run ended, and are smoothed from the record"
     worst = max((profile.difference for profile in profiles), default=0.0)
     yield f"  largest difference between what was published and the same from the records: {worst:.3g}"
 

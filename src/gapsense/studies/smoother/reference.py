@@ -90,6 +90,13 @@ class _Errors(NamedTuple):
     force: Scalar
 
 
+class _Input(NamedTuple):
+    """u_k (21)."""
+
+    voltage: Scalar
+    mode: Scalar
+
+
 class _State(NamedTuple):
     x: Annotated[Array, Vector(5)]
 
@@ -108,7 +115,7 @@ def _error_code(m: Model) -> Code:
 
 @cache
 def _transition_code(m: Model) -> Code:
-    def predicted(now: _State, held: Held, varied: Varied) -> _State:
-        return _State(transition(now.x, held, varied_model(m, varied, Variant())))
+    def predicted(now: _State, held: _Input, varied: Varied) -> _State:
+        return _State(transition(now.x, Held(*held), varied_model(m, varied, Variant())))
 
-    return compiled(predicted, now=_State, held=Held, varied=Varied)
+    return compiled(predicted, now=_State, held=_Input, varied=Varied)

@@ -1,0 +1,236 @@
+"""Reluctance actuator of another physics: hysteresis of play elements, two poles of eddy currents, the same mover.
+
+No estimator is made from it, and that is its use: what is tuned on `reluctance_actuator` is tried here.  The static
+magnetomotive force is that of a fringing gap and of a core after Froehlich.  To its current come
+
+- those of three elements that follow the flux linkage up to a limit each, and no further (stop operators, the
+  complements of plays): independent of the rate, with closed minor loops;
+- two eddy currents, dj/dt = (g dlambda/dt - j) / tau: a fast and a slow pole.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+
+from gapsense.actuators import magnetics, motion
+from gapsense.actuators.magnetics import Circuit
+from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
+from gapsense.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.linalg import total, vector
+from gapsense.records import Array, Scalar, Vector
+from gapsense.trace import clip, cond, loop, not_, square, where
+
+MICRO_STEPS = 10_000_000  # at most, per communication step
+FINENESS, REFINEMENT = 0.05, 256.0  # micro-step in time constants of the flux; it is shortened at most so many times
+ELEMENTS = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # limits of the elements, relative to the widest
+
+
+class Parameters(NamedTuple):
+    """Coil, core with its losses, gap, and mover."""
+
+    coil_resistance: Scalar  # [ohm]
+    coil_turns: Scalar  # [1]
+    core_reluctance: Scalar  # without flux [1/H]
+    core_saturation: Scalar  # flux linkage of saturation [Wb]
+    hysteresis_amplitude: Scalar  # current of all elements at their limits [A]
+    hysteresis_reach: Scalar  # flux linkage from zero to the limit of the widest element [Wb]
+    eddy_fast: Scalar  # g of the fast pole [S]
+    eddy_fast_time: Scalar  # tau of the fast pole [s]
+    eddy_slow: Scalar  # the same of the slow one [S]
+    eddy_slow_time: Scalar  # [s]
+    gap_slope: Scalar  # reluctance per gap without fringing [1/(H m)]
+    gap_fringing: Scalar  # [1/m]
+    gap_window: Scalar  # [m]
+    mover_mass: Scalar  # [kg]
+    spring_stiffness: Scalar  # [N/m]
+    spring_rest: Scalar  # [m]
+    damping: Scalar  # [N s/m]
+    stop_lower: Scalar  # [m]
+    stop_upper: Scalar  # [m]
+    initial_position: Scalar  # [m]
+    micro_step: Scalar  # longest step of the integrator [s]
+
+
+class Continuous(NamedTuple):
+    """What is integrated."""
+
+    flux_linkage: Scalar  # [Wb]
+    fast: Scalar  # eddy current of the fast pole, seen from the coil [A]
+    slow: Scalar  # [A]
+    position: Scalar  # [m]
+    velocity: Scalar  # [m/s]
+
+
+class State(NamedTuple):
+    """What is carried from step to step."""
+
+    at: Continuous
+    elements: Annotated[Array, Vector(3)]  # flux linkage by which each element is stretched [Wb]
+    mode: Scalar  # 1: smallest gap, 2: moving, 3: largest gap
+
+
+class Inputs(NamedTuple):
+    """Voltage, and the communication step that ends at `time`."""
+
+    time: Scalar  # [s]
+    dt: Scalar  # [s]
+    voltage: Scalar  # held during the step [V]
+
+
+class Outputs(NamedTuple):
+    """Values at the end of the step."""
+
+    current: Scalar
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    force: Scalar  # magnetic, negative: it closes the gap
+    mode: Scalar
+    contact: Scalar  # 1 on a stop, else 0
+    eddy_current: Scalar  # part of the current
+    hysteresis_current: Scalar  # part of the current
+
+
+class Actuator(NamedTuple):
+    """Constants of a communication step."""
+
+    par: Parameters
+    voltage: Scalar
+    circuit: Circuit
+    mover: Mover
+    micro_step: Scalar
+    open_reluctance: Scalar  # of the largest gap [1/H]
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest without flux, inside the stops."""
+    act = _actuator(inputs, par)
+    h = clip(par.initial_position, par.stop_lower, par.stop_upper)
+    mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
+    state = State(Continuous(0.0, 0.0, 0.0, h, 0.0), vector([0.0] * len(ELEMENTS)), mode)
+    return state, _outputs(state, act)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One communication step of equal micro-steps, shortened where the core saturates and at contact and release."""
+    act = _actuator(inputs, par)
+    _, *new = loop(MICRO_STEPS, partial(_micro_step, act), (inputs.dt, *state))
+    state = State(*new)
+    return state, _outputs(state, act)
+
+
+def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
+    circuit = Circuit(
+        turns=par.coil_turns,
+        is_table=False,
+        is_fringing=True,
+        slope=0.0,
+        unfringed=par.gap_slope,
+        fringing=par.gap_fringing,
+        window=par.gap_window,
+        table_gap=(),
+        table_reluctance=(),
+        table_slope=(),
+        core_reluctance=par.core_reluctance,
+        core_saturation=par.core_saturation,
+    )
+    mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
+    open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
+    return Actuator(par, inputs.voltage, circuit, mover, equal_parts(inputs.dt, par.micro_step), open_reluctance)
+
+
+def _micro_step(
+    act: Actuator, left: Scalar, at: Continuous, elements: Array, mode: Scalar
+) -> tuple[tuple[Any, ...], Scalar]:
+    """One step of the loop; `left` is what is left of the communication step [s]."""
+    dt = _limited(act, next_part(left, act.micro_step), at.flux_linkage)
+    rates, margin = partial(_rates, act, at.flux_linkage, elements, mode), partial(_margin, act, mode)
+    dt, new, _, ends = rk4_until(rates, at, dt, margin)
+    stretched = _stretched(act, elements, new.flux_linkage - at.flux_linkage)
+    new, mode = cond(ends, lambda: _switched(act, new, mode), lambda: (new, mode))
+    left = left - dt
+    return (left, new, stretched, mode), not_(left > 0.0)
+
+
+def _limited(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
+    """Step `dt`, or less where the core saturates, as in `solenoid_valve`."""
+    core = magnetics.core_law(lam, act.circuit)
+    steepness = act.open_reluctance + square(core) / act.par.core_reluctance
+    fine = FINENESS * square(act.par.coil_turns) / (act.par.coil_resistance * steepness)
+    finest = act.micro_step / REFINEMENT
+    return least(dt, where(fine < finest, finest, fine))
+
+
+def _rates(act: Actuator, start: Scalar, elements: Array, mode: Scalar, y: Continuous) -> tuple[Continuous, tuple[()]]:
+    """Rates of all states; the elements have followed the flux linkage from the `start` of the micro-step."""
+    par, mover = act.par, act.mover
+    reluctance, slope = magnetics.gap_law(y.position, act.circuit)
+    i = _current(act, y, reluctance, _stretched(act, elements, y.flux_linkage - start))
+    drive = act.voltage - par.coil_resistance * i
+    force = magnetics.force(y.flux_linkage, slope, act.circuit) + motion.spring_force(y.position, mover)
+    is_moving = mode == MOVING
+    rates = Continuous(
+        flux_linkage=drive,
+        fast=(par.eddy_fast * drive - y.fast) / par.eddy_fast_time,
+        slow=(par.eddy_slow * drive - y.slow) / par.eddy_slow_time,
+        position=where(is_moving, y.velocity, 0.0),
+        velocity=where(is_moving, (force - motion.drag(y.velocity, mover)) / mover.mass, 0.0),
+    )
+    return rates, ()
+
+
+def _margin(act: Actuator, mode: Scalar, y: Continuous) -> Scalar:
+    """Distance to the nearer stop in motion, the force that holds the mover at rest; negative where that ends."""
+    clearance = least(y.position - act.mover.lower, act.mover.upper - y.position)
+    return where(mode == MOVING, clearance, -motion.inward(mode, _net_force(act, y)))
+
+
+def _switched(act: Actuator, y: Continuous, mode: Scalar) -> tuple[Continuous, Scalar]:
+    """Landed, if it moved; released, if it rested."""
+    mover = act.mover
+    is_below = y.position < 0.5 * (mover.lower + mover.upper)
+    landed = y._replace(position=where(is_below, mover.lower, mover.upper), velocity=0.0)
+    after = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, landed))
+    return landed, where(mode == MOVING, after, MOVING)
+
+
+def _stretched(act: Actuator, elements: Array, change: Scalar) -> Array:
+    """The elements after a change of the flux linkage."""
+    limits = [share * act.par.hysteresis_reach for share in ELEMENTS]
+    return vector([clip(element + change, -limit, limit) for element, limit in zip(elements, limits)])
+
+
+def _current(act: Actuator, y: Continuous, reluctance: Scalar, elements: Array) -> Scalar:
+    """Current of the coil [A]."""
+    core = magnetics.core_law(y.flux_linkage, act.circuit)
+    static = magnetics.current(y.flux_linkage, reluctance + core, act.circuit)
+    return static + _hysteresis(act, elements) + y.fast + y.slow
+
+
+def _hysteresis(act: Actuator, elements: Array) -> Scalar:
+    """Current of the stretched elements [A]."""
+    weight = act.par.hysteresis_amplitude / (len(ELEMENTS) * act.par.hysteresis_reach)
+    return weight * total(element / share for element, share in zip(elements, ELEMENTS))
+
+
+def _net_force(act: Actuator, y: Continuous) -> Scalar:
+    """Force on the mover at rest [N]."""
+    _, slope = magnetics.gap_law(y.position, act.circuit)
+    return magnetics.force(y.flux_linkage, slope, act.circuit) + motion.spring_force(y.position, act.mover)
+
+
+def _outputs(state: State, act: Actuator) -> Outputs:
+    at = state.at
+    reluctance, slope = magnetics.gap_law(at.position, act.circuit)
+    return Outputs(
+        current=_current(act, at, reluctance, state.elements),
+        position=at.position,
+        velocity=at.velocity,
+        flux_linkage=at.flux_linkage,
+        force=magnetics.force(at.flux_linkage, slope, act.circuit),
+        mode=state.mode,
+        contact=where(state.mode == MOVING, 0.0, 1.0),
+        eddy_current=at.fast + at.slow,
+        hysteresis_current=_hysteresis(act, state.elements),
+    )

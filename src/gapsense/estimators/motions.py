@@ -1,0 +1,151 @@
+"""The motions that a smoother waits for: which they are, where their samples lie, and whose turn it is.
+
+A motion begins where the contact signal says that the mover has left its stop, and ends where it says that it is on
+one.  If it is back on its stop within the time of debouncing it was none: a bounce, if contact had been made no longer
+ago, else a glitch.
+
+Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each.
+With its landing a motion's last sample is smoothed at once, before those that wait.  Then no sample waits for more than
+`RING` steps, however the motions follow each other: each takes at least as many steps as it needs, landings between
+take one step of two, and publishing waits once more for at most `LENGTH`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.estimators.reduced_model import is_moving, limit
+from gapsense.records import Array, Memory, Scalar, zeros
+from gapsense.trace import cond, floor, load, not_, store, where
+
+LENGTH = 1024  # samples of a motion that are kept, the last ones
+RING = 3 * LENGTH  # samples that are kept of all motions, each with the one that it lands with
+QUEUE = RING // 2  # motions that may wait: each takes a sample at least, and one at rest
+ENTRY = 3  # numbers of a motion that waits: place of its first sample kept, samples kept, time of the sample before
+
+
+class Contact(NamedTuple):
+    """What the contact signal says, at a sample and at that before it."""
+
+    time: Scalar  # of the sample [s]
+    mode: Scalar
+    mode_prev: Scalar
+    sample_time: Scalar  # [s]
+    debounce: Scalar  # [s]
+
+
+class Motion(NamedTuple):
+    """The motion that is recorded, or was last."""
+
+    place: Scalar  # of its first sample; those after it count on, also beyond the end of the memory
+    count: Scalar  # its samples so far; 0: the mover was not seen to take off
+    start: Scalar  # time of the last sample before it [s]
+    stop: Scalar  # that it left: 0 the lower, 1 the upper
+
+
+class Followed(NamedTuple):
+    """The motion at a sample, and whether it ends there."""
+
+    motion: Motion
+    lands: Scalar
+    returns: Scalar  # too soon to have been a motion
+
+
+class Queue(NamedTuple):
+    """Motions that have landed, numbered from 0 on."""
+
+    landed: Scalar  # how many have landed
+    smoothed: Scalar  # how many of these are smoothed
+    samples_smoothed: Scalar  # of the next one; its last sample was with its landing
+    shown: Scalar  # how many are published
+    samples_shown: Scalar  # of the next one
+    waiting: Annotated[Array, Memory(QUEUE * ENTRY)]
+
+
+class Turn(NamedTuple):
+    """A sample whose turn it is, if there is one."""
+
+    is_due: Scalar
+    place: Scalar
+
+
+def nothing(time: Scalar) -> tuple[Motion, Queue]:
+    """No motion, none that waits."""
+    return Motion(0.0, 0.0, time, 0.0), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
+
+
+def slot(place: Scalar) -> Scalar:
+    """Where in the memory of samples a place is."""
+    return _within(place, RING)
+
+
+def _within(number: Scalar, size: int) -> Scalar:
+    return number - size * floor(number / size)
+
+
+def follow(motion: Motion, c: Contact) -> Followed:
+    """The motion with this sample."""
+    moves, moved = is_moving(c.mode), is_moving(c.mode_prev)
+    takes_off, ends = moves & not_(moved), moved & not_(moves) & (motion.count > 0.0)
+    is_short = (motion.count - 0.5 <= c.debounce / c.sample_time) & (limit(c.mode) == motion.stop)
+    grown = where(moves & (motion.count > 0.0), motion.count + 1.0, motion.count)
+    after = motion.place + where(motion.count > 0.0, motion.count + 1.0, 0.0)  # the sample of the landing is kept too
+    found = Motion(
+        place=where(takes_off, slot(after), motion.place),
+        count=where(takes_off, 1.0, where(ends & is_short, 0.0, grown)),
+        start=where(takes_off, c.time - c.sample_time, motion.start),
+        stop=where(takes_off, limit(c.mode_prev), motion.stop),
+    )
+    return Followed(found, ends & not_(is_short), ends & is_short)
+
+
+def to_keep(now: Followed, c: Contact) -> Turn:
+    """The turn of this sample to be kept, if it belongs to a motion."""
+    motion, lands, _ = now
+    moves = is_moving(c.mode) & (motion.count > 0.0)
+    return Turn(moves | lands, motion.place + motion.count - where(lands, 0.0, 1.0))
+
+
+def joined(queue: Queue, now: Followed, T_s: Scalar) -> Queue:
+    """The queue with the motion, if it lands: with its last `LENGTH` samples."""
+    motion, lands, _ = now
+
+    def landed() -> Queue:
+        kept = where(motion.count > LENGTH, LENGTH, motion.count)
+        lost = motion.count - kept
+        row, waiting = _within(queue.landed, QUEUE) * ENTRY, queue.waiting
+        for k, value in enumerate((motion.place + lost, kept, motion.start + lost * T_s)):
+            waiting = store(waiting, row, value, k)
+        return queue._replace(landed=queue.landed + 1.0, waiting=waiting)
+
+    return cond(lands, landed, lambda: queue)
+
+
+def to_smooth(queue: Queue, now: Followed) -> tuple[Queue, Turn]:
+    """The last sample of a motion that lands, else that with which the motion in turn goes on."""
+    motion, lands, _ = now
+    place, kept, _ = _entry(queue, queue.smoothed)
+    done = queue.samples_smoothed
+    goes_on = (queue.smoothed < queue.landed) & (done < kept) & not_(lands)
+    turn = Turn(lands | goes_on, where(lands, motion.place + motion.count - 1.0, place + kept - done - 1.0))
+    done = where(goes_on, done + 1.0, done)
+    is_smoothed = (queue.smoothed < queue.landed) & (done >= kept)
+    smoothed = where(is_smoothed, queue.smoothed + 1.0, queue.smoothed)
+    return queue._replace(smoothed=smoothed, samples_smoothed=where(is_smoothed, 1.0, done)), turn
+
+
+def to_show(queue: Queue, T_s: Scalar) -> tuple[Queue, Turn, Scalar]:
+    """The next sample of the motions that are smoothed, and its time."""
+    place, kept, start = _entry(queue, queue.shown)
+    is_due = queue.shown < queue.smoothed
+    done = queue.samples_shown + 1.0
+    turn = Turn(is_due, place + queue.samples_shown)
+    is_shown = is_due & (done >= kept)
+    samples_shown = where(is_shown, 0.0, where(is_due, done, queue.samples_shown))
+    shown = where(is_shown, queue.shown + 1.0, queue.shown)
+    return queue._replace(shown=shown, samples_shown=samples_shown), turn, start + done * T_s
+
+
+def _entry(queue: Queue, number: Scalar) -> tuple[Scalar, ...]:
+    row = _within(number, QUEUE) * ENTRY
+    return tuple(load(queue.waiting, row, k) for k in range(ENTRY))

@@ -1,0 +1,147 @@
+"""All parameters of `Mhe` from one record: of its own model, and of the actuator of the benchmark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gapsense.cli import app
+from gapsense.cosim import run
+from gapsense.estimators.mhe_model import device
+from gapsense.files import write_columns
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.studies.commissioning import file, fit
+from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.estimators import commissioned
+from gapsense.studies.estimators.parameters import CORE, blind, wrong
+from gapsense.studies.identification.record import Columns, to_record
+from gapsense.studies.identification.transfer import parameters_of, read_values
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "scenarios" / "estimators"
+SETS = FOLDER / "parameters"
+ERRORS = 0.05 * np.array([0.6, -0.5, -0.8, 0.9, -0.7, 0.8, 0.7, -0.9])
+DT, NOISE = 20e-6, 2e-3
+TRUE = parameters_of("mhe", SETS / "mhe_commissioned.toml")
+BELIEVED = kernel_parameters(own("mhe"), {**read_values([SETS / "mhe.toml"]), **blind(wrong(ERRORS))})
+
+
+def columns(par=TRUE, samples=2100):
+    """Two operations of the model with noise."""
+    k = np.arange(samples)
+    voltage = np.where((k >= 50) & ((k - 50) % 1000 < 500), 30.0, 0.0)
+    noise = NOISE * np.random.default_rng(1).standard_normal(samples)
+    return {"time": DT * k, "voltage": voltage, "current": fit.simulate(par, voltage.tolist()).current + noise}
+
+
+def record(**options):
+    values = columns(**options)
+    return to_record(Columns("made.csv", np.arange(values["time"].size), values))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fit.commission(record(), BELIEVED)
+
+
+def test_a_record_of_the_model_gives_its_parameters_back(found):
+    """From beliefs that are wrong by up to 5 % and guesses of the losses; errors are what the standard errors say."""
+    assert set(found.names) == set(fit.DEVIATIONS)
+    right = fit.bent(TRUE)._replace(gap_factor=TRUE.gap_slope / BELIEVED.gap_slope)
+    off = np.array([np.log(getattr(found.parameters, name) / getattr(right, name)) for name in found.names])
+    assert np.all(np.abs(off) < 3.0 * np.array([*found.errors.values()])), dict(zip(found.names, off))
+    assert abs(found.parameters.coil_resistance / right.coil_resistance - 1.0) < 1e-3
+    assert found.misfit < 1.0
+    moved = found.model.position - fit.simulate(TRUE, columns()["voltage"].tolist()).position
+    assert np.sqrt(np.mean(moved**2)) < 6e-6
+    before = fit.simulate(BELIEVED, columns()["voltage"].tolist()).position - found.model.position
+    assert np.sqrt(np.mean(before**2)) > 30e-6
+
+
+def test_derivatives_of_the_cost_are_its_slopes():
+    problem = fit.problem(record(samples=600), fit.bent(BELIEVED), [*fit.DEVIATIONS])
+    J, logs = problem.jacobian(np.zeros(13)), 1e-4 * np.random.default_rng(2).standard_normal(13)
+    change = problem.residuals(logs) - problem.residuals(np.zeros(13))
+    assert np.linalg.norm(change - J @ logs) < 0.02 * np.linalg.norm(change)
+
+
+def test_bend_of_the_core_changes_no_device():
+    before, after = device(BELIEVED), device(fit.bent(BELIEVED))
+    assert after == pytest.approx(before, rel=1e-12)
+    assert device(fit.bent(TRUE)) == pytest.approx(device(TRUE), rel=1e-12)
+    assert fit.bent(TRUE).core_bend == pytest.approx(TRUE.core_bend, rel=1e-12)
+
+
+def test_what_is_zero_stays_zero_and_a_table_has_a_factor_only():
+    gap = {"gap.law": "table", "gap.file": str(ROOT / "fmus" / "mhe" / "fringing_29.csv")}
+    par = kernel_parameters(own("mhe"), {**read_values([SETS / "mhe.toml"]), **gap, "damping": 0.0})
+    names = [name for name in fit.DEVIATIONS if fit.is_fitted(fit.bent(par), name)]
+    assert set(fit.DEVIATIONS) - set(names) == {"gap_fringing", "damping"}
+
+
+def test_the_parameter_set_is_what_was_found(found, tmp_path):
+    given = read_values([SETS / "mhe.toml"])
+    written = file.write(tmp_path / "new" / "mine.toml", found, given, "test")
+    read = parameters_of("mhe", written)
+    assert fit.simulate(read, columns()["voltage"].tolist()).position == pytest.approx(found.model.position, abs=1e-9)
+    assert read.gap_factor == 1.0 and read.gap_slope == pytest.approx(
+        BELIEVED.gap_slope * found.parameters.gap_factor, rel=1e-7
+    )
+    shipped = parameters_of("mhe", SETS / "mhe.toml")
+    for name in file.LEARNT:
+        field = name.replace(".", "_")
+        assert file.LEAST <= getattr(read, field) < 0.5 * getattr(shipped, field), name
+    assert read.prior_resistance == shipped.prior_resistance
+
+
+def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
+    table = tmp_path / "law.csv"
+    table.write_text((ROOT / "fmus" / "mhe" / "fringing_29.csv").read_text())
+    given = {**read_values([SETS / "mhe.toml"]), "gap.law": "table", "gap.file": str(table)}
+    par = kernel_parameters(own("mhe"), given)
+    by_table = found._replace(parameters=found.parameters._replace(gap_law=par.gap_law))
+    read = read_values([file.write(tmp_path / "sets" / "mine.toml", by_table, given, "test")])
+    assert Path(read["gap.file"]).samefile(table)
+    assert read["gap.factor"] == pytest.approx(found.parameters.gap_factor, rel=1e-7)
+
+
+def test_parameters_of_the_benchmark_are_what_a_record_gives(fmus):
+    """The plant is another model, with Jiles-Atherton hysteresis; its position is not used."""
+    shipped = parameters_of("mhe", SETS / "mhe_commissioned.toml")
+    result = commissioned.of_scenario(FOLDER)
+    for name in fit.DEVIATIONS:
+        if not name.startswith("gap"):
+            assert getattr(result.parameters, name) == pytest.approx(getattr(shipped, name), rel=5e-3), name
+    truth = run(FOLDER, seed_shift=commissioned.SEED)["actuator.position"]
+    assert np.sqrt(np.mean((result.model.position - truth) ** 2)) < 4e-6
+    assert result.parameters.core_eddy == pytest.approx(CORE.eddy, rel=0.1)
+    assert result.parameters.coil_resistance == pytest.approx(RTS_VALVE.coil_resistance, rel=1e-3)
+
+
+def commission(folder, *arguments):
+    command = ["commission", str(folder / "record.csv"), "--parameters", str(SETS / "mhe.toml"), *arguments]
+    return CliRunner().invoke(app, command)
+
+
+def saved(path, values):
+    named = {f"{name} [{unit}]": values[name] for name, unit in zip(values, ("s", "V", "A"))}
+    with path.open("w") as text:
+        write_columns(text, named)
+
+
+def test_the_command_writes_a_parameter_set_and_says_how_certain_it_is(tmp_path):
+    saved(tmp_path / "record.csv", columns(samples=1100))
+    done = commission(tmp_path, "--out", str(tmp_path / "mine.toml"))
+    assert done.exit_code == 0, done.output
+    for words in ("coil.resistance", "standard error", "as it was believed", "the model explains the currents"):
+        assert words in done.output, done.output
+    assert parameters_of("mhe", tmp_path / "mine.toml").core_eddy == pytest.approx(TRUE.core_eddy, rel=0.3)
+
+
+def test_a_record_that_begins_with_current_is_refused(tmp_path):
+    saved(tmp_path / "record.csv", {name: x[300:] for name, x in columns().items()})
+    done = commission(tmp_path)
+    assert done.exit_code == 2 and "record from rest" in done.output
