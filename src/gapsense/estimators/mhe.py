@@ -33,6 +33,7 @@ from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
 from gapsense.trace import clip, cond, fabs, load, not_, square, store, where
 
 JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
+STEADY = 0.15  # change of a voltage that is held
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
 LARGE = 20.0  # noises that such a current must have
@@ -89,11 +90,13 @@ class Parameters(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Means of a voltage that does not change and of its current, over some samples."""
+    """A voltage that hardly changes: its mean and that of its current, of late, and what they say of R."""
 
-    held: Scalar  # samples since the last edge
+    held: Scalar  # samples so far
+    held_level: Scalar  # voltage of the first of them
     held_voltage: Scalar
     held_current: Scalar
+    held_resistance: Scalar  # at the end of the last one that was long and large enough; or 0
 
 
 class State(NamedTuple):
@@ -195,7 +198,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         first_work(at, inputs.time, par),
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
-    held, smoothed = Held(0.0, u, 0.0), (zeros(RING + 1), zeros(RING + 1))
+    held, smoothed = Held(0.0, u, u, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
     state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
@@ -212,8 +215,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     has_current = can_read & not_(_is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
-    held = _held(state.held, u, i, is_edge | not_(has_current))
-    smoothed, R = (state.fluxes, state.positions), _resistance(held, par)
+    held = _held(state.held, u, i, par)
+    smoothed = (state.fluxes, state.positions)
+    R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
     believed = cond(is_new | is_first, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
@@ -263,12 +267,16 @@ def weight(par: Parameters) -> Scalar:
     return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
 
 
-def _held(before: Held, u: Scalar, i: Scalar, is_edge: Scalar) -> Held:
-    share = where(is_edge, 1.0, RECENT)
+def _held(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
+    changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
+    share = where(changes, 1.0, RECENT)
+    R = _resistance(before, par)
     return Held(
-        held=where(is_edge, 0.0, before.held + 1.0),
+        held=where(changes, 0.0, before.held + 1.0),
+        held_level=where(changes, u, before.held_level),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
+        held_resistance=where(changes & (R > 0.0), R, before.held_resistance),
     )
 
 

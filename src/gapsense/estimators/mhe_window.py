@@ -532,7 +532,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
     tail, is_bad = par.window_tail / par.sample_time, walk.cost > BAD * unit
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
     may_grow = (work.has_grown < 1.0) & (work.end < par.window_longest / par.sample_time)
-    grows = is_final & ends_later & may_grow & not_(is_late | (par.option_command > 0.0))
+    grows = (is_final | is_bad) & ends_later & may_grow & not_(is_late | (par.option_command > 0.0))
 
     def longer() -> Work:
         grown = work._replace(end=0.0, least=work.end + where(is_bad, tail, 1.0), tries=0.0, has_grown=1.0)
@@ -544,7 +544,7 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
         is_better,
         lambda: cond(
             seeks,
-            lambda: _seeking(work._replace(start=1.0, best=0.0, least_total=total), par),
+            lambda: _seeking(work._replace(q=put(work.q, q), start=1.0, best=0.0, least_total=total), par),
             lambda: cond(
                 is_final & not_(grows),
                 lambda: _finished(work._replace(q=put(work.q, q)), walk.cost / unit, samples, time, par),
@@ -564,13 +564,12 @@ def _offset(start: Scalar, par: Parameters) -> list[Scalar]:
 
 
 def _seeking(work: Work, par: Parameters) -> Work:
-    """A trial of one of the `STARTS`, from what was known before."""
-    q = put(work.q, [*get(work.q_prior, START), 0.0])
-    return work._replace(q=q, change=put(work.change, _offset(work.start, par)), begins=1.0)
+    """A trial of one of the `STARTS`, from what was found."""
+    return work._replace(change=put(work.change, _offset(work.start, par)), begins=1.0)
 
 
 def _sought(work: Work, par: Parameters) -> Work:
-    """The next of the `STARTS`; after the last one Gauss-Newton from the best."""
+    """The next of the `STARTS`; after the last one Gauss-Newton from the best, or a last trial where none is better."""
     d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
     total = work.walk.cost + d @ (_taken(work.prior) @ d)
     is_best = total < work.least_total
@@ -578,8 +577,9 @@ def _sought(work: Work, par: Parameters) -> Work:
     more = work._replace(best=best, least_total=least, start=work.start + 1.0)
 
     def chosen() -> Work:
-        q = get(work.q, N) + vector(_offset(best, par))
-        return _deriving(work._replace(q=put(work.q, q), start=-1.0, tries=0.0, shortenings=0.0))
+        found = work._replace(q=put(work.q, get(work.q, N) + vector(_offset(best, par))), start=-1.0, begins=1.0)
+        again = found._replace(phase=where(best > 0.0, DERIVING, TRYING), tries=0.0, shortenings=SHORTENINGS)
+        return again._replace(change=put(work.change, [0.0] * N))
 
     return cond(work.start < len(STARTS), lambda: _seeking(more, par), chosen)
 
