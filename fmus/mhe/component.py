@@ -1,7 +1,5 @@
 """Port table of the moving-horizon estimator; the mechanics, the gap and the coil are those of `Ekf`."""
 
-from typing import Any
-
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Component, Limit, Port, input_, option, output, parameter
 
@@ -25,7 +23,7 @@ LEARNT = (  # output, prior, unit, what it is, relative deviation before the fir
 )
 
 
-def said(name: str, unit: str, description: str, **more: Any) -> Port:
+def said(name: str, unit: str, description: str, **more: float) -> Port:
     """An output: the causal ones follow the voltage, and what is not new is published with them."""
     return output(name, unit, description, feedthrough=ALL, **more)
 

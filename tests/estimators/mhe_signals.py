@@ -20,6 +20,7 @@ from gapsense.kernel import Kernel, trace
 from gapsense.records import Scalar, fields, flat, names, record
 from gapsense.studies.estimators.parameters import VALVE, Valve, reduced
 
+KERNEL = Kernel(mhe)
 T_S, START = 20e-6, 11  # sampling period; correction of the flux linkage at the start
 
 
@@ -85,7 +86,7 @@ def true_device(par: mhe.Parameters) -> Device:
 @cache
 def _compiled() -> CKernel:
     with tempfile.TemporaryDirectory() as folder:
-        return CKernel(Kernel(mhe), Path(folder))
+        return CKernel(KERNEL, Path(folder))
 
 
 def kernel() -> CKernel:

@@ -1,81 +1,16 @@
-"""`Mhe` on a plant with other physics than its own, on bad readings, and what must hold for any input."""
+"""`Mhe` on a plant with other physics than its own, its windows and what it publishes."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, NamedTuple
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from lossy_valve import HALF, START, T_S
+from mhe_plant import CYCLE, CYCLES, START, T_S, errors, noisy, plant, published, says
 from mhe_signals import blind, kernel, rows, run, state_of
 
-from gapsense.actuators import reluctance_actuator
-from gapsense.estimators import mhe, readings
+from gapsense.estimators import mhe_window, readings
 from gapsense.estimators.rts import motions
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators.parameters import wrong
-
-CYCLES, CYCLE = 6, 2 * HALF
-
-
-class Plant(NamedTuple):
-    """Samples of the lossy valve under a square wave."""
-
-    voltage: np.ndarray
-    current: np.ndarray
-    mode: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-
-
-@cache
-def plant(resistance: float = 1.0) -> Plant:
-    """30 V and 0 V for 10 ms each; the resistance is another one by a factor."""
-    k = np.arange(START + CYCLES * CYCLE) - START
-    voltage = np.where((k >= 0) & (k % CYCLE < HALF), 30.0, 0.0)
-    par = RTS_VALVE._replace(coil_resistance=RTS_VALVE.coil_resistance * resistance)
-    return Plant(voltage, *driven(reluctance_actuator, par, voltage, T_S, *Plant._fields[1:]).T)
-
-
-def noisy(s: Plant, seed: int = 1, std: float = 2e-3) -> np.ndarray:
-    return s.current + std * np.random.default_rng(seed).standard_normal(s.current.size)
-
-
-class Published(NamedTuple):
-    """Smoothed samples in the order in which they came."""
-
-    at: np.ndarray  # sample at which they came
-    sample: np.ndarray  # that they belong to
-    position: np.ndarray
-
-
-def published(found: dict[str, np.ndarray], dt: float = T_S) -> Published:
-    at = np.flatnonzero(found["smoothed_published"] > 0.0)
-    times = found["smoothed_time"][at] / dt
-    samples = np.rint(times).astype(int)
-    np.testing.assert_allclose(times, samples, atol=1e-5)
-    return Published(at, samples, found["smoothed_position"][at])
-
-
-class Errors(NamedTuple):
-    """Root mean square errors in motion from the second cycle on [um]."""
-
-    causal: float
-    smoothed: float
-
-
-def errors(found: dict[str, np.ndarray], s: Plant, first: int = START + CYCLE) -> Errors:
-    smoothed = np.full(s.mode.size, np.nan)
-    p = published(found)
-    smoothed[p.sample] = p.position
-    k = np.arange(s.mode.size)
-    counts = (s.mode == 2.0) & (k >= first) & (k <= p.sample[-1])
-    rms = (np.sqrt(np.mean((z - s.position)[counts] ** 2)) for z in (found["position"], smoothed))
-    return Errors(*(1e6 * float(e) for e in rms))
-
 
 # behaviour
 
@@ -154,13 +89,23 @@ def test_one_window_per_command() -> None:
     assert errors(found, s, START + 2 * CYCLE).causal < 10.0
 
 
-def test_a_window_that_cannot_be_solved_is_given_up() -> None:
-    """Currents that no motion explains, in windows of half the memory; the causal estimate goes on as it was."""
-    s = plant()
+def test_windows_that_cannot_be_solved_are_given_up() -> None:
+    """Currents that no motion explains: what was known stays, and the health is good again with the next motions."""
+    s, given_up = plant(), []
     garbage = np.random.default_rng(1).choice([-2.0, 2.0], s.current.size)
-    given_ = rows(np.r_[s.voltage, s.voltage], np.r_[garbage, noisy(s)])
-    states: list[float] = []
-    found = run(blind(window_longest=40e-3), given_, lambda c: states.append(state_of(c).work.learnt.given_up))
-    assert max(states) >= 1.0
-    told = (found["health_causes"].astype(int) & int(readings.RESTARTED)) > 0
-    assert told.any() and all(np.all(np.isfinite(values)) for values in found.values())
+    voltage, current = np.tile(s.voltage, 4), np.r_[garbage, np.tile(noisy(s), 3)]
+    found = run(blind(), rows(voltage, current), lambda c: given_up.append(state_of(c).work.learnt.given_up))
+    assert max(given_up) > 0.0 and given_up[-1] == 0.0
+    told = says(found, readings.RESTARTED)
+    assert told.any() and np.all(found["health"][-3 * CYCLE :] == 1.0)
+    last = found["position"][-3 * CYCLE :] - s.position[-3 * CYCLE :]
+    assert np.sqrt(np.mean(last[s.mode[-3 * CYCLE :] == 2.0] ** 2)) < 12e-6
+
+
+def test_a_new_window_knows_nothing_of_the_search_in_the_last_one() -> None:
+    """Nor of its tries; one that was given up in the midst of a search would judge its first trial by that."""
+    c = kernel()
+    c.call("initial", (0.0, 0.0, 0.0, 0.0), blind())
+    work = state_of(c).work._replace(start=3.0, tries=2.0, end=100.0, has_grown=1.0, has_jumped=1.0)
+    opened = mhe_window._opened(work)
+    assert (opened.start, opened.tries, opened.end, opened.has_grown, opened.has_jumped) == (0.0,) * 5

@@ -280,11 +280,9 @@ def _given_up(work: Work, causal: Point) -> Work:
 
 def _opened(work: Work) -> Work:
     """A window begins at its origin."""
-    return _deriving(
-        work._replace(
-            q_prior=put(work.q_prior, get(work.q, N)), end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, tries=0.0
-        )
-    )
+    known = put(work.q_prior, get(work.q, N))
+    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, tries=0.0, start=0.0)
+    return _deriving(new)
 
 
 def _deriving(work: Work) -> Work:
