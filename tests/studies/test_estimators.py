@@ -280,8 +280,10 @@ def test_plain_run(plain, tmp_path):
     assert all(
         60e-6 < position[name] < 110e-6 for name in ("open_loop", "bounded_ukf", "bounded_ukf_tuned", "hybrid_ekf")
     )
+    assert max(position[f"mhe_{c}"] for c in ("smoothed", "commissioned", "commissioned_smoothed")) < 8e-6
+    assert position["mhe"] < 15e-6
     for c in CONTENDERS:
-        assert found[f"{c.component}.landings"] == 5
+        assert found[f"{c.component}.landings"] in ((4, 5) if c.published else (5,))  # the last may come later
         assert found[f"{c.component}.missed"] == 0 or "position" not in c.gives
         assert found[f"{c.component}.cost"] > 0
         assert (found[f"{c.component}.latency"] > 0) == bool(c.published)
