@@ -13,7 +13,7 @@ from lossy_valve import square_wave
 from mhe_signals import START, at_rest, blind, model_run, rows, run, state_of, true_device
 from scipy.optimize import least_squares
 
-from gapsense.estimators import mhe, mhe_window
+from gapsense.estimators import mhe, mhe_records, mhe_window
 from gapsense.estimators.mhe_model import corrected, device, model, point
 from gapsense.linalg import matrix
 from gapsense.records import triangle
@@ -79,7 +79,7 @@ def windows(name: str, further: float = 0.0) -> list[Window]:
     return [_window(states[k], states[k + 1], int(k)) for k in done]
 
 
-def _window(work: mhe_window.Work, after: mhe_window.Work, newest: int) -> Window:
+def _window(work: mhe_records.Work, after: mhe_records.Work, newest: int) -> Window:
     prior = np.empty((START + 1, START + 1))
     for value, (i, j) in zip(work.prior, triangle(START + 1)):
         prior[i, j] = prior[j, i] = value

@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Point, advance, current, device, model, point
-from gapsense.estimators.mhe_window import (
-    LOGARITHMS,
+from gapsense.estimators.mhe_records import (
     RING,
     START,
     Learnt,
@@ -24,8 +23,8 @@ from gapsense.estimators.mhe_window import (
     priors,
     published,
     put,
-    work_on,
 )
+from gapsense.estimators.mhe_window import LOGARITHMS, work_on
 from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.linalg import vector

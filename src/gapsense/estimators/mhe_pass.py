@@ -1,0 +1,178 @@
+"""A pass of the model of `Mhe` through the samples of a window: currents, events, derivatives, normal equations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gapsense.estimators.mhe_model import (
+    Device,
+    Model,
+    Point,
+    advance,
+    corrected,
+    current,
+    derived,
+    device,
+    model,
+    point,
+)
+from gapsense.estimators.mhe_records import (
+    ALL,
+    DERIVING,
+    PAIRS,
+    RING,
+    START,
+    TRYING,
+    USUAL,
+    N,
+    Samples,
+    Walk,
+    Work,
+    get,
+    get_matrix,
+    place,
+    put,
+    put_matrix,
+    started,
+)
+from gapsense.linalg import matrix, outer, vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, cond, fabs, load, loop, store, where
+
+if TYPE_CHECKING:
+    from gapsense.estimators.mhe import Parameters
+
+PACE = 8  # of them that a pass takes in a step
+AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
+Kept = tuple[Scalar, ...]  # flux linkage and position of a sample
+Smoothed = tuple[Array, Array]  # the memory of these
+
+
+def begun(work: Work, par: Parameters) -> Work:
+    """A pass begins."""
+    is_trying = work.phase == TRYING
+    q = vector([a + where(is_trying, b, 0.0) for a, b in zip(get(work.q, N), get(work.change, N))])
+    d = corrected(device(par), q[:START])
+    lam, h, z, v, u = get(work.origin, 5)
+    at = point(lam + q[START], h, z, v, u, model(par, d))
+    work = work._replace(begins=0.0, device=put(work.device, d), follows=0.0, walk=started(at, par), summed=0.0)
+    return cond(is_trying, lambda: work, lambda: _cleared(work))
+
+
+def _cleared(work: Work) -> Work:
+    """No sums; the derivatives at the start of the window."""
+    return work._replace(
+        tangents=put(work.tangents, [1.0 if k == 4 * START else 0.0 for k in range(4 * N)]),
+        normal=put(work.normal, [0.0] * len(PAIRS)),
+        gradient=put(work.gradient, [0.0] * N),
+    )
+
+
+def walked(work: Work, samples: Samples, smoothed: Smoothed, par: Parameters) -> tuple[Work, Smoothed]:
+    """Some samples more of a pass: derivatives where they are due, or the memory of smoothed samples."""
+    m = model(par, Device(*get(work.device, START)))
+    walk, trail, is_over = _some(work, samples, m, par)
+    new, count, age = (
+        work._replace(walk=walk, over=where(is_over, 1.0, 0.0)),
+        walk.done - work.walk.done,
+        work.age - walk.done,
+    )
+    return cond(
+        work.phase == DERIVING,
+        lambda: (cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new), smoothed),
+        lambda: (new, remembered(smoothed, trail, count, age, samples)),
+    )
+
+
+def _some(work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, list[Kept], Scalar]:
+    """Samples of a pass, the last of them, the newest first, and whether the pass is at the end of the window.
+
+    The first pass finds the end.
+    """
+    is_deriving, is_open = work.phase == DERIVING, work.end <= 0.0
+    limit = where(is_open | (work.age < work.end), work.age, work.end)
+    tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
+
+    def is_over(walk: Walk) -> Scalar:
+        by_landing = (walk.takeoff >= 0.0) & (walk.still >= tail)
+        spot = place(samples.newest, work.age - walk.done)
+        ends = cond(par.option_command > 0.0, lambda: load(samples.commands, spot) > 0.0, lambda: by_landing)
+        return (ends & (walk.done >= work.least)) | (walk.done >= longest)
+
+    def one(walk: Walk, trail: list[Kept]) -> tuple[tuple[Walk, list[Kept]], Scalar]:
+        new = _visited(walk, work, samples, m)
+        stop = (new.done >= limit) | (is_deriving & _is_full(new)) | cond(is_open, lambda: is_over(new), lambda: False)
+        return (new, [(new.at[0], new.at[2]), *trail[:-1]]), stop
+
+    start = [(work.walk.at[0], work.walk.at[2])] * PACE
+    walk, trail = loop(PACE, one, (work.walk, start))
+    return walk, trail, cond(is_open, lambda: is_over(walk), lambda: walk.done >= work.end)
+
+
+def _is_full(walk: Walk) -> Scalar:
+    """Whether derivatives are due: after some samples, and at a landing."""
+    return (walk.still == 1.0) | (walk.pending >= where(walk.still > 0.0, AT_REST, MOVING))
+
+
+def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> Walk:
+    """The next sample."""
+    before, spot = Point(*walk.at), place(samples.newest, work.age - walk.done - 1.0)
+    u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
+    at, mean = advance(before, u, m), 0.5 * (before.voltage + u)
+    r = i - current(at, mean, m)
+    is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
+    new = walk._replace(
+        done=walk.done + 1.0,
+        at=vector(at),
+        mean=mean,
+        still=where(is_on_stop, walk.still + 1.0, 0.0),
+        cost=walk.cost + w * r * r,
+        counted=walk.counted + w,
+        pending=walk.pending + 1.0,
+        residuals=walk.residuals + w * r,
+    )
+    return cond((new.still > 1.0) | (new.still + walk.still < 1.0), lambda: new, lambda: _event(walk, new, before, m))
+
+
+def _event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
+    """The mover leaves a stop, or lands: after a share of the period, with its speed there."""
+    lands = new.still > 0.0
+    is_first = lands & (walk.landings < 1.0)
+    free = m.T_s * (before.velocity + 0.5 * m.T_s * before.acceleration)
+    share = clip((new.at[2] - before.position) / where(fabs(free) > 0.0, free, 1.0), 0.0, 1.0)
+    speed = fabs(before.velocity + share * m.T_s * before.acceleration)
+    return new._replace(
+        takeoff=where(lands | (walk.takeoff >= 0.0), walk.takeoff, walk.done),
+        landing=where(is_first, walk.done + share, walk.landing),
+        speed=where(is_first, speed, walk.speed),
+        landings=where(lands, walk.landings + 1.0, walk.landings),
+    )
+
+
+def _summed(work: Work, m: Model, par: Parameters) -> Work:
+    """Derivatives at the sample that the pass has come to, and the sums of the normal equations."""
+    walk = work.walk
+    weight = walk.counted - work.summed
+
+    def summed(which: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        tangents, gradient = work.tangents, work.gradient
+        T = matrix([[load(tangents, 4 * k + n) for n in range(4)] for k in which])
+        T, J = derived(T, which, Point(*walk.at), walk.mean, walk.pending, walk.still > 0.0, m)
+        for k, row, slope in zip(which, T, J):
+            for n in range(4):
+                tangents = store(tangents, 4 * k + n, row[n])
+            gradient = store(gradient, k, load(gradient, k) + walk.residuals * slope)
+        return tangents, put_matrix(work.normal, get_matrix(work.normal, which) + outer(weight * J, J), which), gradient
+
+    tangents, normal, gradient = cond(par.option_further > 0.0, lambda: summed(ALL), lambda: summed(USUAL))
+    walk = walk._replace(pending=0.0, residuals=0.0)
+    return work._replace(walk=walk, summed=walk.counted, tangents=tangents, normal=normal, gradient=gradient)
+
+
+def remembered(smoothed: Smoothed, trail: list[Kept], passed: Scalar, age: Scalar, samples: Samples) -> Smoothed:
+    """The memory with the samples that a trial has passed; the last one is `age` samples old."""
+    fluxes, positions = smoothed
+    for k, (lam, z) in enumerate(trail):
+        spot = where(passed > k, place(samples.newest, age + k), RING)
+        fluxes, positions = store(fluxes, spot, lam), store(positions, spot, z)
+    return fluxes, positions
