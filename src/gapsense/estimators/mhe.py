@@ -32,7 +32,7 @@ from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
 from gapsense.trace import clip, cond, fabs, load, not_, square, store, where
 
 JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
-STEADY = 0.15  # change of a voltage that is held
+STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
 LARGE = 20.0  # noises that such a current must have
@@ -95,6 +95,7 @@ class Held(NamedTuple):
     held_level: Scalar  # voltage of the first of them
     held_voltage: Scalar
     held_current: Scalar
+    held_drift: Scalar  # last current less its mean
     held_resistance: Scalar  # at the end of the last one that was long and large enough; or 0
 
 
@@ -197,7 +198,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         first_work(at, inputs.time, par),
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
-    held, smoothed = Held(0.0, u, u, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
+    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
     state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
@@ -275,6 +276,7 @@ def _held(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
         held_level=where(changes, u, before.held_level),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
+        held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
         held_resistance=where(changes & (R > 0.0), R, before.held_resistance),
     )
 
@@ -283,8 +285,9 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     """Voltage over current, if both are held and large enough; else 0."""
     is_long = held.held >= par.window_tail / par.sample_time
     is_large = (fabs(held.held_current) > LARGE * par.noise_current) & (fabs(held.held_voltage) > par.edge)
+    is_settled = fabs(held.held_drift) < SETTLED * fabs(held.held_current)
     ratio = held.held_voltage / where(is_large, held.held_current, 1.0)
-    return where(is_long & is_large & (ratio > 0.0), ratio, 0.0)
+    return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
 
 
 def _published(

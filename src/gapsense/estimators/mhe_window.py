@@ -49,7 +49,9 @@ TRIES = 5.0  # passes with derivatives
 SHORTENED, SHORTENINGS = 0.25, 3.0  # of a step whose trial is worse than what it left; the last one to nothing
 LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
 LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 6.0  # of the cost that noise and model error make: see `_verdict`
-LATE = 400.0  # samples behind the end of a window after which no other pass with derivatives begins
+# samples behind the end of a window after which a cost far below the promised one is no reason for another pass with
+# derivatives, and after which there is none
+LATE, LATER = 140.0, 300.0
 DOUBT = 0.25  # what is left of the information after a window that taught nothing
 # where a search begins if nothing explains the currents: field of `Device`, and how many deviations off
 STARTS = tuple((k, by) for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
@@ -224,8 +226,9 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
     total, misfit = walk.cost + d @ (get_matrix(work.prior) @ d), walk.cost / unit
     is_last, is_bad = work.shortenings >= SHORTENINGS, misfit > BAD
-    is_good = fabs(total - work.promised) < where(misfit < POOR, GAIN, LITTLE) * unit
-    is_late = (work.age - work.end > LATE) & not_(is_bad)
+    missing, late = total - work.promised, work.age - work.end
+    surprise = where(late > LATE, missing, fabs(missing))
+    is_good, is_late = surprise < where(misfit < POOR, GAIN, LITTLE) * unit, (late > LATER) & not_(is_bad)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
