@@ -37,6 +37,11 @@ class Run(NamedTuple):
         seconds = alone(self.experiment, self.rows[1:], name, values)
         return np.array([1e6 * np.median(seconds[kind]) for kind in self.kinds])
 
+    def worst(self, name: str, times: int = 7) -> Floats:
+        """Microseconds of the median and of the worst `do_step`, of each step the shortest of some runs."""
+        seconds = np.min([alone(self.experiment, self.rows[1:], name, {}) for _ in range(times)], axis=0)
+        return np.array([1e6 * np.median(seconds), 1e6 * np.max(seconds)])
+
 
 def actuator_steps(fmus: Path) -> Costs:
     """Microseconds at rest and in motion, by what is measured."""
@@ -54,6 +59,8 @@ def actuator_steps(fmus: Path) -> Costs:
         "Ekf": actuator.cost("ekf"),
         "Ekf, gap table": actuator.cost("ekf", **table),
         "Ertss": actuator.cost("ertss"),
+        "Mhe": actuator.cost("mhe"),
+        "  median and worst of all its steps": actuator.worst("mhe"),
         "HybridEkf": magnet.cost("robust"),
         "BoundedUkf": valve.cost("ukf"),
         "ReluctanceActuator, two micro-steps": actuator.cost("plant"),

@@ -141,13 +141,15 @@ def swept(A: Array) -> Array:
 
 def _turned(work: Work, par: Parameters) -> Work:
     """Two pivots; after the last ones a trial, or the next window."""
-    A = swept(swept(get_matrix(work.normal)))
-    work = work._replace(normal=put_matrix(work.normal, A), turn=work.turn + 2.0)
-    return cond(
-        work.turn < N,
-        lambda: work,
-        lambda: cond(work.phase == SOLVING, lambda: _solved(work, A, par), lambda: _renewed(work, A)),
-    )
+
+    def turned() -> Work:
+        A = swept(swept(get_matrix(work.normal)))
+        return work._replace(normal=put_matrix(work.normal, A), turn=work.turn + 2.0)
+
+    def inverted() -> Work:
+        return cond(work.phase == SOLVING, lambda: _solved(work, par), lambda: _renewed(work))
+
+    return cond(work.turn < N, turned, inverted)
 
 
 def _derived(work: Work, held: Scalar, par: Parameters) -> Work:
@@ -173,10 +175,10 @@ def _solving(work: Work) -> Work:
     return work._replace(phase=SOLVING, turn=0.0, normal=normal, gradient=gradient, total=total)
 
 
-def _solved(work: Work, inverse: Array, par: Parameters) -> Work:
+def _solved(work: Work, par: Parameters) -> Work:
     """The step of Gauss-Newton, no logarithm farther than `LARGEST`; one that promises little is not worth its pass."""
     gradient, farthest = get(work.gradient, N), 0.0
-    full = -(inverse @ gradient)
+    full = -(get_matrix(work.normal) @ gradient)
     for x in full[:LOGARITHMS]:
         farthest = where(fabs(x) > farthest, fabs(x), farthest)
     share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
@@ -344,6 +346,6 @@ def _rejected(work: Work) -> Work:
     return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi)))
 
 
-def _renewed(work: Work, inverse: Array) -> Work:
+def _renewed(work: Work) -> Work:
     """The next window begins."""
-    return _opened(work._replace(prior=put_matrix(work.prior, -inverse)))
+    return _opened(work._replace(prior=put_matrix(work.prior, -get_matrix(work.normal))))
