@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import reduced_model_textbook as textbook
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from reduced_model_textbook import TABLE_I
 from table_i import QUIET, defaults
@@ -147,8 +147,12 @@ NUMBER = st.tuples(
 )
 
 
+NOTHING = [(1.884126663743103e-36, 0.0, 2.0), *[(0.0, 0.0, 2.0)] * 4]  # a projection moved the flux linkage to 2e36 Wb
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.lists(NUMBER, min_size=2, max_size=40), st.booleans(), st.booleans())
+@example(NOTHING, False, False)
 def test_covariance_stays_symmetric_and_non_negative(samples: Any, has_force: bool, has_current: bool) -> None:
     par = defaults(ekf, option_force_error=float(has_force), option_current_error=float(has_current))
     state, _ = KERNEL.initial(ekf.Inputs(*samples[0]), par)

@@ -13,6 +13,7 @@ from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
+    FLUX_LIMIT,
     FLUX_LINKAGE,
     FORCE_ERROR,
     POSITION,
@@ -32,7 +33,7 @@ from gapsense.estimators.reduced_model import (
 from gapsense.estimators.watch import OFTEN, START, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
-from gapsense.trace import cond, fabs, not_, square, where
+from gapsense.trace import clip, cond, fabs, not_, square, where
 
 USUAL = 20e-6  # time in which the process noises have the standard deviations of the parameters: T_s of the paper [s]
 
@@ -272,7 +273,22 @@ def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
         return given(known, innovation - H[0] @ (known.mean - prior.mean))
 
     posterior = cond(is_moving(measured.mode), lambda: given(prior, innovation), resting)
-    return Pass(project(posterior, POSITION, 0.0, 1.0), innovation, std, is_used, held.hysteresis)
+    return Pass(reachable(project(posterior, POSITION, 0.0, 1.0), m), innovation, std, is_used, held.hysteresis)
+
+
+def reachable(estimate: Gaussian, m: Model) -> Gaussian:
+    """The estimate with a flux linkage that a device can have.
+
+    Where the position is nearly certain, a projection may move the others anywhere.
+    """
+    x, most = estimate.mean, FLUX_LIMIT * m.lam_sat
+
+    def limited() -> Array:
+        y = x.copy()
+        y[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -most, most)
+        return y
+
+    return Gaussian(cond(fabs(x[FLUX_LINKAGE]) <= most, lambda: x, limited), estimate.cov)
 
 
 def process_noise(m: Model, tuned: Tuning) -> Array:
