@@ -92,8 +92,8 @@ def test_one_window_per_command() -> None:
 def test_windows_that_cannot_be_solved_are_given_up() -> None:
     """Currents that no motion explains: what was known stays, and the health is good again with the next motions."""
     s, given_up = plant(), []
-    garbage = np.random.default_rng(1).choice([-2.0, 2.0], s.current.size)
-    voltage, current = np.tile(s.voltage, 4), np.r_[garbage, np.tile(noisy(s), 3)]
+    garbage = np.random.default_rng(1).choice([-2.0, 2.0], 4 * s.current.size)
+    voltage, current = np.tile(s.voltage, 7), np.r_[garbage, np.tile(noisy(s), 3)]
     found = run(blind(), rows(voltage, current), lambda c: given_up.append(state_of(c).work.learnt.given_up))
     assert max(given_up) > 0.0 and given_up[-1] == 0.0
     told = says(found, readings.RESTARTED)
