@@ -62,7 +62,7 @@ SUMMED_UP = (  # title, number, variant, factor, digits
     ("R / mOhm, warm coil", "resistance", "warm", 1e3, 0),
 )
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
-SPACING, WIDTH = 0.11, 1.0  # between the estimators of a condition, and of all of them at most
+SPACING, WIDTH = 0.11, 0.85  # between the estimators of a condition, and of all of them at most
 COLORS = (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83")
 MARKERS = "ospD^v<PX*>dH8h"
 
@@ -180,7 +180,7 @@ def look(contender: Contender) -> tuple[Any, str]:
 def conditions(found: Found) -> Figure:
     """Root mean square errors: dots are medians over the runs, lines reach from the best to the worst run."""
     title = "All estimators on the same actuator: median of the runs, from the best to the worst"
-    figure, axes = plot.panels(title, len(PANELS), size=(11.5, 7.0), sharex=True)
+    figure, axes = plot.panels(title, len(PANELS), size=(16.0, 8.0), sharex=True)
     shown = [variant for variant in TITLES if variant in found]
     for axis, (quantity, (label, factor)) in zip(axes[:, 0], PANELS.items()):
         giving = [c for c in CONTENDERS if quantity in c.gives]
@@ -188,7 +188,7 @@ def conditions(found: Found) -> Figure:
             at = np.arange(len(shown)) + min(SPACING, WIDTH / len(giving)) * (k - 0.5 * (len(giving) - 1))
             dots(axis, at, [factor * values(found[variant], contender, quantity) for variant in shown], contender)
         bands(axis, f"RMS error of the {label}", len(shown))
-    axes[-1, 0].set_xticks(range(len(shown)), [TITLES[variant] for variant in shown], fontsize="small")
+    axes[-1, 0].set_xticks(range(len(shown)), [TITLES[variant].replace(" ", "\n", 1) for variant in shown])
     return figure
 
 
