@@ -13,7 +13,6 @@ from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
 from gapsense.estimators.reduced_model import (
     CURRENT_ERROR,
-    FLUX_LIMIT,
     FLUX_LINKAGE,
     FORCE_ERROR,
     POSITION,
@@ -35,6 +34,7 @@ from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, fabs, not_, square, where
 
+BEARABLE = 100.0  # largest |lambda| / lambda_sat of an estimate
 USUAL = 20e-6  # time in which the process noises have the standard deviations of the parameters: T_s of the paper [s]
 
 
@@ -277,11 +277,11 @@ def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
 
 
 def reachable(estimate: Gaussian, m: Model) -> Gaussian:
-    """The estimate with a flux linkage that a device can have.
+    """The estimate with a flux linkage that numbers can bear; the prediction then brings it into reach of a device.
 
     Where the position is nearly certain, a projection may move the others anywhere.
     """
-    x, most = estimate.mean, FLUX_LIMIT * m.lam_sat
+    x, most = estimate.mean, BEARABLE * m.lam_sat
 
     def limited() -> Array:
         y = x.copy()

@@ -69,27 +69,18 @@ def _cleared(work: Work) -> Work:
 
 
 def walked(work: Work, samples: Samples, smoothed: Smoothed, par: Parameters) -> tuple[Work, Smoothed]:
-    """Some samples more of a pass: derivatives where they are due, or the memory of smoothed samples."""
+    """Some samples more of a pass: with derivatives where they are due, or into the memory of smoothed samples."""
     m = model(par, Device(*get(work.device, START)))
-    walk, trail, is_over = _some(work, samples, m, par)
-    new, count, age = (
-        work._replace(walk=walk, over=where(is_over, 1.0, 0.0)),
-        walk.done - work.walk.done,
-        work.age - walk.done,
-    )
     return cond(
         work.phase == DERIVING,
-        lambda: (cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new), smoothed),
-        lambda: (new, remembered(smoothed, trail, count, age, samples)),
+        lambda: (_followed(work, samples, m, par), smoothed),
+        lambda: _tried(work, samples, smoothed, m),
     )
 
 
-def _some(work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, list[Kept], Scalar]:
-    """Samples of a pass, the last of them, the newest first, and whether the pass is at the end of the window.
-
-    The first pass finds the end.
-    """
-    is_deriving, is_open = work.phase == DERIVING, work.end <= 0.0
+def _followed(work: Work, samples: Samples, m: Model, par: Parameters) -> Work:
+    """Samples of a pass with derivatives; the first such pass finds the end of the window."""
+    is_open = work.end <= 0.0
     limit = where(is_open | (work.age < work.end), work.age, work.end)
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
 
@@ -99,19 +90,32 @@ def _some(work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk
         ends = cond(par.option_command > 0.0, lambda: load(samples.commands, spot) > 0.0, lambda: by_landing)
         return (ends & (walk.done >= work.least)) | (walk.done >= longest)
 
-    def one(walk: Walk, trail: list[Kept]) -> tuple[tuple[Walk, list[Kept]], Scalar]:
-        new = _visited(walk, work, samples, m)
-        stop = (new.done >= limit) | (is_deriving & _is_full(new)) | cond(is_open, lambda: is_over(new), lambda: False)
-        return (new, [(new.at[0], new.at[2]), *trail[:-1]]), stop
+    def one(*entries: Scalar) -> tuple[Walk, Scalar]:
+        new = _visited(Walk(*entries), work, samples, m)
+        return new, (new.done >= limit) | _is_full(new) | cond(is_open, lambda: is_over(new), lambda: False)
 
-    start = [(work.walk.at[0], work.walk.at[2])] * PACE
-    walk, trail = loop(PACE, one, (work.walk, start))
-    return walk, trail, cond(is_open, lambda: is_over(walk), lambda: walk.done >= work.end)
+    walk = loop(int(max(AT_REST, MOVING)), one, work.walk)
+    ends = cond(is_open, lambda: is_over(walk), lambda: walk.done >= work.end)
+    new = work._replace(walk=walk, over=where(ends, 1.0, 0.0))
+    return cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new)
 
 
 def _is_full(walk: Walk) -> Scalar:
     """Whether derivatives are due: after some samples, and at a landing."""
     return (walk.still == 1.0) | (walk.pending >= where(walk.still > 0.0, AT_REST, MOVING))
+
+
+def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model) -> tuple[Work, Smoothed]:
+    """Samples of a trial."""
+    limit = where(work.age < work.end, work.age, work.end)
+
+    def one(walk: Walk, trail: list[Kept]) -> tuple[tuple[Walk, list[Kept]], Scalar]:
+        new = _visited(walk, work, samples, m)
+        return (new, [(new.at[0], new.at[2]), *trail[:-1]]), new.done >= limit
+
+    walk, trail = loop(PACE, one, (work.walk, [(work.walk.at[0], work.walk.at[2])] * PACE))
+    new = work._replace(walk=walk, over=where(walk.done >= work.end, 1.0, 0.0))
+    return new, remembered(smoothed, trail, walk.done - work.walk.done, work.age - walk.done, samples)
 
 
 def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> Walk:
