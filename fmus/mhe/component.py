@@ -5,9 +5,8 @@ from gapsense.fmi.ports import Component, Limit, Port, input_, option, output, p
 
 EKF = load_component(own("ekf"))
 ALL = ("voltage", "current", "command")
-GROUPS = ("coil", "mover", "spring", "damping", "stop", "core", "gap", "range")
-NOT_HERE = ("gap.tilt", "range.innovation")
-LOSSES = {"core.eddy", "core.hysteresis", "core.turnover", "core.bend"}
+GROUPS = ("sample_time", "coil", "mover", "spring", "damping", "stop", "core", "gap", "range", "noise")
+OTHERS = ("gap.tilt", "range.innovation", "core.eddy", "core.hysteresis", "core.turnover")  # not here, or not the same
 LEARNT = (  # output, prior, unit, what it is, relative deviation before the first window
     ("resistance", "resistance", "Ohm", "Resistance R", 0.15),
     ("eddy", "eddy", "S", "Eddy currents g_e", 1.0),
@@ -73,19 +72,7 @@ COMPONENT = Component(
         said("misfit", "1", "Cost of the last window over what noise and model error make", min=0.0),
         *(said(name, unit, what) for name, _, unit, what, _ in LEARNT),
         *(said(f"{name}_std", unit, "Its standard deviation", min=0.0) for name, _, unit, _, _ in LEARNT),
-        *(p for p in EKF.of("parameter") if p.name == "sample_time"),
-        *(
-            p
-            for p in EKF.of("parameter")
-            if p.name.split(".")[0] in GROUPS and p.name not in NOT_HERE and p.name not in LOSSES
-        ),
-        parameter(
-            "core.bend",
-            "1/H",
-            "K of the core R_c0 + K x^2/(1 - x^2), x = flux linkage/saturation; 0: R_c0/(1 - x)",
-            0.0,
-            min=0.0,
-        ),
+        *(p for p in EKF.of("parameter") if p.name.split(".")[0] in GROUPS and p.name not in OTHERS),
         parameter("core.eddy", "S", "Eddy currents, k_eddy / N^2; any guess", 0.5e-3, min=1e-9),
         parameter("core.hysteresis", "A", "Largest current of hysteresis; any guess", 5e-3, min=1e-9),
         parameter("core.turnover", "Wb", "Flux linkage in which hysteresis turns over", 1.8e-3, min=1e-9),
@@ -94,7 +81,6 @@ COMPONENT = Component(
         option("option.further", "Learn damping, core reluctance and bend of the gap law too", False),
         option("option.command", "A window ends where the input command changes, not after a landing", False),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 0.03, min=0.0),
-        parameter("noise.current", "A", "Standard deviation of the current noise", 2e-3, min=1e-12),
         parameter("model.error", "A", "Standard deviation of the model's error of the current", 1.2e-3, min=0.0),
         parameter("edge", "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9),
         parameter("window.tail", "s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9),

@@ -88,9 +88,11 @@ def work_on(
 
     def concluded() -> Work:
         ended = work._replace(over=0.0)
-        tried = lambda: cond(  # noqa: E731
-            ended.start > 0.0, lambda: _sought(ended, par), lambda: _judged(ended, samples, time, par)
-        )
+
+        def tried() -> Work:
+            is_searching = ended.start > 0.0
+            return cond(is_searching, lambda: _sought(ended, par), lambda: _judged(ended, samples, time, par))
+
         return cond(is_deriving, lambda: _derived(ended, held, par), tried)
 
     is_passing = (is_deriving | (work.phase == TRYING)) & (work.over < 1.0)
