@@ -6,12 +6,16 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 
+from gapsense.cosim.archive import UnusableError
 from gapsense.cosim.check_record import check_record
 from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, limits, within
 from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario import Connection, Port, Scenario
 from gapsense.problems import suggest
+
+OWN = "Build the FMUs with `gapsense build`."  # remedies for an FMU that is missing
+FOREIGN = "Correct the path; it is relative to the scenario."
 
 
 def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> dict[str, Description]:
@@ -20,25 +24,26 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
     out = {}
     for name, component in scenario.components.items():
         path = find_fmu(component.fmu, scenario.path, fmus)
+        remedy = FOREIGN if component.fmu.endswith(".fmu") else OWN
         if path not in known:
-            known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", problems)
+            known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
         description = known[path]
         if description is not None:
             out[name] = description
     return out
 
 
-def read_description(path: Path, place: str, problems: list[str]) -> Description | None:
+def read_description(path: Path, place: str, remedy: str, problems: list[str]) -> Description | None:
     """Model description of an FMU, or None after noting why there is none."""
     if not path.is_file():
         present = sorted(file.stem for file in path.parent.glob("*.fmu"))
         hint = suggest(path.stem, present) if present else "That folder has no FMU."
-        problems.append(f"{place}: there is no FMU `{path}`. {hint} Build the FMUs with `gapsense build`.")
+        problems.append(f"{place}: there is no FMU `{path}`. {hint} {remedy}")
         return None
     try:
         return describe(path)
-    except ValueError as error:
-        problems.append(f"{place}: `{path}` cannot be used: {error}. Build it again with `gapsense build`.")
+    except UnusableError as error:
+        problems.append(f"{place}: `{path}` cannot be used: {error}")
         return None
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from gapsense.cosim.descriptions import NUMERIC, Description, Descriptions, Variable
+from gapsense.cosim.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.scenario import Component, Experiment, Scenario
+from gapsense.cosim.variables import NUMERIC
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-import re
-import tempfile
+import sys
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +18,6 @@ STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 LONGEST = 500  # characters of a message shown in an error; its `log` has all
 KEPT = 1000  # log messages per instance; the oldest are dropped
-PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 C_TYPES: Mapping[str, Any] = {
     "Real": ctypes.c_double,
     "Integer": ctypes.c_int,
@@ -35,16 +34,6 @@ class Message(NamedTuple):
     text: str
 
 
-def temporary_folder() -> Path:
-    """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
-    for base in (None, "/tmp", "."):
-        folder = Path(tempfile.mkdtemp(prefix="gapsense-", dir=base)).resolve()
-        if PLAIN.fullmatch(str(folder)):
-            return folder
-        folder.rmdir()
-    raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
-
-
 def collector(messages: deque[Message]) -> Callable[..., None]:
     """Function for the logger of an FMU that keeps its messages."""
 
@@ -52,6 +41,13 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
         messages.append(Message(status, (text or b"").decode("utf-8", "replace").replace("%%", "%")))
 
     return log
+
+
+@contextmanager
+def search_path_kept() -> Iterator[None]:
+    """Python FMUs put their folder in front of the search path at each instantiation; it stays there once."""
+    yield
+    sys.path[:] = dict.fromkeys(sys.path)
 
 
 class Instance:
@@ -75,7 +71,8 @@ class Instance:
                 unzipDirectory=str(folder),
                 instanceName=name,
             )
-            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
+            with search_path_kept():
+                self.slave.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:  # fmpy raises plain Exception for a library that does not load
             raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
         self.pointer = ctypes.c_void_p(self.slave.component)

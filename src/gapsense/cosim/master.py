@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from array import array
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter, sleep
 
 import numpy as np
@@ -15,12 +13,13 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import BaseStep, base_stepper
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.instance import Instance, temporary_folder
+from gapsense.cosim.instance import Instance
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
+from gapsense.cosim.unpacked import unpacked
 from gapsense.tables import Value
 
 Progress = Callable[[int, int], None]
@@ -45,9 +44,9 @@ class Recording:
 
 
 class Master:
-    """All FMU instances of a scenario, extracted and loaded once, run as often as wanted.
+    """All FMU instances of a scenario, loaded once, run as often as wanted.
 
-    Use it in a `with` statement: at its end all instances are freed and the extracted files removed.
+    Use it in a `with` statement: at its end all instances are freed.
     """
 
     def __init__(self, scenario: Scenario, descriptions: Descriptions) -> None:
@@ -57,7 +56,6 @@ class Master:
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
         self.view = np.frombuffer(self.buffer)
         self.parts: list[Part] = []
-        self.folder = temporary_folder()
         try:
             self.load()
         except BaseException:
@@ -65,14 +63,10 @@ class Master:
             raise
 
     def load(self) -> None:
-        """Extract every FMU once, instantiate the components in execution order, wire them."""
-        folders: dict[Path, Path] = {}
+        """Instantiate the components in execution order, wire them."""
         for name in self.order.names:
             description = self.descriptions[name]
-            if description.path not in folders:
-                folders[description.path] = self.folder / f"{len(folders)}"
-                shutil.unpack_archive(description.path, folders[description.path], "zip")
-            instance = Instance(name, description, folders[description.path])
+            instance = Instance(name, description, unpacked(description))
             self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
         for part in self.parts:
             for connection in self.scenario.connections:
@@ -86,11 +80,10 @@ class Master:
         self.close()
 
     def close(self) -> None:
-        """Free all instances and remove the extracted files."""
+        """Free all instances."""
         for part in self.parts:
             part.instance.close()
         self.parts = []
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def run(
         self,
