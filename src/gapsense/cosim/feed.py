@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from gapsense.cosim.check_values import value_problem
 from gapsense.cosim.descriptions import describe
-from gapsense.cosim.instance import Instance
+from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.mixed import part_of
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.scenario import Component, Port
 from gapsense.cosim.signals import ports
@@ -32,6 +33,8 @@ def feed(
     an input holds during the step that ends at it. Raises ScenarioError if the FMU has not these parameters or inputs,
     FmuError if it fails.
     """
+    if not fmu.is_file():
+        raise ScenarioError([f"{fmu}: there is no such FMU. Build it with `gapsense build`."])
     try:
         description = describe(fmu)
     except ValueError as error:
@@ -44,11 +47,11 @@ def feed(
     layout = Layout(ports({name: description}))
     samples = np.column_stack(list(inputs.values()))
     with ExitStack() as stack:
-        instance = Instance(name, description, unpacked(description))
+        instance = instance_of(name, description, unpacked(description))
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)
         buffer = array("d", [float(variable.start or 0.0) for variable in layout.variables.values()])
-        part = Part(Component(name, fmu.stem), instance, buffer, layout)
+        part = part_of(Component(name, fmu.stem), instance, buffer, layout, {})
         rows = run(part, [layout.index[Port(name, n)] for n in inputs], samples, start, step)
         instance.call("fmi2Terminate")
     return {port.variable: rows[:, j].copy() for j, port in enumerate(part.outputs)}

@@ -40,10 +40,10 @@ def read_connection(table: Table) -> Connection | None:
     return Connection(source, target, factor, bias, unit, table.place) if source and target else None
 
 
-def read_inputs(table: Table) -> dict[Port, float]:
+def read_inputs(table: Table) -> dict[Port, Value]:
     """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
     inputs = table.table("inputs")
-    return {port: float(value) for port, value in by_port(inputs, inputs.flat(kinds.NUMBER)).items()}
+    return by_port(inputs, inputs.flat(kinds.SCALAR))
 
 
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows]:

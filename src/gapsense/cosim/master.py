@@ -13,12 +13,14 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import BaseStep, base_stepper
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.instance import Instance
+from gapsense.cosim.inputs import constants, place
+from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Experiment, Port, Scenario
-from gapsense.cosim.signals import ports
+from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.unpacked import unpacked
 from gapsense.tables import Value
 
@@ -52,9 +54,10 @@ class Master:
     def __init__(self, scenario: Scenario, descriptions: Descriptions) -> None:
         self.scenario, self.descriptions = scenario, descriptions
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
-        self.places = Layout(ports(descriptions))
+        self.places = Layout(ports(descriptions), texts(descriptions))
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
         self.view = np.frombuffer(self.buffer)
+        self.texts: Texts = {}
         self.parts: list[Part] = []
         try:
             self.load()
@@ -66,8 +69,9 @@ class Master:
         """Instantiate the components in execution order, wire them."""
         for name in self.order.names:
             description = self.descriptions[name]
-            instance = Instance(name, description, unpacked(description))
-            self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
+            instance = instance_of(name, description, unpacked(description))
+            component = self.scenario.components[name]
+            self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
         for part in self.parts:
             for connection in self.scenario.connections:
                 if connection.target.component == part.component.name:
@@ -122,14 +126,15 @@ class Master:
         """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
         experiment = self.scenario.experiment
         self.view[:] = 0.0
+        self.texts.update(dict.fromkeys(self.places.texts, ""))
         for part in self.parts:
             component = part.component
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
             own.update({port.variable: value for port, value in values.items() if port.component == component.name})
             part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)
-        for port, value in self.scenario.inputs.items():
-            self.buffer[self.places.index[port]] = value
+        for port, value in constants(self.scenario, self.descriptions, values).items():
+            place(port, value, self.places, self.buffer, self.texts)
         for part in self.parts:
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")

@@ -138,7 +138,7 @@ class Scenario:
     experiment: Experiment
     components: Mapping[str, Component]
     connections: tuple[Connection, ...]
-    inputs: Mapping[Port, float]
+    inputs: Mapping[Port, Value]  # constants
     seeds: Mapping[str, int]
     grid: Mapping[Port, tuple[Value, ...]]  # a sweep goes through every value with every one of the others
     rows: tuple[Mapping[Port, Value], ...]  # values that belong together; the grid is gone through with each

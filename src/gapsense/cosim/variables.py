@@ -20,6 +20,7 @@ RANGES: Mapping[str, tuple[int, int]] = {
     **{f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)},
     **{f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)},
 }
+HAVE_STARTS = ("output", "local")  # causalities besides inputs and parameters
 OF_TYPES: Mapping[str, tuple[int, int]] = {  # where the type names no size
     "Integer": (-(2**31 - 1), 2**31 - 1),
     "Enumeration": (-(2**31 - 1), 2**31 - 1),
@@ -78,7 +79,7 @@ def variable(v: Any) -> Variable:
         nominal=abs(nominal or 1.0),
         start=start_value(kind, v.start),
         size=v.type if v.type in TYPES else "",
-        has_start=v.initial in ("exact", "approx") and v.variability != "constant",
+        has_start=v.causality in HAVE_STARTS and v.initial in ("exact", "approx") and v.variability != "constant",
         items={item.name: int(item.value) for item in v.declaredType.items} if v.declaredType else {},
     )
 
