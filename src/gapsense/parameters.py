@@ -4,7 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.tables import SCALAR, TEXT, Table, Value, read_toml
+from gapsense.tables import SCALAR, TABLE, TEXT, Key, Section, Table, Value, read_toml
+
+VALUES = Section(
+    "[values]",
+    "Parameters of a device. Each component that is given the file takes those that it has.",
+    free=Key("<parameter>", SCALAR, "Value of the parameter, in its unit", '"coil.resistance" = 48.0', is_dotted=True),
+)
+PARAMETER_SET = Section(
+    "",
+    "A parameter set is a file of its own.",
+    (
+        Key("description", TEXT, "What it describes", '"The valve on my desk"', default=""),
+        Key("source", TEXT, "Where the values are from", '"data sheet"', default=""),
+        Key("values", TABLE, "Parameters", required=True, section=VALUES),
+    ),
+)
 
 
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
@@ -13,13 +28,10 @@ def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
     if data is None:
         return {}
     table = Table(data, path.name, "", problems)
-    table.take("description", TEXT)
-    table.take("source", TEXT)
+    table.read(PARAMETER_SET)
     if "values" not in data:
         table.note("values", "missing; a table of parameter values is expected. Add `[values]`.")
-    values = located_values(table.table("values"), path.parent)
-    table.finish()
-    return values
+    return located_values(table.table("values"), path.parent)
 
 
 def located_values(table: Table, folder: Path) -> dict[str, Value]:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
-from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
+from gapsense.cosim.scenario import Component, Experiment, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, merged, read_toml
+from gapsense.tables import INDEX, Table, merged, read_toml
 
 T = TypeVar("T")
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -96,14 +97,15 @@ class Reader:
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
         table = self.table
+        about = table.read(keys.FILE)
         experiment = self.section("experiment", self.experiment)
         components = self.section("components", self.components)
         grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
-        scenario = Scenario(
+        return Scenario(
             path=self.path,
-            title=table.take("title", TEXT, "", required=True),
-            description=table.take("description", TEXT, ""),
-            figure=table.take("figure", TEXT, "overview"),
+            title=about["title"] or "",
+            description=about["description"],
+            figure=about["figure"],
             variant=self.variant,
             experiment=experiment,
             components=components,
@@ -119,8 +121,6 @@ class Reader:
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
         )
-        table.finish()
-        return scenario
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""
@@ -133,15 +133,11 @@ class Reader:
     def experiment(self, table: Table) -> Experiment:
         """Time grid; a whole number of base steps must fit between start and stop."""
         table = table.table("experiment")
-        start = table.take("start", NUMBER, 0.0)
-        stop = table.take("stop", NUMBER, required=True)
-        base = table.take("base_step", POSITIVE, required=True)
-        method = table.choice("method", METHODS, "gauss-seidel")
-        pace = table.take("pace", POSITIVE)
-        table.finish()
-        if stop is None or base is None:
+        given = table.read(keys.EXPERIMENT)
+        if given["stop"] is None or given["base_step"] is None:
             return NO_EXPERIMENT
-        return grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
+        start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
+        return grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -155,24 +151,23 @@ class Reader:
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
-        files = [self.path.parent / file for file in table.take("parameters", TEXTS, [])]
+        own = table.read(keys.COMPONENT)
+        files = [self.path.parent / file for file in own["parameters"]]
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
         layers = [(path.name, sets[path]) for path in files]
         layers.append((inline.where(), located_values(inline, self.path.parent)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
-        component = Component(
+        return Component(
             name=name,
-            fmu=table.take("fmu", TEXT, "", required=True),
-            step=table.take("step", COUNT, 1),
-            offset=table.take("offset", INDEX, 0),
+            fmu=own["fmu"] or "",
+            step=own["step"],
+            offset=own["offset"],
             values={name: value for _, name, value in given},
             origin={name: place for place, name, _ in given},
             sets=sets,
         )
-        table.finish()
-        return component
 
     def seeds(self, table: Table) -> dict[str, int]:
         """Seed of each random component."""
@@ -185,7 +180,7 @@ class Reader:
         out: dict[str, str] = {}
         for name in table.data:
             item = table.table(name)
-            out[name] = item.take("description", TEXT, "")
+            out[name] = item.value(keys.VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
         return out
