@@ -121,6 +121,15 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     return None
 
 
+def parsed_value(text: str) -> Any:
+    """What a text means as the value of a key; one that TOML does not take as a value means itself."""
+    try:
+        read = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return read["value"] if len(read) == 1 else text
+
+
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """`base` with `changes` laid over it: tables are merged key by key, everything else is replaced."""
     out = dict(base)

@@ -6,14 +6,16 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
-from gapsense.cosim.scenario import Component, Experiment, Scenario
+from gapsense.cosim.changes import OVER, Changes
+from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
-from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import INDEX, Table, merged, read_toml
+from gapsense.problems import ScenarioError
+from gapsense.tables import INDEX, NUMBER, Table
 
 T = TypeVar("T")
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -29,13 +31,13 @@ class Draft:
     broken: frozenset[str] = frozenset()
 
 
-def load(path: str | Path, variant: str | None = None) -> Scenario:
+def load(source: Source, variant: str | None = None) -> Scenario:
     """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
 
     Parameters
     ----------
-    path : str or Path
-        Scenario file, or its folder.
+    source : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Name of a variant in the file.
 
@@ -48,61 +50,45 @@ def load(path: str | Path, variant: str | None = None) -> Scenario:
     ScenarioError
         With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
     """
-    draft = read_draft(path, variant)
+    draft = read_draft(source, variant)
     if draft.problems or draft.scenario is None:
         raise ScenarioError(draft.problems)
     return draft.scenario
 
 
-def read_draft(path: str | Path, variant: str | None = None) -> Draft:
+def read_draft(source: Source, variant: str | None = None) -> Draft:
     """Scenario as far as it can be read, with the problems found."""
-    file = scenario_file(path)
     problems: list[str] = []
-    data = read_toml(file, problems)
-    if data is None:
+    document = read_document(source, problems)
+    document = document and document.with_variant(variant, problems)
+    if document is None:
         return Draft(None, problems)
-    chosen = with_variant(data, variant, file, problems)
-    if chosen is None:
-        return Draft(None, problems)
-    reader = Reader(file, variant, Table(chosen, file.name, "", problems))
+    reader = Reader(document, variant, problems)
     return Draft(reader.scenario(), problems, frozenset(reader.broken))
 
 
-def scenario_file(path: str | Path) -> Path:
-    """The scenario file itself, also if its folder is given."""
-    path = Path(path)
-    return path / "scenario.toml" if path.is_dir() else path
-
-
-def with_variant(data: dict[str, Any], variant: str | None, file: Path, problems: list[str]) -> dict[str, Any] | None:
-    """Content of the file with a variant laid over it, or None if there is no such variant."""
-    if variant is None:
-        return data
-    variants = data.get("variants")
-    if not isinstance(variants, dict) or not isinstance(variants.get(variant), dict):
-        known = variants if isinstance(variants, dict) else {}
-        problems.append(f"{file.name}: there is no variant `{variant}`. {suggest(variant, known)}")
-        return None
-    return merged({k: v for k, v in data.items() if k != "variants"}, variants[variant]) | {"variants": variants}
-
-
 class Reader:
-    """Reads the sections of one scenario file; `broken` holds the sections with problems."""
+    """Reads the sections of one scenario; `broken` holds the sections with problems."""
 
-    def __init__(self, path: Path, variant: str | None, table: Table) -> None:
-        self.path, self.variant, self.table = path, variant, table
+    def __init__(self, document: Document, variant: str | None, problems: list[str]) -> None:
+        self.document, self.path, self.variant = document, document.path, variant
+        self.table = Table(document.data, document.path.name, "", problems)
+        self.changes = Changes(document.changes, problems)
         self.broken: set[str] = set()
-        self.files: list[Path] = [path]
+        self.files: list[Path] = [self.path] if document.is_file else []
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
         table = self.table
         about = table.read(keys.FILE)
         experiment = self.section("experiment", self.experiment)
+        inputs, seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
         grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
+        self.changes.finish(components, map(str, (*grid, *(rows[0] if rows else ()))))
         return Scenario(
             path=self.path,
+            called=self.document.name,
             title=about["title"] or "",
             description=about["description"],
             figure=about["figure"],
@@ -110,8 +96,8 @@ class Reader:
             experiment=experiment,
             components=components,
             connections=self.section("connections", sections.read_connections),
-            inputs=self.section("inputs", sections.read_inputs),
-            seeds=self.section("seeds", self.seeds),
+            inputs=inputs,
+            seeds=seeds,
             grid=grid,
             rows=rows,
             record=self.section("record", sections.read_record),
@@ -120,6 +106,7 @@ class Reader:
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
+            hashes=self.document.hashes,
         )
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
@@ -157,6 +144,7 @@ class Reader:
         inline = table.table("set")
         layers = [(path.name, sets[path]) for path in files]
         layers.append((inline.where(), located_values(inline, self.path.parent)))
+        layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         return Component(
@@ -172,7 +160,15 @@ class Reader:
     def seeds(self, table: Table) -> dict[str, int]:
         """Seed of each random component."""
         table = table.table("seeds")
-        return {name: table.take(name, INDEX, 0) for name in table.data}
+        seeds = {name: table.take(name, INDEX, 0) for name in table.data}
+        instead = self.changes.instead((f"{name}.seed" for name in seeds), INDEX)
+        return {name: instead.get(f"{name}.seed", seed) for name, seed in seeds.items()}
+
+    def inputs(self, table: Table) -> dict[Port, float]:
+        """Constant inputs."""
+        inputs = sections.read_inputs(table)
+        instead = self.changes.instead(map(str, inputs), NUMBER)
+        return {port: float(instead.get(str(port), value)) for port, value in inputs.items()}
 
     def variants(self, table: Table) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""

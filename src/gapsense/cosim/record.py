@@ -62,6 +62,7 @@ class Run:
     versions: Mapping[str, str]  # of the software
     overruns: int = 0  # late base steps of a run with a pace
     lag: float = 0.0  # the worst lateness [s]
+    figure: str = "overview"  # that shows it
 
 
 @dataclass(frozen=True)

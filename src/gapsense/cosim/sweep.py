@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.record import Measure
 from gapsense.cosim.run import file_hashes, find_fmus, prepare
@@ -47,7 +48,7 @@ class Sweep:
 
 
 def sweep(
-    scenario: str | Path,
+    scenario: Source,
     seeds: int | None = None,
     variant: str | None = None,
     workers: int = 2,
@@ -61,8 +62,8 @@ def sweep(
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder; it must have `[sweep]` or `[seeds]`.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content; it must have `[sweep]` or `[seeds]`.
     seeds : int, optional
         Number of runs of each combination; by default 1, or 200 of a scenario without `[sweep]`.
     variant : str, optional
@@ -94,7 +95,7 @@ def sweep(
     store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
-        "scenario": str(read.path.resolve()),
+        "scenario": packed(scenario),
         "variant": variant,
         "fmus": str(folder.resolve()),
         "measure": measure and importable_name(measure),
@@ -148,8 +149,7 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
 
 def file_stem(scenario: Scenario) -> str:
     """Name of the sweep's files, without suffix."""
-    folder = scenario.path.resolve().parent.name
-    return f"{folder}_{scenario.variant}_sweep" if scenario.variant else f"{folder}_sweep"
+    return "_".join(filter(None, (scenario.called, scenario.variant, "sweep")))
 
 
 def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure | None) -> str:
