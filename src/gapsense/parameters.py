@@ -6,10 +6,23 @@ from pathlib import Path
 
 from gapsense.tables import SCALAR, TABLE, TEXT, Key, Section, Table, Value, read_toml
 
+
+def is_file(name: str, value: Value) -> bool:
+    """True for a parameter that names a file: its name is `file` or ends in `.file`, and it is not empty."""
+    return isinstance(value, str) and bool(value) and name.rpartition(".")[2] == "file"
+
+
 VALUES = Section(
     "[values]",
     "Parameters of a device. Each component that is given the file takes those that it has.",
-    free=Key("<parameter>", SCALAR, "Value of the parameter, in its unit", '"coil.resistance" = 48.0', is_dotted=True),
+    free=Key(
+        "<parameter>",
+        SCALAR,
+        "Value of the parameter, in its unit",
+        '"coil.resistance" = 48.0',
+        is_dotted=True,
+        is_path=is_file,
+    ),
 )
 PARAMETER_SET = Section(
     "",
@@ -37,11 +50,6 @@ def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
 def located_values(table: Table, folder: Path) -> dict[str, Value]:
     """Values of a table by dotted name, with the files among them as absolute paths."""
     return {name: located(name, value, folder, table) for name, value in table.flat(SCALAR).items()}
-
-
-def is_file(name: str, value: Value) -> bool:
-    """True for a parameter that names a file: its name is `file` or ends in `.file`, and it is not empty."""
-    return isinstance(value, str) and bool(value) and name.rpartition(".")[2] == "file"
 
 
 def located(name: str, value: Value, folder: Path, table: Table) -> Value:

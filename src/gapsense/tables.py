@@ -40,6 +40,7 @@ class Key(NamedTuple):
     otherwise: str = ""  # what holds without it, where no default tells
     section: Section | None = None
     is_dotted: bool = False  # free names with dots, which may be written as tables too
+    is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
 
 
 class Section(NamedTuple):

@@ -24,9 +24,9 @@ class Document:
 
     @property
     def name(self) -> str:
-        """Name of the scenario: that of the file's folder, or its own."""
+        """Name of the scenario: that of its file's folder, or its own."""
         path = self.path.resolve()
-        return path.parent.name if self.is_file else path.name
+        return path.parent.name if self.is_file or path.suffix == ".toml" else path.name
 
     @property
     def hashes(self) -> dict[str, str]:

@@ -5,7 +5,19 @@ from __future__ import annotations
 from gapsense import tables as kinds
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import METHODS, Tolerance
+from gapsense.parameters import is_file
 from gapsense.tables import Key, Section
+
+
+def always(name: str, text: str) -> bool:
+    """True: the text is a path."""
+    return True
+
+
+def is_fmu(name: str, text: str) -> bool:
+    """True for the path of an FMU; without its ending it is the name of one."""
+    return text.endswith(".fmu")
+
 
 EXPERIMENT = Section(
     "[experiment]",
@@ -30,7 +42,14 @@ SET = Section(
     "[components.<component>.set]",
     "Parameters of this component, over those of its parameter sets; it may name only what the FMU has. A parameter "
     "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
-    free=Key("<parameter>", kinds.SCALAR, "Value of the parameter, in its unit", "damping = 0.4", is_dotted=True),
+    free=Key(
+        "<parameter>",
+        kinds.SCALAR,
+        "Value of the parameter, in its unit",
+        "damping = 0.4",
+        is_dotted=True,
+        is_path=is_file,
+    ),
     at="[components.valve.set]",
 )
 COMPONENT = Section(
@@ -43,6 +62,7 @@ COMPONENT = Section(
             "FMU by name, from the folder of FMUs, or the path of any FMU file (`.fmu`), relative to this file",
             '"SolenoidValve"',
             required=True,
+            is_path=is_fmu,
         ),
         Key("step", kinds.COUNT, "Base steps per step of this component", "2", default=1),
         Key("offset", kinds.INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
@@ -52,6 +72,7 @@ COMPONENT = Section(
             "Parameter-set files relative to this file; a later one wins",
             '["valve.toml"]',
             default=[],
+            is_path=always,
         ),
         Key("set", kinds.TABLE, "Parameters of this component", otherwise="none", section=SET),
     ),
@@ -110,6 +131,7 @@ SWEEP = Section(
             "CSV file of values that belong together, a column per parameter, a row per run; relative to this file",
             '"rows.csv"',
             otherwise="none",
+            is_path=always,
         ),
     ),
     free=Key(
@@ -118,6 +140,7 @@ SWEEP = Section(
         "Values of the parameter, each once",
         '"valve.damping" = [0.2, 0.4, 0.8]',
         is_dotted=True,
+        is_path=is_file,
     ),
 )
 RECORD = Section(
@@ -196,6 +219,7 @@ BASELINE = Section(
             "CSV file, relative to this file",
             '"baseline.csv"',
             otherwise="`baseline.csv`, of a variant `baseline.<variant>.csv`",
+            is_path=always,
         ),
         Key("signals", kinds.TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
         Key("decimation", kinds.COUNT, "Every which recorded row", "8", default=1),
@@ -240,3 +264,9 @@ FILE = Section(
         Key("variants", kinds.TABLE, "Variants", section=VARIANTS),
     ),
 )
+
+
+def key_of(section: Section, name: str) -> Key | None:
+    """The key of that name in a section; a variant may have all that a file has."""
+    own = {key.name: key for key in (*(FILE.keys if section is VARIANT else ()), *section.keys)}
+    return own.get(name, section.free)

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim import show
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
@@ -28,7 +30,7 @@ from gapsense.tables import Value
 from gapsense.workers import Job, Progress, complete, facts, importable_name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """Metrics over the runs of a sweep."""
 
@@ -45,6 +47,18 @@ class Sweep:
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
         return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
+
+    def to_pandas(self) -> Any:
+        """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
+        return show.frame(self)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        state = ", interrupted" if self.interrupted else ""
+        return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
+
+    def _repr_html_(self) -> str:
+        return show.html(self)
 
 
 def sweep(
