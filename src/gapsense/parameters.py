@@ -14,7 +14,7 @@ def is_file(name: str, value: Value) -> bool:
 
 VALUES = Section(
     "[values]",
-    "Parameters of a device. Each component that is given the file takes those that it has.",
+    "A file that describes a device. Each component that is given it takes the parameters that it has.",
     free=Key(
         "<parameter>",
         SCALAR,
@@ -26,7 +26,7 @@ VALUES = Section(
 )
 PARAMETER_SET = Section(
     "",
-    "A parameter set is a file of its own.",
+    "Parameter set",
     (
         Key("description", TEXT, "What it describes", '"The valve on my desk"', default=""),
         Key("source", TEXT, "Where the values are from", '"data sheet"', default=""),

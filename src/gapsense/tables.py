@@ -39,6 +39,7 @@ class Key(NamedTuple):
     choices: tuple[str, ...] = ()
     otherwise: str = ""  # what holds without it, where no default tells
     section: Section | None = None
+    pattern: str = ""  # of free names
     is_dotted: bool = False  # free names with dots, which may be written as tables too
     is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
 

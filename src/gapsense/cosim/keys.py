@@ -8,6 +8,8 @@ from gapsense.cosim.scenario import METHODS, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import Key, Section
 
+NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component: its signals are written `component.variable`
+
 
 def always(name: str, text: str) -> bool:
     """True: the text is a path."""
@@ -81,7 +83,7 @@ COMPONENT = Section(
 COMPONENTS = Section(
     "[components]",
     "The FMU instances by name.",
-    free=Key("<component>", kinds.TABLE, "A component", section=COMPONENT),
+    free=Key("<component>", kinds.TABLE, "A component", section=COMPONENT, pattern=NAME),
 )
 CONNECT = Section(
     "[connect]",
@@ -240,7 +242,7 @@ VARIANTS = Section(
 )
 FILE = Section(
     "",
-    "At the top of the file, before the first table:",
+    "Before the first table.",
     (
         Key("title", kinds.TEXT, "Title of tables and figures", '"My valve"', required=True),
         Key("description", kinds.TEXT, "More about it", '"30 V, square wave"', default=""),

@@ -18,7 +18,6 @@ from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, NUMBER, Table
 
 T = TypeVar("T")
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
 
@@ -131,7 +130,7 @@ class Reader:
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        good = [name for name in table.data if NAME.fullmatch(name)]  # signals are written `component.variable`
+        good = [name for name in table.data if re.fullmatch(keys.NAME, name)]
         for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
         return {name: self.component(table.table(name), name) for name in good}
