@@ -243,6 +243,26 @@ def test_figure_is_a_png(gapsense, write, fmus):
     assert [p.name for p in Path("results").iterdir()] == ["short.png"]
 
 
+def test_figure_of_a_saved_result_needs_no_run(gapsense, write, fmus, monkeypatch):
+    gapsense("run", write(), "--fmus", fmus)
+    monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("it ran"))
+    done = gapsense("figure", "results/short.csv")
+    assert done.exit_code == 0 and Path("results/short.png").read_bytes()[:8] == PNG
+    assert "--set are for a run" in problems(gapsense("figure", "results/short.csv", "--set", "valve.damping=1"))[0]
+
+
+def test_value_on_the_command_line_wins(gapsense, write, fmus):
+    gapsense("run", write(), "--fmus", fmus, "--set", "valve.coil.resistance=50", "--set", "drive.waveform=step")
+    parameters = json.loads(Path("results/short.json").read_text("utf-8"))["parameters"]
+    assert (parameters["valve.coil.resistance"], parameters["drive.waveform"]) == (50.0, "step")
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure"])
+def test_wrong_value_on_the_command_line_is_told(gapsense, write, fmus, command):
+    (line,) = problems(gapsense(command, write(), "--fmus", fmus, "--set", "valve.dampin=0.4"))
+    assert "(from --set): unknown parameter `dampin`. Did you mean `damping`?" in line
+
+
 @pytest.mark.parametrize("ending", ["jpg", "csv"])
 def test_figure_of_another_ending_is_refused_before_the_run(gapsense, write, fmus, ending, monkeypatch):
     monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("ran"))

@@ -41,6 +41,12 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Scenario = Annotated[Path, typer.Argument(help="Folder of a scenario, or its scenario.toml", show_default=False)]
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="COMPONENT.PARAMETER=VALUE: another value, also of an input or a seed", show_default=False
+    ),
+]
 Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_default="build/fmus")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]

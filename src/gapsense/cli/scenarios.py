@@ -13,9 +13,9 @@ from gapsense.report import runs
 
 
 @cli.command("check")
-def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None) -> None:
+def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
     """Check a scenario and all its variants without running it; every problem is told at once."""
-    if problems := cosim.check(scenario, variant, fmus):
+    if problems := cosim.check(cosim.changed(scenario, settings or ()), variant, fmus):
         raise cosim.ScenarioError(problems)
     cli.show(f"{scenario}: no problems.")
 
@@ -26,14 +26,15 @@ def run(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car")] = Path("results"),
+    settings: cli.Set = None,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
-        return check(scenario, variant, fmus)
+        return check(scenario, variant, fmus, settings)
     try:
         with cli.bar("running") as progress:
-            result = cosim.run(scenario, variant, fmus, progress=progress)
+            result = cosim.run(cosim.changed(scenario, settings or ()), variant, fmus, progress=progress)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             file = error.result.save(to / f"{cli.stem(error.result)}.csv")
@@ -64,15 +65,17 @@ def sweep(
     workers: cli.Workers = 2,
     fmus: cli.Fmus = None,
     to: cli.Out = Path("results"),
+    settings: cli.Set = None,
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
     """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
+    source = cosim.changed(scenario, settings or ())
     with cli.bar("sweeping") as progress:
-        swept = cosim.sweep(scenario, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
-    cli.show(*runs.sweep(cosim.load(scenario, variant), swept))
+        swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
+    cli.show(*runs.sweep(cosim.load(source, variant), swept))
     cli.show(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
@@ -85,24 +88,37 @@ def sweep(
 
 @cli.command("figure")
 def figure(
-    scenario: cli.Scenario,
+    scenario: Annotated[Path, typer.Argument(help="Scenario, or the CSV of a saved result", show_default=False)],
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[
         Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png")
     ] = None,
+    settings: cli.Set = None,
 ) -> None:
-    """Run a scenario and draw its figure."""
+    """Run a scenario and draw its figure, or draw that of a saved result."""
     from gapsense.report import plot
     from gapsense.studies.figures import drawer
 
-    draw = drawer(cosim.load(scenario, variant).figure)
     if to is not None:
         plot.check_file(to)
-    with cli.bar("running") as progress:
-        result = cosim.run(scenario, variant, fmus, progress=progress)
-    cli.stop_if_interrupted(result)
-    cli.written(plot.save(draw(result), to or Path("results") / f"{cli.stem(result)}.png"))
+    if scenario.suffix == ".csv":
+        result = saved(scenario, variant, fmus, settings)
+    else:
+        source = cosim.changed(scenario, settings or ())
+        drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
+        with cli.bar("running") as progress:
+            result = cosim.run(source, variant, fmus, progress=progress)
+        cli.stop_if_interrupted(result)
+    default = Path("results") / f"{cli.stem(result)}.png"
+    cli.written(plot.save(drawer(result.run.figure)(result), to or default))
+
+
+def saved(file: Path, *options: object) -> cosim.Result:
+    """A saved result, of which nothing can be chosen any more."""
+    if any(options):
+        raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
+    return cosim.read_result(file)
 
 
 @cli.command("test")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
@@ -43,10 +44,22 @@ def read_description(path: Path, place: str, remedy: str, problems: list[str]) -
         problems.append(f"{place}: there is no FMU `{path}`. {hint} {remedy}")
         return None
     try:
-        return describe(path)
+        return described(path)
     except UnusableError as error:
         problems.append(f"{place}: `{path}` cannot be used: {error}")
         return None
+
+
+def described(path: Path) -> Description:
+    """Model description of an FMU file, read again only if the file has changed."""
+    about = path.stat()
+    return remembered(path.resolve(), about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@lru_cache(maxsize=64)
+def remembered(path: Path, *state: int) -> Description:
+    """Model description of a file in some state."""
+    return describe(path)
 
 
 def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: frozenset[str] = frozenset()) -> list[str]:

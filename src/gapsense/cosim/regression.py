@@ -8,7 +8,8 @@ from pathlib import Path
 from time import perf_counter
 
 from gapsense.cosim.compare import compare, selected, thinned
-from gapsense.cosim.load import load, read_draft, scenario_file
+from gapsense.cosim.document import scenario_file
+from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario

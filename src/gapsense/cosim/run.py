@@ -19,7 +19,8 @@ import numpy as np
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_values import taken
 from gapsense.cosim.descriptions import Description, Variable
-from gapsense.cosim.load import read_draft, scenario_file
+from gapsense.cosim.document import Source, scenario_file
+from gapsense.cosim.load import read_draft
 from gapsense.cosim.master import Master, Progress, Recording
 from gapsense.cosim.metrics import measure
 from gapsense.cosim.record import Result, Run, Signal, Timing
@@ -32,7 +33,7 @@ FMU_FOLDER = Path("build", "fmus")
 
 
 def run(
-    scenario: str | Path,
+    scenario: Source,
     variant: str | None = None,
     fmus: str | Path | None = None,
     seed_shift: int = 0,
@@ -43,8 +44,8 @@ def run(
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Variant of the scenario.
     fmus : str or Path, optional
@@ -73,13 +74,13 @@ def run(
         return run_once(master, seed_shift, progress, point)
 
 
-def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
     """Problems of a scenario, found without running it.
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Variant to check; by default the scenario as it is and then every variant.
     fmus : str or Path, optional
@@ -99,7 +100,7 @@ def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | N
 
 
 def prepare(
-    scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None
+    scenario: Source, variant: str | None = None, fmus: str | Path | None = None
 ) -> tuple[Scenario, dict[str, Description]]:
     """Scenario and model descriptions, checked; raises ScenarioError with all problems of both."""
     problems, read, descriptions = inspect(scenario, variant, fmus)
@@ -109,7 +110,7 @@ def prepare(
 
 
 def inspect(
-    scenario: str | Path, variant: str | None, fmus: str | Path | None
+    scenario: Source, variant: str | None, fmus: str | Path | None
 ) -> tuple[list[str], Scenario | None, dict[str, Description]]:
     """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions."""
     draft = read_draft(scenario, variant)
@@ -182,13 +183,15 @@ def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run
         versions=versions(),
         overruns=recording.overruns,
         lag=recording.lag,
+        figure=scenario.figure,
     )
 
 
 def file_hashes(scenario: Scenario) -> dict[str, str]:
-    """Hash of each file of a scenario, by its path from the scenario's folder."""
+    """Hash of each file of a scenario, by its path from the scenario's folder, and of what stands in none."""
     folder = scenario.path.parent.resolve()
-    return {Path(os.path.relpath(file.resolve(), folder)).as_posix(): sha256(file) for file in scenario.files}
+    files = {Path(os.path.relpath(file.resolve(), folder)).as_posix(): sha256(file) for file in scenario.files}
+    return {**files, **scenario.hashes}
 
 
 def component_facts(master: Master, name: str) -> dict[str, Any]:

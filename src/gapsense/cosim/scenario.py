@@ -131,6 +131,7 @@ class Scenario:
     """A co-simulation as its file describes it, with one variant applied."""
 
     path: Path
+    called: str  # its folder, or what a scenario without a file is called
     title: str
     description: str
     figure: str  # name of the one that shows a run
@@ -148,12 +149,12 @@ class Scenario:
     variants: Mapping[str, str]  # description of each variant of the file
     tested: tuple[str, ...]  # variants with metrics or a baseline of their own
     files: tuple[Path, ...]  # itself, its parameter sets, files named by parameters: all that decide the result
+    hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
 
     @property
     def name(self) -> str:
-        """Name of the scenario's folder, with the variant in brackets."""
-        folder = self.path.resolve().parent.name
-        return f"{folder}[{self.variant}]" if self.variant else folder
+        """What it is called, with the variant in brackets."""
+        return f"{self.called}[{self.variant}]" if self.variant else self.called
 
     def points(self) -> list[dict[Port, Value]]:
         """All combinations of a sweep, in the order of the file, the last parameter fastest; one without a sweep."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +13,23 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
+from gapsense.cosim.signals import matching
+from gapsense.problems import InputError, suggest
 from gapsense.units import UNITS
 
 Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
 GRID = "#d0d7de"
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
+
+
+class Picture(Figure):
+    """A figure that notebooks show by themselves."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=100)
+        return file.getvalue()
 
 
 def check_file(path: Path) -> None:
@@ -41,7 +54,7 @@ def panels(
     title: str, rows: int, columns: int = 1, size: tuple[float, float] | None = None, **more: Any
 ) -> tuple[Figure, Any]:
     """An empty figure and its axes (rows, columns), with a grid and without a box."""
-    figure = Figure(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
+    figure = Picture(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **more)
     for axis in axes.flat:
         dress(axis)
@@ -99,6 +112,15 @@ def recorded(result: Result, names: Iterable[str]) -> None:
             f"{result.run.scenario}: its figure needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
             'Add them to `[record]`, or choose `figure = "overview"`.'
         )
+
+
+def signals(result: Result, patterns: Sequence[str]) -> Figure:
+    """The recorded signals that match one of the patterns, by default all, one panel per unit."""
+    missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
+    if missing:
+        raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
+    chosen = matching(patterns or ("*",), result.signals)
+    return overview(replace(result, signals={name: result[name] for name in chosen}))
 
 
 def overview(result: Result) -> Figure:
