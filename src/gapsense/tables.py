@@ -41,6 +41,7 @@ class Key(NamedTuple):
     section: Section | None = None
     pattern: str = ""  # of free names
     is_dotted: bool = False  # free names with dots, which may be written as tables too
+    is_other: bool = False  # another way than that of its neighbours, so that examples leave it out
     is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
 
 
@@ -96,6 +97,9 @@ NUMBER_OR_TEXT = Kind(
     "a name or a finite number", lambda v: isinstance(v, str) or is_number(v), {"type": ["number", "string"]}
 )
 SCALAR = Kind("a finite number, a truth value or a text", is_scalar, OF_SCALARS)
+NUMBERS = Kind(
+    "a list of finite numbers", lambda value: is_list(value, is_number), {"type": "array", "items": {"type": "number"}}
+)
 LIST = Kind(
     "a list of finite numbers, truth values or texts",
     lambda value: is_list(value, is_scalar) and bool(value),

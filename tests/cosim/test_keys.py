@@ -66,7 +66,7 @@ def test_loader_takes_every_key_of_a_section_and_no_other(section, tmp_path):
     """A misspelt key gets a sentence that offers the right one, so the loader has asked for it."""
     for key in section.keys:
         path = tmp_path / "scenario.toml"
-        path.write_text(text_with(section, f"{key.name}x = 1\n"), encoding="utf-8")
+        path.write_text(text_with(section, f"{key.name}x = {key.example or 1}\n"), encoding="utf-8")
         problems = read_draft(path).problems if section is not PARAMETER_SET else []
         if section is PARAMETER_SET:
             read_parameters(path, problems)

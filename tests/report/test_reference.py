@@ -58,7 +58,8 @@ def test_every_scenario_fits_the_schema(file):
 
 
 RIGHT = [
-    "[inputs]\na.b.c = 1\n",
+    "[inputs]\na.b.c = 1\na.d = 'x'\na.e = true\n",
+    "[inputs]\na.b = { times = [0, 1], values = [1, 2], interpolation = 'hold' }\n",
     '[connect]\n"a.b" = "c.d"\n[connect.e]\nf = "c.d"\n',
     '[sweep]\nrows = "r.csv"\n"a.b" = [2, true, "x"]\na.c.d = [1.0]\n',
     "[metrics.m]\nkind = 'mean'\nsignal = 'a.b'\nbounds = [-inf, 1]\nreference = 2\n",
@@ -70,7 +71,8 @@ WRONG = [
     "colour = 1",
     "title = 3",
     "experiment = 3",
-    "[inputs]\na.b = 'x'",
+    "[inputs]\na.b = [1]",
+    "[inputs]\na.b = { times = [0, 1], values = ['x', 2] }",
     "[connect]\n'a.b' = 1",
     "[seeds]\na = 1.5",
     "[seeds]\na = -1",

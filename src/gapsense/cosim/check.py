@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from gapsense.cosim.archive import UnusableError
+from gapsense.cosim.check_inputs import check_signal, check_span
 from gapsense.cosim.check_record import check_record
 from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, misfit
 from gapsense.cosim.check_wires import check_types, check_units
@@ -160,20 +161,26 @@ class Checker:
                 yield from check_units(connection, source, target)
 
     def inputs(self) -> Iterator[str]:
-        """Constant inputs known, of the right type and within their limits."""
+        """Inputs known, their constants and signals of the right type and within their limits."""
         for port, value in self.scenario.inputs.items():
             yield from self.resolve(port, "input", f"inputs.{port}")
             variable = self.variable(port)
             problem = None if variable is None else misfit(value, variable)
             if problem:
                 yield f"inputs.{port}: {problem}"
+        for port, played in self.scenario.played.items():
+            yield from self.resolve(port, "input", f"inputs.{port}")
+            variable = self.variable(port)
+            problems = [] if variable is None else [*check_signal(played, variable)]
+            problems += [] if "experiment" in self.broken else [*check_span(played, self.scenario.experiment)]
+            yield from (f"inputs.{port}: {problem}" for problem in problems)
 
     def driven(self) -> Iterator[str]:
         """Every input driven exactly once."""
         drivers: dict[Port, list[str]] = {}
         for connection in self.scenario.connections:
             drivers.setdefault(connection.target, []).append(connection.place)
-        for port in self.scenario.inputs:
+        for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
         for port, place in self.started():
             drivers.setdefault(port, []).append(place)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gapsense import tables as kinds
 from gapsense.cosim.metrics import KINDS
+from gapsense.cosim.played import INTERPOLATIONS
 from gapsense.cosim.scenario import METHODS, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import Key, Section
@@ -113,10 +114,47 @@ CONNECTION = Section(
         ),
     ),
 )
+FROM_FILE, FROM_LISTS = "`file` and `column`", "`times` and `values`"
+SIGNAL = Section(
+    "[inputs.<component>.<input>]",
+    "A signal that an input follows, from a CSV file or from two lists. At each base step it gets the value at the "
+    "time of that step, as from a component that steps before all others. Its times rise and cover the run; an input "
+    "that is not Real takes whole numbers that hold.",
+    (
+        Key(
+            "file",
+            kinds.TEXT,
+            "CSV file with a column `time [s]`, relative to this file",
+            '"record.csv"',
+            otherwise=FROM_LISTS,
+            is_path=always,
+        ),
+        Key("column", kinds.TEXT, "Column of the file", '"reference [V]"', otherwise=FROM_LISTS),
+        Key("times", kinds.NUMBERS, "Times [s]", "[0.0, 20e-3]", otherwise=FROM_FILE, is_other=True),
+        Key("values", kinds.NUMBERS, "Values at these times", "[0.0, 24.0]", otherwise=FROM_FILE, is_other=True),
+        Key(
+            "interpolation",
+            kinds.TEXT,
+            "Straight lines between the samples, or each holds until the next",
+            '"hold"',
+            default=INTERPOLATIONS[0],
+            choices=INTERPOLATIONS,
+        ),
+    ),
+    at="[inputs.drive.reference]",
+)
 INPUTS = Section(
     "[inputs]",
-    "Constant inputs. Every input is connected or listed here.",
-    free=Key("<component>.<input>", kinds.NUMBER, "Value, in its unit", '"drive.enable" = 1.0', is_dotted=True),
+    "Inputs that no output drives: constants, and signals. Every input is connected or listed here, or in the `set` of "
+    "its component.",
+    free=Key(
+        "<component>.<input>",
+        kinds.SCALAR,
+        "Value, in its unit; of an enumeration the number or the name of an item",
+        '"drive.enable" = 1.0',
+        section=SIGNAL,
+        is_dotted=True,
+    ),
 )
 SEEDS = Section(
     "[seeds]",
@@ -257,7 +295,7 @@ FILE = Section(
         Key("components", kinds.TABLE, "FMU instances", required=True, section=COMPONENTS),
         Key("connect", kinds.TABLE, "Wiring", section=CONNECT),
         Key("connections", kinds.TABLES, "Wiring that converts", section=CONNECTION),
-        Key("inputs", kinds.TABLE, "Constant inputs", section=INPUTS),
+        Key("inputs", kinds.TABLE, "Inputs that no output drives", section=INPUTS),
         Key("seeds", kinds.TABLE, "Seeds", section=SEEDS),
         Key("sweep", kinds.TABLE, "Sweep", section=SWEEP),
         Key("record", kinds.TABLE, "Recording", section=RECORD),

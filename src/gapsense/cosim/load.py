@@ -12,6 +12,8 @@ from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
 from gapsense.cosim.changes import OVER, Changes
 from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.load_inputs import read_inputs
+from gapsense.cosim.played import Played
 from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError
@@ -81,7 +83,7 @@ class Reader:
         table = self.table
         about = table.read(keys.FILE)
         experiment = self.section("experiment", self.experiment)
-        inputs, seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
+        (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
         grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
         self.changes.finish(components, map(str, (*grid, *(rows[0] if rows else ()))))
@@ -105,6 +107,7 @@ class Reader:
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
+            played=played,
             hashes=self.document.hashes,
         )
 
@@ -163,11 +166,11 @@ class Reader:
         instead = self.changes.instead((f"{name}.seed" for name in seeds), INDEX)
         return {name: instead.get(f"{name}.seed", seed) for name, seed in seeds.items()}
 
-    def inputs(self, table: Table) -> dict[Port, Value]:
-        """Constant inputs."""
-        inputs = sections.read_inputs(table)
+    def inputs(self, table: Table) -> tuple[dict[Port, Value], dict[Port, Played]]:
+        """Constants, and signals that inputs follow."""
+        inputs, played = read_inputs(table, self.path.parent, self.files)
         instead = self.changes.instead(map(str, inputs), SCALAR)
-        return {port: instead.get(str(port), value) for port, value in inputs.items()}
+        return {port: instead.get(str(port), value) for port, value in inputs.items()}, played
 
     def variants(self, table: Table) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""

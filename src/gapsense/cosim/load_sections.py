@@ -40,12 +40,6 @@ def read_connection(table: Table) -> Connection | None:
     return Connection(source, target, *how, table.place) if source and target else None
 
 
-def read_inputs(table: Table) -> dict[Port, Value]:
-    """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
-    inputs = table.table("inputs")
-    return by_port(inputs, inputs.flat(kinds.SCALAR))
-
-
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows]:
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")

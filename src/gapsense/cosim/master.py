@@ -18,6 +18,7 @@ from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
+from gapsense.cosim.played import first, player
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports, texts
@@ -136,14 +137,18 @@ class Master:
         experiment = self.scenario.experiment
         self.view[:] = 0.0
         self.texts.update(dict.fromkeys(self.places.texts, ""))
+        played = {port.component for port in self.scenario.played}
         for part in self.parts:
             component = part.component
+            part.is_played = component.name in played
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
             own.update({port.variable: value for port, value in values.items() if port.component == component.name})
             part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)
         for port, value in constants(self.scenario, self.descriptions, values).items():
             place(port, value, self.places, self.buffer, self.texts)
+        self.play = player(self.scenario.played, self.places.index, self.buffer, experiment)
+        self.play(0)
         for part in self.parts:
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
@@ -169,6 +174,7 @@ class Master:
         data, take, count = recording.data, self.view.take, experiment.count
         wait = pacer(experiment, recording) if experiment.pace else None
         step = base_stepper(self.parts, experiment, recording.seconds, recording.calls)
+        step = first(self.play, step) if self.scenario.played else step
         report = max(1, count // REPORTS)
         take(columns, out=data[0], mode="clip")
         recording.rows = 1

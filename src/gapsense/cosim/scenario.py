@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
 METHODS = ("gauss-seidel", "jacobi")
@@ -149,6 +150,7 @@ class Scenario:
     variants: Mapping[str, str]  # description of each variant of the file
     tested: tuple[str, ...]  # variants with metrics or a baseline of their own
     files: tuple[Path, ...]  # itself, its parameter sets, files named by parameters: all that decide the result
+    played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
 
     @property

@@ -82,7 +82,8 @@ def definitions(section: Section) -> Iterator[tuple[str, Any]]:
         if key.is_dotted:
             name = name_of(section)
             table = {"type": "object", "additionalProperties": {"$ref": f"#/definitions/{name}"}}
-            yield name, {"anyOf": [of_value(key), table], "description": key.what}
+            own = [of_section(key.section, False)] if key.section else []
+            yield name, {"anyOf": [of_value(key), *own, table], "description": key.what}
         elif key.section:
             yield from definitions(key.section)
 
@@ -116,8 +117,9 @@ def with_keys(section: Section) -> Iterator[Section]:
 
 
 def own(section: Section) -> list[Key]:
-    """Keys that are no tables."""
-    return [key for key in (*section.keys, *filter(None, [section.free])) if key.section is None]
+    """Keys that are no tables, or need not be any."""
+    keys = (*section.keys, *filter(None, [section.free]))
+    return [key for key in keys if key.section is None or key.is_dotted]
 
 
 def chapter(section: Section) -> str:
@@ -134,7 +136,9 @@ def table(*sections: Section) -> str:
 
 def block(*sections: Section) -> str:
     """Examples of all their keys, as a file has them."""
-    parts = [[section.at or section.header, *(line(key) for key in own(section))] for section in sections]
+    parts = [
+        [section.at or section.header, *(line(key) for key in own(section) if not key.is_other)] for section in sections
+    ]
     text = "\n\n".join("\n".join(filter(None, part)) for part in parts)
     return f"```toml\n{text}\n```\n"
 
