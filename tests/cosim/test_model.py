@@ -170,11 +170,11 @@ def test_component_that_failed_is_loaded_again(fmus, tmp_path, loads):
 def test_forgotten_scenario_leaves_nothing(fmus, tmp_path):
     scenario = Scenario("a", tmp_path, fmus, stop=0.2, base_step=0.1).add("source", "Source")
     scenario.run()
-    folder = scenario.master.folder
-    assert folder.is_dir()
+    instance = scenario.master.parts[0].instance
+    assert not instance.is_dead
     del scenario
     gc.collect()
-    assert not folder.exists()
+    assert instance.is_dead
 
 
 def test_sweep_of_an_object_needs_no_file(ramp, tmp_path):
@@ -204,7 +204,7 @@ def test_objects_tell_what_they_are(ramp, tmp_path):
     ramp.metric("end", "final", "lag.y", bounds=[100.0, 200.0], label="<end>")
     result = ramp.run()
     assert ", loaded>" in repr(ramp)
-    line = "<Result 'ramp': 11 rows from 0 s to 1 s, 6 signals, 1 metrics (1 outside their bounds)>"
+    line = "<Result 'ramp': 11 rows from 0 s to 1 s, 7 signals, 1 metrics (1 outside their bounds)>"
     assert repr(result) == line
     assert repr(read_result(result.save(tmp_path / "r.csv"))) == line
     for shown in (ramp, result):
