@@ -12,6 +12,7 @@ from gapsense.cosim import load_sections as sections
 from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
+from gapsense.shipped import example
 from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, merged, read_toml
 
 T = TypeVar("T")
@@ -68,9 +69,11 @@ def read_draft(path: str | Path, variant: str | None = None) -> Draft:
 
 
 def scenario_file(path: str | Path) -> Path:
-    """The scenario file itself, also if its folder is given."""
+    """The scenario file itself, also if its folder is given, or the name of an example where no such file is."""
     path = Path(path)
-    return path / "scenario.toml" if path.is_dir() else path
+    file = path / "scenario.toml" if path.is_dir() else path
+    folder = None if file.exists() else example(path)
+    return folder / "scenario.toml" if folder else file
 
 
 def with_variant(data: dict[str, Any], variant: str | None, file: Path, problems: list[str]) -> dict[str, Any] | None:

@@ -107,7 +107,8 @@ def _share(missed: Any) -> str:
 
 
 def _micro(value: float) -> str:
-    return f"{1e6 * value:.3g}" if value < 1e-2 else "-"
+    shown = f"{1e6 * value:.3g}" if value < 1e-3 else f"{1e6 * value:.0f}"
+    return shown if value < 1e-2 else "-"
 
 
 def _drawn(title: str, curves: Mapping[str, Any], x: Sequence[float], xlabel: str, ylabel: str) -> Figure:
