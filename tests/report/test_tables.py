@@ -144,7 +144,7 @@ def test_table_that_is_too_wide_is_shown_in_even_parts_with_the_first_column_aga
 
 @pytest.mark.parametrize("width", [60, 80])
 def test_texts_are_wrapped_between_words_and_names_are_never_cut(width):
-    names = ["ReluctanceActuator", "a_rather_long_name_of_a_scenario"]
+    names = ["ReluctanceActuator", "long_name_of_a_scenario"]
     made = table(
         "", ["name", "what it is"], [[name, "Actuator with hysteresis and more " * 3] for name in names], texts=2
     )
