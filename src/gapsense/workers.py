@@ -22,8 +22,9 @@ from threading import Thread
 from typing import Any, NamedTuple, TextIO
 
 from gapsense.files import sha256
-from gapsense.ledger import PACKAGE, Entry, Ledger
+from gapsense.ledger import Entry, Ledger
 from gapsense.problems import ScenarioError
+from gapsense.shipped import PACKAGE
 
 Answer = Callable[[int], Mapping[str, Any]]
 Progress = Callable[[int, int], None]

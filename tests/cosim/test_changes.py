@@ -43,7 +43,6 @@ def test_input_and_seed_that_the_file_states_are_replaced_there(write, chain, fm
         ("source.y=1", "(from --set): `y` is not a parameter but of causality `output`"),
         ("lag.u=true", "inputs.lag.u: `true` found, a value of type Real is expected"),
         ("lag.seed=-1", "--set, lag.seed: `-1` found, a whole number of at least 0 expected"),
-        ("gain.gain=1", "--set, gain.gain: `[sweep]` gives it too. Keep one."),
     ],
 )
 def test_wrong_value_is_told_with_its_place(write, chain, fmus, setting, expected):
@@ -82,6 +81,13 @@ def test_sweep_runs_with_it_and_computes_anew_for_another(write, chain, fmus, tm
         for settings in ([], ["source.slope=3"])
     ]
     assert ends == [[3.0, 3.0], [4.0, 4.0]]
+
+
+def test_what_a_sweep_gives_is_set_for_a_run_only(write, chain, fmus):
+    source = changed(write(chain + "[sweep]\ngain.gain = [1.0, 2.0]\n"), ["gain.gain=3"])
+    assert run(source, fmus=fmus).parameters["gain.gain"] == 3.0
+    with pytest.raises(ScenarioError, match=r"--set, gain.gain: `\[sweep\]` gives it too. Keep one."):
+        sweep(source, fmus=fmus)
 
 
 def test_packed_scenario_is_the_same_in_another_folder(write, chain, tmp_path, monkeypatch):

@@ -215,7 +215,7 @@ def test_objects_tell_what_they_are(ramp, tmp_path):
 
 def test_plot_draws_the_chosen_signals(ramp):
     figure = ramp.run().plot("lag.*", "gain.y")
-    assert [axis.get_ylabel() for axis in figure.axes] == ["V", "mA"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["voltage / V", "y / mA"]
     assert figure._repr_png_()[:4] == b"\x89PNG"
     with pytest.raises(InputError, match=r"`lagg.y` was not recorded"):
         ramp.run().plot("lagg.y")

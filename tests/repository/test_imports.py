@@ -17,14 +17,14 @@ from gapsense.cli import app
 OF_KERNELS = (  # in order: each may import those before it
     "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
-OF_FILES = ("native", "problems", "files", "tables", "parameters", "ledger", "workers")  # likewise
+OF_FILES = ("shipped", "native", "problems", "files", "tables", "parameters", "ledger", "workers")  # likewise
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "fmi"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
-    "fmi": FOUNDATIONS | {"fmi", "native", "problems"},
+    "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim"},
     "report": NUMBERS | {"report"},
     "cli": NUMBERS | {"report", "studies", "cli"},

@@ -9,7 +9,9 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli import common as cli
+from gapsense.cosim.document import scenario_file
 from gapsense.report import runs
+from gapsense.shipped import is_installed
 
 
 @cli.command("check")
@@ -144,6 +146,10 @@ def baseline(
     write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write."""
+    if write and is_installed(scenario_file(scenario)):
+        raise cosim.ScenarioError(
+            [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]
+        )
     update = cosim.update_baseline(scenario, variant, fmus, write)
     cli.show(str(update))
     raise typer.Exit(cli.INTERRUPTED if update.interrupted else 0)

@@ -68,11 +68,8 @@ class Changes:
         """Values that nobody else gets."""
         return self.table.child({name: self.left.pop(name) for name in names}, "")
 
-    def finish(self, components: Iterable[str], swept: Iterable[str]) -> None:
-        """Note what names no component, and what a sweep gives anyway."""
+    def finish(self, components: Iterable[str]) -> None:
+        """Note what names no component."""
         for name in self.left:
             component = name.partition(".")[0]
             self.table.note(name, f"there is no component `{component}`. {suggest(component, components)}")
-        for name in swept:
-            if name in self.table.data:
-                self.table.note(name, "`[sweep]` gives it too. Keep one.")

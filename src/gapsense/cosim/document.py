@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.problems import suggest
+from gapsense.shipped import example
 from gapsense.tables import merged, read_toml
 
 
@@ -53,11 +54,16 @@ Source = str | Path | Document  # of a scenario: its file or folder, or its cont
 
 
 def scenario_file(source: Source) -> Path:
-    """The scenario file itself, also if its folder or its content is given."""
+    """The scenario file itself, also if its folder, its content, or the name of an example is given.
+
+    An example counts where there is no such file.
+    """
     if isinstance(source, Document):
         return source.path
     path = Path(source)
-    return path / "scenario.toml" if path.is_dir() else path
+    file = path / "scenario.toml" if path.is_dir() else path
+    folder = None if file.exists() else example(path)
+    return folder / "scenario.toml" if folder else file
 
 
 def read_document(source: Source, problems: list[str]) -> Document | None:

@@ -86,7 +86,7 @@ class Reader:
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
         grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
-        self.changes.finish(components, map(str, (*grid, *(rows[0] if rows else ()))))
+        self.changes.finish(components)
         return Scenario(
             path=self.path,
             called=self.document.name,

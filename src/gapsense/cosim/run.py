@@ -28,8 +28,7 @@ from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
 from gapsense.files import sha256
 from gapsense.problems import ScenarioError
-
-FMU_FOLDER = Path("build", "fmus")
+from gapsense.shipped import FMU_FOLDER, FMUS
 
 
 def run(
@@ -49,7 +48,8 @@ def run(
     variant : str, optional
         Variant of the scenario.
     fmus : str or Path, optional
-        Folder of the FMUs; by default `build/fmus` in a folder above the scenario, or below the working directory.
+        Folder of the FMUs; by default `build/fmus` in a folder above the scenario, or below the working
+        directory, or else those that come with Gapsense.
     seed_shift : int
         Added to every seed of the scenario.
     progress : callable, optional
@@ -125,9 +125,9 @@ def inspect(
 
 
 def find_fmus(scenario: Path) -> Path:
-    """Folder `build/fmus` in a folder above the scenario, or else below the working directory."""
+    """Folder `build/fmus` in a folder above the scenario, or below the working directory, or else what was shipped."""
     above = (folder / FMU_FOLDER for folder in scenario.resolve().parents)
-    return next((folder for folder in above if folder.is_dir()), FMU_FOLDER)
+    return next((folder for folder in (*above, FMU_FOLDER, FMUS) if folder.is_dir()), FMU_FOLDER)
 
 
 def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = None, point: int | None = None) -> Result:

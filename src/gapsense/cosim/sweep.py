@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import show
+from gapsense.cosim.changes import OVER
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
@@ -155,6 +156,9 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
         problems.append(
             f"{scenario.path.name}, seeds: {seeds} runs of each combination would be the same. Add `[seeds]`."
         )
+    for port in scenario.swept:
+        if scenario.components[port.component].origin.get(port.variable) == OVER:
+            problems.append(f"{OVER}, {port}: `[sweep]` gives it too. Keep one.")
     if homeless:
         problems.append("signals are to be kept, but nowhere. Name a folder.")
     if problems:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -15,11 +18,12 @@ from matplotlib.figure import Figure
 from gapsense.cosim import Result
 from gapsense.cosim.signals import matching
 from gapsense.problems import InputError, suggest
-from gapsense.units import UNITS
+from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
 GRID = "#d0d7de"
+MOST, ROOM = 5, 14  # curves in a panel of an overview, and characters in a line beside it
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
 
 
@@ -120,18 +124,42 @@ def signals(result: Result, patterns: Sequence[str]) -> Figure:
     if missing:
         raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
     chosen = matching(patterns or ("*",), result.signals)
-    return overview(replace(result, signals={name: result[name] for name in chosen}))
+    about = {name: result.about[name] for name in chosen}
+    return overview(replace(result, signals={name: result[name] for name in chosen}, about=about))
 
 
 def overview(result: Result) -> Figure:
-    """All recorded signals, one panel per unit."""
-    units = list(dict.fromkeys(result.units[name] for name in result.signals))
-    figure, axes = stack(result.run.title, [display(unit)[0] for unit in units])
-    for unit, axis in zip(units, axes):
-        for k, name in enumerate(n for n in result.signals if result.units[n] == unit):
-            line(axis, result.times, display(unit)[1] * result[name], f"C{k}", name)
+    """All recorded signals: panels by unit, and where a unit has many signals by variable, with a few curves each."""
+    panels = [part for unit in dict.fromkeys(result.units.values()) for part in few(result, unit)]
+    labels = [label([name.partition(".")[2] for name in names], result.units[names[0]]) for names in panels]
+    figure, axes = stack(result.run.title, labels)
+    for names, axis in zip(panels, axes):
+        for k, name in enumerate(names):  # thinner and thinner, so that curves that coincide are all seen
+            width = 1.0 + 1.5 * (len(names) - 1 - k) / MOST
+            line(axis, result.times, display(result.units[name])[1] * result[name], f"C{k}", name, linewidth=width)
         legend(axis)
     return figure
+
+
+def few(result: Result, unit: str) -> list[list[str]]:
+    """Recorded signals of a unit in groups for one panel each."""
+    names = [name for name in result.signals if result.units[name] == unit]
+    if len(names) <= MOST:
+        return [names]
+    by_variable: dict[str, list[str]] = {}
+    for name in names:
+        by_variable.setdefault(name.partition(".")[2], []).append(name)
+    return [group[k : k + MOST] for group in by_variable.values() for k in range(0, len(group), MOST)]
+
+
+def label(variables: Sequence[str], unit: str) -> str:
+    """What an axis shows and its unit: the words that all variables begin with, or else what the unit stands for."""
+    words = zip(*(re.split(r"[._]", variable) for variable in variables))
+    shared = takewhile(lambda places: len(set(places)) == 1, words)
+    quantity = " ".join(places[0] for places in shared) or QUANTITIES.get(unit) or ", ".join(dict.fromkeys(variables))
+    shown = display(unit)[0]
+    end = "" if unit == "1" else f" /\N{NO-BREAK SPACE}{f'({shown})' if '/' in shown else shown}"
+    return "\n".join(wrap(quantity + end, ROOM, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def over(axis: Any, result: Result, x: tuple[str, float], y: tuple[str, float]) -> None:
