@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import chain
+from math import prod
 from pathlib import Path
 
 from gapsense.cosim.archive import UnusableError
@@ -18,6 +19,7 @@ from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.problems import suggest
 
+MOST_POINTS = 10**6  # of a sweep
 OWN = "Build the FMUs with `gapsense build`."  # remedies for an FMU that is missing
 FOREIGN = "Correct the path; it is relative to the scenario."
 
@@ -114,7 +116,11 @@ class Checker:
                 yield from check_seeds(self.scenario.components[name], self.descriptions[name], seed)
 
     def grid(self) -> Iterator[str]:
-        """Values of a sweep: of known parameters, of the right type, within their limits, and no seeds."""
+        """Values of a sweep: not too many, of known parameters, of the right type and in their limits, no seeds."""
+        lengths = [len(self.scenario.rows) or 1, *map(len, self.scenario.grid.values())]
+        if prod(lengths) > MOST_POINTS:
+            found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
+            yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
         for port, values in self.scenario.swept.items():
             if port.component not in self.scenario.components:
                 yield f"sweep.{port}: {self.no_component(port.component)}"
