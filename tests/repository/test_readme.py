@@ -114,8 +114,10 @@ def test_links_lead_somewhere(page):
 
 @pytest.mark.parametrize("page", PAGES[:1] + [p for p in PAGES if p.parent.name == "docs"], ids=lambda page: page.name)
 def test_files_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
     known = {path.relative_to(ROOT).as_posix() for path in (*texts(), *PYTHON)}
-    for span in re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8")):
+    known |= set(re.findall(r"<!-- file: (\S+) -->", text))  # that the reader writes
+    for span in re.findall(r"`([^`\n]+)`", text):
         name = span.split()[-1]
         if re.fullmatch(r"[\w./-]+\.(py|md|toml|txt|c|h)", name):
             assert any(path == name or path.endswith(f"/{name}") for path in known), span
