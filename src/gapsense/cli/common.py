@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -71,6 +71,14 @@ def show(*items: Table | str) -> None:
 def problem(sentence: str, style: str = "red") -> None:
     """Print a sentence on the error stream."""
     err.print(sentence, style=style, markup=False)
+
+
+def notice(sentence: str) -> None:
+    """Print a sentence that is no error on the error stream."""
+    problem(sentence, "yellow")
+
+
+APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
 
 
 def written(*files: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -26,14 +27,22 @@ def run(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car")] = Path("results"),
+    every: Annotated[
+        float | None,
+        typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus)
+    checkpoint = None
+    if every is not None or resume:
+        checkpoint = cosim.Checkpoint(to / f"{cosim.load(scenario, variant).name}.checkpoint", every, resume)
     try:
         with cli.bar("running") as progress:
-            result = cosim.run(scenario, variant, fmus, progress=progress)
+            result = cosim.run(scenario, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             file = error.result.save(to / f"{cli.stem(error.result)}.csv")
@@ -100,7 +109,7 @@ def figure(
     if to is not None:
         plot.check_file(to)
     with cli.bar("running") as progress:
-        result = cosim.run(scenario, variant, fmus, progress=progress)
+        result = cosim.run(scenario, variant, fmus, progress=progress, **cli.APART)
     cli.stop_if_interrupted(result)
     cli.written(plot.save(draw(result), to or Path("results") / f"{cli.stem(result)}.png"))
 
@@ -112,9 +121,14 @@ def test(
     junit: Annotated[Path | None, typer.Option(help="JUnit XML file to write", show_default=False)] = None,
 ) -> None:
     """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
-    outcomes = cosim.test_scenarios(folder, fmus, lambda outcome: cli.show(runs.outcome(outcome)))
-    if junit:
-        cosim.write_junit(outcomes, junit)
+
+    def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
+        if last:
+            cli.show(runs.outcome(last))
+        if junit:
+            cosim.write_junit(outcomes, junit)
+
+    outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process")
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
@@ -128,6 +142,6 @@ def baseline(
     write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write."""
-    update = cosim.update_baseline(scenario, variant, fmus, write)
+    update = cosim.update_baseline(scenario, variant, fmus, write, isolation="process")
     cli.show(str(update))
     raise typer.Exit(cli.INTERRUPTED if update.interrupted else 0)

@@ -5,6 +5,7 @@
 >>> print(result.metrics["semera_resistance_rmse"])  # doctest: +SKIP
 """
 
+from gapsense.cosim.checkpoint import Checkpoint
 from gapsense.cosim.compare import compare
 from gapsense.cosim.junit import write_junit
 from gapsense.cosim.load import load
@@ -18,6 +19,7 @@ from gapsense.cosim.sweep import Sweep, sweep
 from gapsense.problems import ScenarioError
 
 __all__ = [
+    "Checkpoint",
     "FmuError",
     "Master",
     "Measured",

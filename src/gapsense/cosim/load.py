@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gapsense.cosim import load_sections as sections
-from gapsense.cosim.scenario import METHODS, Component, Experiment, Scenario
+from gapsense.cosim.scenario import ISOLATIONS, METHODS, STEP_LIMIT, Component, Experiment, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, merged, read_toml
@@ -138,10 +138,13 @@ class Reader:
         base = table.take("base_step", POSITIVE, required=True)
         method = table.choice("method", METHODS, "gauss-seidel")
         pace = table.take("pace", POSITIVE)
+        isolation = table.choice("isolation", ISOLATIONS, "none")
+        limit = table.take("step_limit", POSITIVE, STEP_LIMIT)
         table.finish()
         if stop is None or base is None:
             return NO_EXPERIMENT
-        return grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
+        read = grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
+        return replace(read, isolation=str(isolation), step_limit=float(limit))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -170,6 +173,7 @@ class Reader:
             values={name: value for _, name, value in given},
             origin={name: place for place, name, _ in given},
             sets=sets,
+            isolation=str(table.choice("isolation", ISOLATIONS, "none")),
         )
         table.finish()
         return component
