@@ -169,7 +169,7 @@ def remove_folder() -> None:
 def main() -> None:
     """Be a process that answers requests until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one that asks
-    faulthandler.enable()
+    faulthandler.enable(all_threads=False)
     atexit.register(remove_folder)  # first, so that it comes last
     Thread(target=follow, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")

@@ -99,5 +99,5 @@ def test_other_scenarios_are_tested_and_reported_one_by_one(write, fmus, tmp_pat
 
 
 def test_unknown_isolation_is_refused(write, fmus):
-    with pytest.raises(ValueError, match="`isolation` is 'proces'. Did you mean `process`"):
+    with pytest.raises(ValueError, match=r"`isolation` is 'proces'\. Did you mean `process`"):
         run(write(FAULTY), fmus=fmus, isolation="proces")

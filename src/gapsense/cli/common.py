@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,12 +18,22 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from gapsense import cosim
+from gapsense import cosim, interrupts
 from gapsense.trace import TraceError
 
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
-app = typer.Typer(
+
+class App(typer.Typer):
+    """The program: a Ctrl-C before the command has begun ends it with a word."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Run the command that the arguments name."""
+        with interrupts.handled(interrupts.leave):
+            return super().__call__(*arguments, **options)
+
+
+app = App(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -90,7 +101,8 @@ def written(*files: Path) -> None:
 def reported() -> Iterator[None]:
     """Turn the errors a user can mend into one sentence and an exit code."""
     try:
-        yield
+        with interrupts.handled(signal.default_int_handler):
+            yield
     except typer.Exit:  # a RuntimeError too
         raise
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
