@@ -57,6 +57,8 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 class Instance:
     """An FMU loaded as `name` from its extracted `folder`. After `fmi2Fatal` it is never touched again."""
 
+    is_near = True  # in this process, so that C may call it
+
     def __init__(self, name: str, description: Description, folder: Path) -> None:
         from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
 

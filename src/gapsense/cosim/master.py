@@ -20,6 +20,7 @@ from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import COMPONENT, ENDING, LOADING, MASTER, PHASE, ROWS, STARTING, STEP, Recording
+from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
 from gapsense.processes import MARKS, Marks
@@ -62,12 +63,19 @@ class Master:
             if description.path not in folders:
                 folders[description.path] = self.folder / f"{len(folders)}"
                 shutil.unpack_archive(description.path, folders[description.path], "zip")
-            instance = Instance(name, description, folders[description.path])
+            instance = self.instance(name, folders[description.path])
             self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
         for part in self.parts:
             for connection in self.scenario.connections:
                 if connection.target.component == part.component.name:
                     part.connect(connection)
+
+    def instance(self, name: str, folder: Path) -> Instance:
+        """Instance of a component, in a process of its own if the scenario wants that."""
+        description = self.descriptions[name]
+        if self.scenario.components[name].isolation == "process":
+            return RemoteInstance(name, description, folder, self.scenario.experiment.step_limit)
+        return Instance(name, description, folder)
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
