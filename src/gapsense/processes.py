@@ -16,7 +16,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +25,7 @@ from time import monotonic, sleep
 from typing import Any, TextIO, TypeAlias
 
 from gapsense.importable import importable_name, imported, root
+from gapsense.locks import temporary_folder
 from gapsense.problems import ScenarioError
 
 PACKAGE = Path(__file__).resolve().parent
@@ -54,14 +54,13 @@ class Process:
     def __init__(self, guest: Callable[..., Any] | None = None, limit: float | None = None) -> None:
         self.limit, self.is_overdue, self.is_busy, self.is_limited = limit, False, False, False
         self.seen, self.since = b"", monotonic()
-        self.folder = tempfile.TemporaryDirectory(prefix="gapsense-worker-", ignore_cleanup_errors=True)
-        home = Path(self.folder.name)
-        (home / "marks").write_bytes(bytes(8 * MARKS))
-        self.marks = mapped(home / "marks")
+        self.folder = temporary_folder()
+        (self.folder / "marks").write_bytes(bytes(8 * MARKS))
+        self.marks = mapped(self.folder / "marks")
         roots = [PACKAGE.parent, *([root(guest)] if guest else [])]
         paths = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-        own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), self.folder.name)
-        with (home / "errors.txt").open("wb") as errors:
+        own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), str(self.folder))
+        with (self.folder / "errors.txt").open("wb") as errors:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "gapsense.processes"],
                 stdin=subprocess.PIPE,
@@ -72,7 +71,7 @@ class Process:
                 env={**os.environ, **own, "PYTHONPATH": paths},
                 start_new_session=True,
             )
-        self.log, self.told = (home / "errors.txt").open("rb"), 0
+        self.log, self.told = (self.folder / "errors.txt").open("rb"), 0
 
     def prepare(self, function: Callable[[Any], Callable[[Any], Any]], task: Any) -> None:
         """Wait until it has prepared for its task."""
@@ -124,20 +123,20 @@ class Process:
 
     def close(self) -> None:
         """End the process, in the middle of its work if need be, and remove its temporary files."""
-        with self.folder:
-            if self.is_busy:
-                self.process.kill()
-            with suppress(OSError):
-                if self.process.stdin:
-                    self.process.stdin.close()
-            try:
-                self.process.wait(timeout=PATIENCE)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-            self.log.close()
-            if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
-                self.process.stdout.close()
+        if self.is_busy:
+            self.process.kill()
+        with suppress(OSError):
+            if self.process.stdin:
+                self.process.stdin.close()
+        try:
+            self.process.wait(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.log.close()
+        if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
+            self.process.stdout.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def mapped(file: Path) -> Marks:

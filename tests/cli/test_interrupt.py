@@ -140,7 +140,7 @@ def hanging(process, stock, tmp_path, monkeypatch):
         folder.mkdir()
         (folder / "scenario.toml").write_text(HANGING, encoding="utf-8")
         started = process(LOUD, command, folder, "--fmus", stock, "--out", tmp_path / "out", *options)
-        wait_until(lambda: sum(marks(file) == 6 for file in temporary.glob("gapsense-worker-*/marks")) >= times)
+        wait_until(lambda: sum(marks(file) == 6 for file in temporary.glob("gapsense-*/marks")) >= times)
         return started
 
     return start

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gapsense.cosim import FmuError, run, test_scenarios, write_junit
+from gapsense.cosim import Checkpoint, FmuError, ScenarioError, run, test_scenarios, write_junit
 
 FAULTY = """
 title = "A component that fails"
@@ -101,3 +101,13 @@ def test_other_scenarios_are_tested_and_reported_one_by_one(write, fmus, tmp_pat
 def test_unknown_isolation_is_refused(write, fmus):
     with pytest.raises(ValueError, match=r"`isolation` is 'proces'\. Did you mean `process`"):
         run(write(FAULTY), fmus=fmus, isolation="proces")
+
+
+def test_checkpoints_of_fmus_that_cannot_save_their_state_are_refused(write, fmus, tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        run(write(FAULTY), fmus=fmus, checkpoint=Checkpoint(tmp_path / "x", 0.5))
+    assert caught.value.problems == [
+        f"scenario.toml, components.{name}.fmu: `{fmu}.fmu` cannot save its state (canGetAndSetFMUstate and "
+        "canSerializeFMUstate), so the run has no checkpoints. Run it without them."
+        for name, fmu in (("lag", "Lag"), ("coil", "Faulty"))
+    ]

@@ -18,7 +18,8 @@ OF_KERNELS = (  # in order: each may import those before it
     "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
-    "native", "problems", "files", "tables", "parameters", "ledger", "importable", "interrupts", "processes", "workers",
+    "native", "problems", "locks", "files", "tables", "parameters", "ledger", "importable", "interrupts", "processes",
+    "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}

@@ -138,4 +138,9 @@ def bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 def stem(result: cosim.Result) -> str:
     """File name of a result, without its ending."""
-    return result.run.scenario.replace("[", "_").rstrip("]")
+    return file_name(result.run.scenario)
+
+
+def file_name(scenario: str) -> str:
+    """File name, without ending, of what belongs to a scenario, or to one of its variants."""
+    return scenario.replace("[", "_").rstrip("]")

@@ -37,23 +37,25 @@ def run(
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus)
-    checkpoint = None
-    if every is not None or resume:
-        checkpoint = cosim.Checkpoint(to / f"{cosim.load(scenario, variant).name}.checkpoint", every, resume)
+    saved = to / f"{cli.file_name(cosim.load(scenario, variant).name)}.checkpoint"
+    checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
         with cli.bar("running") as progress:
             result = cosim.run(scenario, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             file = error.result.save(to / f"{cli.stem(error.result)}.csv")
-            cli.problem(f"{file}: {error.result.times.size} rows from before the failure.", "yellow")
+            cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
     file = result.save(to / f"{cli.stem(result)}.csv")
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
-        cli.problem(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.", "yellow")
+        on = " `--resume` goes on from the checkpoint." if checkpoint and saved.is_file() else ""
+        cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
         raise typer.Exit(cli.INTERRUPTED)
+    if checkpoint:
+        saved.unlink(missing_ok=True)  # nothing is left to go on with
     failures = [m for m in result.metrics.values() if not m.passed]
     for measured in failures:
         cli.problem(f"outside its bounds: {measured}")

@@ -100,7 +100,7 @@ class Run:
 
     def __init__(self, process: Process, plan: Plan, watch: Watch, interrupts: Callable[[], int]) -> None:
         self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
-        self.folder, self.marks = Path(process.folder.name), process.marks
+        self.folder, self.marks = process.folder, process.marks
         self.data = shared(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
         names, connections = list(plan.scenario.components), plan.scenario.connections
         self.order = execution_order(names, connections, plan.descriptions).names

@@ -100,8 +100,8 @@ def read(file: Path) -> tuple[Facts, Mapping[str, Any]]:
 def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Descriptions, take: Take) -> Keeper:
     """The checkpoint of a run, checked: raises ScenarioError if the run cannot be saved or gone on with."""
     experiment, problems = scenario.experiment, []
-    every = experiment.count if checkpoint.every is None else round(checkpoint.every / experiment.base_step)
-    if every < 1:
+    ratio = experiment.count if checkpoint.every is None else checkpoint.every / experiment.base_step
+    if not ratio >= 1.0 - 1e-9:  # nor if it is no number
         problems.append(
             f"--checkpoint: {checkpoint.every:.9g} s found, at least `base_step` = {experiment.base_step:.9g} s"
             " expected. Give a longer time."
@@ -122,7 +122,7 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
         ]
     if problems:
         raise ScenarioError(problems)
-    return Keeper(checkpoint.file, facts, every, checkpoint.resume)
+    return Keeper(checkpoint.file, facts, round(min(ratio, experiment.count)), checkpoint.resume)
 
 
 def run_facts(scenario: Scenario, descriptions: Descriptions, take: Take) -> Facts:

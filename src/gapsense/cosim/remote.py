@@ -35,7 +35,7 @@ class RemoteInstance(Instance):
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
         self.process, self.ended = Process(limit=limit), Event()
-        home = Path(self.process.folder.name)
+        home = self.process.folder
         (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
         try:
             self.memory = remote_child.memory(home, description, is_new=True)
