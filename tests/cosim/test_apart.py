@@ -68,6 +68,11 @@ def test_failure_at_the_start_names_the_component(write, fmus):
         run(write(FAULTY.replace("FAULT", "initialization")), fmus=fmus)
 
 
+def test_component_that_hangs_at_the_start_is_named(write, fmus):
+    with pytest.raises(FmuError, match="coil: no answer within 1 s, the limit, so its process was ended, at its init"):
+        run(write(FAULTY.replace("FAULT", "stuck")), fmus=fmus)
+
+
 def test_what_components_print_is_seen(write, fmus, capsys):
     run(write(FAULTY.replace("FAULT", "print")), fmus=fmus)
     assert "coil says so" in capsys.readouterr().err

@@ -26,6 +26,8 @@ class Faulty(Fmi2Slave):
     def exit_initialization_mode(self):
         if self.fault == "initialization":
             raise ValueError("cannot start")
+        if self.fault == "stuck":
+            time.sleep(1e3)
 
     def do_step(self, t, h):
         self.y = t + h
@@ -45,6 +47,9 @@ class Faulty(Fmi2Slave):
             self.log("getting 100 %% warm", Fmi2Status.warning)
         if self.fault == "interrupt":
             os.kill(os.getpid(), signal.SIGINT)
+        if self.fault == "insist":
+            for _ in range(2):
+                os.kill(os.getpid(), signal.SIGINT)
         if self.fault == "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         if self.fault == "slow":
