@@ -48,6 +48,7 @@ class Description:
     variables: Mapping[str, Variable]
     feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
     is_single: bool = False  # a process can hold only one instance
+    can_save: bool = False  # get, set and serialise its state
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -103,6 +104,7 @@ def describe(path: Path) -> Description:
         variables={v.name: variable(v) for v in model.modelVariables},
         feedthrough=feedthrough(model),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
+        can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
     )
 
 

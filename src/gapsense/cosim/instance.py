@@ -57,6 +57,8 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 class Instance:
     """An FMU loaded as `name` from its extracted `folder`. After `fmi2Fatal` it is never touched again."""
 
+    is_near = True  # in this process, so that C may call it
+
     def __init__(self, name: str, description: Description, folder: Path) -> None:
         from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
 
@@ -141,6 +143,27 @@ class Instance:
         """Call the entry point that moves a value of this variable's type."""
         kind = "Integer" if variable.type == "Enumeration" else variable.type
         self.call(function + kind, (ctypes.c_uint * 1)(variable.reference), ctypes.c_size_t(1), buffer)
+
+    def state(self) -> bytes:
+        """All that the instance remembers, as `restore` takes it."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t()
+        self.call("fmi2GetFMUstate", ctypes.byref(state))
+        try:
+            self.call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            buffer = ctypes.create_string_buffer(size.value)
+            self.call("fmi2SerializeFMUstate", state, buffer, size)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
+        return buffer.raw
+
+    def restore(self, saved: bytes) -> None:
+        """Remember what another instance of the same FMU did."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t(len(saved))
+        self.call("fmi2DeSerializeFMUstate", ctypes.create_string_buffer(saved, len(saved)), size, ctypes.byref(state))
+        try:
+            self.call("fmi2SetFMUstate", state)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
 
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
