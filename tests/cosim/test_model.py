@@ -106,6 +106,21 @@ def test_added_component_and_another_wire_load_anew(ramp, loads):
     assert np.array_equal((result := ramp.run())["second.u"], result["source.y"]) and len(loads) == 11
 
 
+def test_object_runs_in_another_process_where_it_says_so(ramp, loads):
+    here = ramp.run()
+    ramp.data["experiment"]["isolation"] = "process"
+    away = ramp.run()
+    assert away["lag.y"].tobytes() == here["lag.y"].tobytes() and len(loads) == 3
+    ramp.data["experiment"]["isolation"] = "none"
+    ramp.components["lag"]["isolation"] = "process"
+    assert ramp.run()["lag.y"].tobytes() == here["lag.y"].tobytes() and sorted(loads)[1:] == [
+        "gain",
+        "lag",
+        "source",
+        "source",
+    ]
+
+
 def test_set_knows_where_a_value_belongs(ramp, fmus):
     ramp.set("lag.u", 2.0)
     assert ramp.data["inputs"] == {"lag.u": 2.0} and ramp.data["connect"] == {"gain.u": "lag.y"}

@@ -41,8 +41,11 @@ def run(
     if only_check:
         return check(scenario, variant, fmus, settings)
     source = cosim.changed(scenario, settings or ())
-    saved = to / f"{cli.file_name(cosim.load(source, variant).name)}.checkpoint"
-    checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
+    checkpoint = None
+    if resume or every is not None:
+        checkpoint = cosim.Checkpoint(
+            to / f"{cli.file_name(cosim.load(source, variant).name)}.checkpoint", every, resume
+        )
     try:
         with cli.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
@@ -55,11 +58,11 @@ def run(
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
-        on = " `--resume` goes on from the checkpoint." if checkpoint and saved.is_file() else ""
+        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
         cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
         raise typer.Exit(cli.INTERRUPTED)
     if checkpoint:
-        saved.unlink(missing_ok=True)  # nothing is left to go on with
+        checkpoint.file.unlink(missing_ok=True)  # nothing is left to go on with
     failures = [m for m in result.metrics.values() if not m.passed]
     for measured in failures:
         cli.problem(f"outside its bounds: {measured}")
