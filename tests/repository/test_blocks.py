@@ -13,16 +13,19 @@ import doctest
 import io
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from sources import ROOT
 from typer.testing import CliRunner
 
+from gapsense import Scenario
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.document import Document
@@ -124,6 +127,34 @@ def test_blocks_of_a_page_run_in_order(page, folder):
     for block in every:
         if block.note != "skip" and (block.note != "file" or "title =" in block.text):
             getattr(reader, block.kind)(block)
+
+
+def record(file: Path, volts: float, seed: int) -> None:
+    """Voltage and current of a valve, measured from rest on, as one would record them."""
+    with Scenario("record", stop=80e-3, base_step=25e-6) as s:
+        s.add("drive", "DriveVoltage", {"square.amplitude": volts, "square.delay": 2e-3}, enable=1.0, reference=0.0)
+        s.add("valve", "SolenoidValve").add("sensor", "Sensor", seed=seed, step=2)
+        s.connect("drive.voltage_mean", "valve.voltage", "sensor.voltage").connect("valve", "sensor")
+        result = s.record("sensor.*_measured", decimation=2).run()
+    columns = (result.times, result["sensor.voltage_measured"], result["sensor.current_measured"])
+    head = "time [s],voltage [V],current [A]"
+    np.savetxt(file, np.stack(columns, axis=1), delimiter=",", header=head, comments="")
+
+
+@pytest.mark.slow
+def test_commands_of_the_readme_run(folder):
+    """But for what CI runs anyway: make, pip and pytest, the 200 seeds of `make demo`, the test of all scenarios."""
+    shutil.copytree(ROOT / "scenarios", folder / "scenarios")
+    record(folder / "valve.csv", 30.0, 1)
+    record(folder / "other.csv", 26.0, 2)
+    lines = re.findall(r"^ {4}(gapsense .*)$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    commands = [part.strip() for line in lines for part in line.split("&&")]
+    commands = [c for c in commands if not c.startswith(("gapsense test", "gapsense sweep"))]
+    assert len(commands) > 8
+    for command in commands:
+        done = CliRunner().invoke(app, shlex.split(command)[1:])
+        assert done.exit_code == 0, (command, done.output)
+    assert (folder / "build" / "mine" / "Semera.fmu").is_file()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
