@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
+from time import monotonic, sleep
 
 import pytest
 
@@ -74,3 +77,131 @@ def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path):
     assert 1 <= done < 50
     assert f"{done} runs, {done} of them computed now" in out
     assert not list((tmp_path / "out").glob("*.part"))
+
+
+IMPORTING = """
+import os, signal, sys
+module = sys.argv.pop(1)
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == module:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from gapsense.cli import app
+app()
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "numpy", "rich.table", "gapsense.studies.semera.command", "fmpy"])
+def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypatch, module):
+    (temporary := tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    started = process(IMPORTING, module, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    out, err = started.communicate(timeout=60)
+    assert (started.returncode, out, err) == (130, "", "interrupted.\n")
+    assert not list(temporary.iterdir()) and not (tmp_path / "out").exists()
+
+
+HANGING = """
+title = "A component that hangs"
+[experiment]
+stop = 1.0
+base_step = 0.1
+[components.coil]
+fmu = "Faulty"
+set = { fault = "hang" }
+[inputs]
+"coil.u" = 1.0
+[seeds]
+coil = 0
+[sweep]
+"coil.at" = [0.5, 0.6, 0.7]
+"""
+
+
+@pytest.fixture(scope="session")
+def stock(tmp_path_factory):
+    """Folder with the stock FMUs of the tests of the runner, of which one hangs."""
+    folder = tmp_path_factory.mktemp("stock")
+    script = Path(__file__).resolve().parents[1] / "cosim" / "stock_fmus.py"
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, script, folder], check=True, env=environment, capture_output=True)
+    return folder
+
+
+@pytest.fixture
+def hanging(process, stock, tmp_path, monkeypatch):
+    """Starts a command on a scenario whose component hangs, and waits until it does."""
+    (temporary := tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+
+    def start(command, *options, times=1):
+        folder = tmp_path / "demo"
+        folder.mkdir()
+        (folder / "scenario.toml").write_text(HANGING, encoding="utf-8")
+        started = process(LOUD, command, folder, "--fmus", stock, "--out", tmp_path / "out", *options)
+        wait_until(lambda: sum(marks(file) == 6 for file in temporary.glob("gapsense-*/marks")) >= times)
+        return started
+
+    return start
+
+
+def marks(file):
+    """The base step that a process does at t = 0.5 s, also where it hangs a little later."""
+    step = int.from_bytes(file.read_bytes()[16:24], sys.byteorder)
+    return min(step, 6)
+
+
+def wait_until(is_so, limit=20.0):
+    end = monotonic() + limit
+    while not is_so():
+        assert monotonic() < end
+        sleep(0.02)
+
+
+def test_first_ctrl_c_says_what_it_waits_for_and_the_second_keeps_the_result(hanging, tmp_path):
+    started = hanging("run")
+    begin = monotonic()
+    started.send_signal(signal.SIGINT)
+    assert started.stderr.readline() == (
+        "interrupted; waiting for `coil`, in its step (base step 6), to end. Ctrl-C again ends it at once.\n"
+    )
+    assert monotonic() - begin < 1.0
+    started.send_signal(signal.SIGINT)
+    _, err = started.communicate(timeout=10)
+    assert started.returncode == 130, err
+    assert err.startswith("interrupted at t = 0.5 s; what was computed is in") and "coil" not in err
+    side = json.loads((tmp_path / "out" / "demo.json").read_text("utf-8"))
+    assert side["rows"] == 6 and side["interrupted"] and not side["failure"]
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_two_ctrl_c_in_a_sweep_leave_no_worker(hanging, tmp_path):
+    started = hanging("sweep", "--workers", 2, times=2)
+    for _ in range(2):
+        started.send_signal(signal.SIGINT)
+        sleep(0.05)
+    _, err = started.communicate(timeout=10)
+    assert started.returncode == 130 and "Traceback" not in err, err
+    assert not workers(tmp_path) and not list((tmp_path / "temporary").iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes")
+@pytest.mark.parametrize(("command", "times"), [("run", 1), ("sweep", 2)])
+def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command, times):
+    started = hanging(command, times=times)
+    assert len(workers(tmp_path)) == times
+    started.kill()
+    wait_until(lambda: not workers(tmp_path) and not list((tmp_path / "temporary").iterdir()), 5.0)
+    started.communicate()
+
+
+def workers(folder):
+    """Processes that have their temporary files in a folder."""
+    found, own = [], f"GAPSENSE_PROCESS={folder}".encode()
+    for file in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            found += [file] * (own in file.read_bytes())
+        except OSError:
+            continue  # of somebody else, or gone
+    return found

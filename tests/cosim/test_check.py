@@ -169,13 +169,20 @@ def test_check_covers_the_variants(write, chain, fmus):
     assert found[0].startswith("variant bad: ")
 
 
+APART = 'isolation = "process"'
+
+
 def test_second_instance_of_a_single_fmu_is_refused(write, chain, fmus):
     text = chain.replace('fmu = "Lag"', 'fmu = "Gain"').replace("lag.y", "source.y")
     scenario, descriptions = prepare(write(text), None, fmus)
     single = {name: replace(description, is_single=True) for name, description in descriptions.items()}
     assert check_scenario(scenario, single) == [
-        "scenario.toml, components.gain.fmu: `lag` uses it too, and a process can hold only one. Remove one."
+        "scenario.toml, components.gain.fmu: `lag` uses it too, and a process can hold only one. "
+        'Give `components.gain` a process of its own: `isolation = "process"`.'
     ]
+    apart = write(text.replace("[components.gain]", "[components.gain]\n" + APART))
+    scenario, descriptions = prepare(apart, None, fmus)
+    assert check_scenario(scenario, single) == []
 
 
 def shared(chain: str, set_: str = "", source: str = '["one.toml"]') -> str:

@@ -144,6 +144,22 @@ def test_component_that_does_not_go_on_ends_the_run_with_its_words(write, foreig
     assert caught.value.result.times.size == 3
 
 
+@pytest.mark.parametrize(("a", "b"), [(2, 3), (3, 2)])
+def test_components_in_processes_of_their_own_give_the_same_bits(write, foreign, a, b):
+    text = wired(a, b)
+    near = run(write(text, "near"), fmus=foreign)
+    apart = text.replace("[components.a]", '[components.a]\nisolation = "process"')
+    apart = apart.replace("[components.b]", '[components.b]\nisolation = "process"')
+    with Master(*prepare(write(apart, "apart"), None, foreign)) as master:
+        result = run_once(master)
+        texts = dict(master.texts)
+    assert all(np.array_equal(near[name], result[name]) for name in near.signals)
+    assert near.parameters == result.parameters and len(near.signals) == len(result.signals)
+    assert texts[Port("b", "text_out")] == "baé"
+    with pytest.raises(FmuError, match=rf"a, t = 0.2 s.*fmi{a}DoStep returned"):
+        run(write(apart.replace("level = 4.0", "level = 4.0, end = 0.25"), "fails"), fmus=foreign)
+
+
 def changed(foreign, tmp_path, version, old, new):
     path = tmp_path / f"Changed{version}.fmu"
     with zipfile.ZipFile(foreign / f"Types{version}.fmu") as source, zipfile.ZipFile(path, "w") as target:

@@ -254,6 +254,11 @@ def test_ctrl_c_leaves_what_was_computed(write, python):
     assert done.stdout.rstrip().endswith("{}")
 
 
+def test_second_ctrl_c_in_a_step_is_no_failure_of_the_component(write, python):
+    done = python(INTERRUPT.replace("PATH", f"Path({str(write(FAULTY.replace('FAULT', 'insist')))!r})"))
+    assert done.stdout.split()[:3] == ["True", "True", "0.5"], done
+
+
 def test_pace_is_kept_and_lateness_reported(write, fmus):
     text = FAULTY.replace("FAULT", "").replace("stop = 1.0", "stop = 1.0\npace = 10.0")
     result = run(write(text), fmus=fmus)

@@ -103,9 +103,21 @@ def test_failed_runs_are_reported_not_hidden(write, fmus):
     assert "coil, t = 5 s" in result.errors[0]
 
 
-def test_killed_worker_is_an_error_that_names_the_run(write, fmus):
-    with pytest.raises(RuntimeError, match=r"a worker process died \(-9\) at run 0"):
-        sweep(write(FAULTY.replace("FAULT", "kill")), 1, fmus=fmus)
+ENDED = {
+    "kill": "its process was ended by signal 9 (SIGKILL, Killed)",
+    "exit": "its process ended with exit code 0",
+    "hang": "no answer within 1 s, the limit, so its process was ended",
+}
+
+
+@pytest.mark.parametrize("fault", ENDED)
+def test_run_that_ends_its_worker_is_an_error_and_the_others_are_computed(write, fmus, tmp_path, fault):
+    text = FAULTY.replace('"FAULT"', '"FAULT", only = 11').replace("FAULT", fault)
+    path = write(text.replace("stop = 10.0", "stop = 10.0\nstep_limit = 1.0").replace("= 10\n", "= 10\ncoil = 10\n"))
+    result = sweep(path, 4, workers=1, fmus=fmus, out=tmp_path / "out")
+    assert result.indices == (0, 2, 3)
+    assert result.errors == {1: f"coil, t = 5 s (base step 51): {ENDED[fault]}, in its step."}
+    assert sweep(path, 4, workers=1, fmus=fmus, out=tmp_path / "out").computed == 1  # that run is tried again
 
 
 def test_sweep_without_seeds_is_refused(write, fmus):

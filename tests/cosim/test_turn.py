@@ -70,6 +70,8 @@ def test_file_that_is_no_library_counts_as_none(tmp_path, monkeypatch):
 class Noting:
     """Stands for an instance: notes every call with its arguments, answers with the given statuses and outputs."""
 
+    is_near = True
+
     def __init__(self, statuses, outputs):
         self.calls, self.statuses, self.outputs = [], statuses, outputs
         self.pointer = ctypes.c_void_p(POINTER)

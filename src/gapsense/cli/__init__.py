@@ -3,12 +3,15 @@
 from importlib import import_module
 from pathlib import Path
 
-from gapsense import studies
-from gapsense.cli.common import app
+from gapsense.interrupts import handled, leave
+
+with handled(leave):  # loading takes a while
+    from gapsense import studies
+    from gapsense.cli.common import app
+
+    for _file in sorted(Path(__file__).parent.glob("[!_]*.py")):
+        import_module(f"{__name__}.{_file.stem}")
+    for _name in studies.modules("command"):
+        import_module(_name)
 
 __all__ = ["app"]
-
-for _file in sorted(Path(__file__).parent.glob("[!_]*.py")):
-    import_module(f"{__name__}.{_file.stem}")
-for _name in studies.modules("command"):
-    import_module(_name)

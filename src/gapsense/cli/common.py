@@ -6,23 +6,34 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from gapsense import cosim
+from gapsense import cosim, interrupts
 from gapsense.report import table
 from gapsense.trace import TraceError
 
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
-app = typer.Typer(
+
+class App(typer.Typer):
+    """The program: a Ctrl-C before the command has begun ends it with a word."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Run the command that the arguments name."""
+        with interrupts.handled(interrupts.leave):
+            return super().__call__(*arguments, **options)
+
+
+app = App(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -82,6 +93,14 @@ def problem(sentence: str, style: str = "red") -> None:
     err.print(sentence, style=style, markup=False)
 
 
+def notice(sentence: str) -> None:
+    """Print a sentence that is no error on the error stream."""
+    problem(sentence, "yellow")
+
+
+APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
+
+
 def written(*files: Path) -> None:
     """Say which files were written."""
     show(f"{', '.join(map(str, files))} written.")
@@ -91,7 +110,8 @@ def written(*files: Path) -> None:
 def reported() -> Iterator[None]:
     """Turn the errors a user can mend into one sentence and an exit code."""
     try:
-        yield
+        with interrupts.handled(signal.default_int_handler):
+            yield
     except typer.Exit:  # a RuntimeError too
         raise
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
@@ -127,4 +147,9 @@ def bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 def stem(result: cosim.Result) -> str:
     """File name of a result, without its ending."""
-    return result.run.scenario.replace("[", "_").rstrip("]")
+    return file_name(result.run.scenario)
+
+
+def file_name(scenario: str) -> str:
+    """File name, without ending, of what belongs to a scenario, or to one of its variants."""
+    return scenario.replace("[", "_").rstrip("]")

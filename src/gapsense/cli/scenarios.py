@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -28,26 +29,40 @@ def run(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car")] = Path("results"),
+    every: Annotated[
+        float | None,
+        typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
     settings: cli.Set = None,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus, settings)
+    source = cosim.changed(scenario, settings or ())
+    checkpoint = None
+    if resume or every is not None:
+        checkpoint = cosim.Checkpoint(
+            to / f"{cli.file_name(cosim.load(source, variant).name)}.checkpoint", every, resume
+        )
     try:
         with cli.bar("running") as progress:
-            result = cosim.run(cosim.changed(scenario, settings or ()), variant, fmus, progress=progress)
+            result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             file = error.result.save(to / f"{cli.stem(error.result)}.csv")
-            cli.problem(f"{file}: {error.result.times.size} rows from before the failure.", "yellow")
+            cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
     file = result.save(to / f"{cli.stem(result)}.csv")
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
-        cli.problem(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.", "yellow")
+        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
+        cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
         raise typer.Exit(cli.INTERRUPTED)
+    if checkpoint:
+        checkpoint.file.unlink(missing_ok=True)  # nothing is left to go on with
     failures = [m for m in result.metrics.values() if not m.passed]
     for measured in failures:
         cli.problem(f"outside its bounds: {measured}")
@@ -105,18 +120,18 @@ def figure(
     if to is not None:
         plot.check_file(to)
     if scenario.suffix == ".csv":
-        result = saved(scenario, variant, fmus, settings)
+        result = read_saved(scenario, variant, fmus, settings)
     else:
         source = cosim.changed(scenario, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
         with cli.bar("running") as progress:
-            result = cosim.run(source, variant, fmus, progress=progress)
+            result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
         cli.stop_if_interrupted(result)
     default = Path("results") / f"{cli.stem(result)}.png"
     cli.written(plot.save(drawer(result.run.figure)(result), to or default))
 
 
-def saved(file: Path, *options: object) -> cosim.Result:
+def read_saved(file: Path, *options: object) -> cosim.Result:
     """A saved result, of which nothing can be chosen any more."""
     if any(options):
         raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
@@ -130,9 +145,14 @@ def test(
     junit: Annotated[Path | None, typer.Option(help="JUnit XML file to write", show_default=False)] = None,
 ) -> None:
     """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
-    outcomes = cosim.test_scenarios(folder, fmus, lambda outcome: cli.show(runs.outcome(outcome)))
-    if junit:
-        cosim.write_junit(outcomes, junit)
+
+    def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
+        if last:
+            cli.show(runs.outcome(last))
+        if junit:
+            cosim.write_junit(outcomes, junit)
+
+    outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process")
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
@@ -150,6 +170,6 @@ def baseline(
         raise cosim.ScenarioError(
             [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]
         )
-    update = cosim.update_baseline(scenario, variant, fmus, write)
+    update = cosim.update_baseline(scenario, variant, fmus, write, isolation="process")
     cli.show(str(update))
     raise typer.Exit(cli.INTERRUPTED if update.interrupted else 0)

@@ -6,6 +6,7 @@
 """
 
 from gapsense.cosim.changes import changed
+from gapsense.cosim.checkpoint import Checkpoint
 from gapsense.cosim.compare import compare
 from gapsense.cosim.junit import write_junit
 from gapsense.cosim.load import load
@@ -19,6 +20,7 @@ from gapsense.cosim.sweep import Sweep, sweep
 from gapsense.problems import ScenarioError
 
 __all__ = [
+    "Checkpoint",
     "FmuError",
     "Master",
     "Measured",

@@ -116,12 +116,15 @@ class Checker:
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
-        """No second instance of an FMU that can have only one per process."""
+        """No second instance in one process of an FMU that can have only one per process."""
         first: dict[Path, str] = {}
         for name, description in self.descriptions.items():
+            if self.scenario.components[name].isolation == "process":
+                continue
             other = first.setdefault(description.path, name)
             if description.is_single and other != name:
-                yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. Remove one."
+                remedy = f'Give `components.{name}` a process of its own: `isolation = "process"`.'
+                yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. {remedy}"
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""

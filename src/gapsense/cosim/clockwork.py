@@ -6,21 +6,27 @@ from collections.abc import Callable, Sequence
 from time import perf_counter
 
 from gapsense.cosim.part import Part
-from gapsense.cosim.scenario import Experiment
+from gapsense.cosim.recording import COMPONENT, MASTER, PHASE, STEP, STEPPING, Recording
+from gapsense.cosim.scenario import Component, Experiment
+from gapsense.processes import Marks
 
 BaseStep = Callable[[int], None]
 
 
-def base_stepper(parts: Sequence[Part], experiment: Experiment, seconds: list[float], calls: list[int]) -> BaseStep:
-    """Function that does a whole base step; for Jacobi it exchanges after all have stepped.
+def base_stepper(
+    parts: Sequence[Part], experiment: Experiment, recording: Recording, marks: Marks, done: int = 0
+) -> BaseStep:
+    """Function that does a whole base step, where `done` are done; for Jacobi it exchanges after all have stepped.
 
-    The parts are in execution order; the wall time and the number of the steps of each are added to the lists.
+    The parts are in execution order; the wall time and the number of the steps of each are added to the recording.
     """
-    step = stepper(parts, experiment, seconds, calls)
+    marks[PHASE] = STEPPING
+    step = stepper(parts, experiment, recording, marks, done)
     if experiment.method == "gauss-seidel":
         return step
-    exchange = exchanger(parts, experiment, seconds)
-    exchange(0)
+    exchange = exchanger(parts, experiment, recording.seconds, marks, done)
+    if not done:
+        exchange(0)
 
     def both(k: int) -> None:
         step(k)
@@ -29,17 +35,25 @@ def base_stepper(parts: Sequence[Part], experiment: Experiment, seconds: list[fl
     return both
 
 
-def stepper(parts: Sequence[Part], experiment: Experiment, seconds: list[float], calls: list[int]) -> BaseStep:
+def next_turn(component: Component, done: int) -> int:
+    """The first base step after `done` at which a component is due."""
+    return component.offset + component.step * (max(0, done - component.offset) // component.step + 1)
+
+
+def stepper(parts: Sequence[Part], experiment: Experiment, recording: Recording, marks: Marks, done: int) -> BaseStep:
     """Function of the base step that lets every part step that is due, in order."""
     clock, start, base = perf_counter, experiment.start, experiment.base_step
     is_sequential = experiment.method == "gauss-seidel"
-    due = [part.component.offset + part.component.step for part in parts]
+    seconds, calls, component, master = recording.seconds, recording.calls, COMPONENT, MASTER
+    due = [next_turn(part.component, done) for part in parts]
     turns = [(i, part.component.step, part.stepper(base, is_sequential)) for i, part in enumerate(parts)]
 
     def step(k: int) -> None:
+        marks[STEP] = k
         last = clock()
         for i, every, advance in turns:
             if due[i] == k:
+                marks[component] = i + 1
                 begin = start + (k - every) * base
                 failed = advance(begin)
                 if failed:
@@ -49,23 +63,25 @@ def stepper(parts: Sequence[Part], experiment: Experiment, seconds: list[float],
                 now = clock()
                 seconds[i] += now - last
                 last = now
+        marks[component] = master
 
     return step
 
 
-def exchanger(parts: Sequence[Part], experiment: Experiment, seconds: list[float]) -> BaseStep:
+def exchanger(parts: Sequence[Part], experiment: Experiment, seconds: list[float], marks: Marks, done: int) -> BaseStep:
     """Function of the base step that gives its inputs to every part that begins a step there (Jacobi).
 
     A row of the record therefore shows the inputs of the step that begins at its time; with Gauss-Seidel it shows
     those of the step that ended there. In both cases it is what the FMU would answer if asked for its inputs.
     """
-    clock, begins = perf_counter, [part.component.offset for part in parts]
+    clock, begins = perf_counter, [exchange_after(part.component, done) for part in parts]
     turns = [(i, part.component.step, part.taker()) for i, part in enumerate(parts)]
 
     def exchange(k: int) -> None:
         last = clock()
         for i, every, take in turns:
             if begins[i] == k:
+                marks[COMPONENT] = i + 1
                 failed = take()
                 if failed:
                     raise parts[i].failure(failed, experiment.time(k), k)
@@ -73,5 +89,11 @@ def exchanger(parts: Sequence[Part], experiment: Experiment, seconds: list[float
                 now = clock()
                 seconds[i] += now - last
                 last = now
+        marks[COMPONENT] = MASTER
 
     return exchange
+
+
+def exchange_after(component: Component, done: int) -> int:
+    """The base step at which a component takes inputs next, when `done` are done."""
+    return component.offset if done < max(component.offset, 1) else next_turn(component, done)

@@ -37,6 +37,7 @@ class Description:
     is_single: bool = False  # a process can hold only one instance
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
+    can_save: bool = False  # get, set and serialise its state
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -98,6 +99,7 @@ def describe(path: Path) -> Description:
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
+        can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
     )
 
 

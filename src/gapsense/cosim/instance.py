@@ -63,6 +63,8 @@ class Instance:
     Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates, see `instance3.py`.
     """
 
+    is_near = True  # in this process, so that C may call it
+
     def __init__(self, name: str, description: Description, folder: Path) -> None:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
@@ -199,6 +201,27 @@ class Instance:
             return entry(pointer, time, step, keep)
 
         return do
+
+    def state(self) -> bytes:
+        """All that the instance remembers, as `restore` takes it."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t()
+        self.call("fmi2GetFMUstate", ctypes.byref(state))
+        try:
+            self.call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            buffer = ctypes.create_string_buffer(size.value)
+            self.call("fmi2SerializeFMUstate", state, buffer, size)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
+        return buffer.raw
+
+    def restore(self, saved: bytes) -> None:
+        """Remember what another instance of the same FMU did."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t(len(saved))
+        self.call("fmi2DeSerializeFMUstate", ctypes.create_string_buffer(saved, len(saved)), size, ctypes.byref(state))
+        try:
+            self.call("fmi2SetFMUstate", state)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
 
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""

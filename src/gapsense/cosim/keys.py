@@ -5,7 +5,7 @@ from __future__ import annotations
 from gapsense import tables as kinds
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.played import INTERPOLATIONS
-from gapsense.cosim.scenario import METHODS, Tolerance
+from gapsense.cosim.scenario import ISOLATIONS, METHODS, STEP_LIMIT, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import Key, Section
 
@@ -39,6 +39,21 @@ EXPERIMENT = Section(
             choices=METHODS,
         ),
         Key("pace", kinds.POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
+        Key(
+            "isolation",
+            kinds.TEXT,
+            "`process`: from Python, too, the run has a process of its own; the command line always does that",
+            '"process"',
+            default=ISOLATIONS[0],
+            choices=ISOLATIONS,
+        ),
+        Key(
+            "step_limit",
+            kinds.POSITIVE,
+            "Wall time [s] that a step of a component may take in another process, and each call of its start",
+            "10.0",
+            default=STEP_LIMIT,
+        ),
     ),
 )
 SET = Section(
@@ -76,6 +91,14 @@ COMPONENT = Section(
             '["valve.toml"]',
             default=[],
             is_path=always,
+        ),
+        Key(
+            "isolation",
+            kinds.TEXT,
+            "`process`: this component has a process of its own",
+            '"process"',
+            default=ISOLATIONS[0],
+            choices=ISOLATIONS,
         ),
         Key("set", kinds.TABLE, "Parameters of this component", otherwise="none", section=SET),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -127,7 +127,8 @@ class Reader:
         if given["stop"] is None or given["base_step"] is None:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
-        return grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
+        read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
+        return replace(read, isolation=given["isolation"], step_limit=float(given["step_limit"]))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -158,6 +159,7 @@ class Reader:
             values={name: value for _, name, value in given},
             origin={name: place for place, name, _ in given},
             sets=sets,
+            isolation=own["isolation"],
         )
 
     def seeds(self, table: Table) -> dict[str, int]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from pathlib import Path
 from time import perf_counter, sleep
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,36 +16,27 @@ import numpy.typing as npt
 from gapsense.cosim.clockwork import BaseStep, base_stepper
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.inputs import constants, place
+from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.played import first, player
 from gapsense.cosim.record import FmuError
+from gapsense.cosim.recording import COMPONENT, ENDING, LOADING, MASTER, PHASE, ROWS, STARTING, STEP, Recording
+from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.unpacked import unpacked
+from gapsense.processes import MARKS, Marks
 from gapsense.tables import Value
 
+if TYPE_CHECKING:
+    from gapsense.cosim.checkpoint import Keeper
+
+T = TypeVar("T")
 Progress = Callable[[int, int], None]
 REPORTS = 200  # progress reports per run
-
-
-@dataclass
-class Recording:
-    """What a run leaves behind, complete or not."""
-
-    data: npt.NDArray[np.float64]
-    rows: int = 0  # of the data, recorded
-    parameters: dict[str, Value] = field(default_factory=dict)  # as read back, by `component.parameter`
-    seconds: list[float] = field(default_factory=list)  # wall time of each component, in execution order
-    calls: list[int] = field(default_factory=list)  # steps of each
-    messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
-    wall: float = 0.0  # [s]
-    overruns: int = 0  # late base steps of a run with a pace
-    lag: float = 0.0  # the worst lateness [s]
-    interrupted: bool = False
-    error: FmuError | None = None
 
 
 class Master:
@@ -52,8 +45,9 @@ class Master:
     Use it in a `with` statement: at its end all instances are freed.
     """
 
-    def __init__(self, scenario: Scenario, descriptions: Descriptions) -> None:
+    def __init__(self, scenario: Scenario, descriptions: Descriptions, marks: Marks | None = None) -> None:
         self.scenario, self.descriptions = scenario, descriptions
+        self.marks: Marks = array("q", bytes(8 * MARKS)) if marks is None else marks
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
         self.places = Layout(ports(descriptions), texts(descriptions))
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
@@ -68,9 +62,8 @@ class Master:
 
     def load(self) -> None:
         """Instantiate the components in execution order, wire them."""
-        for name in self.order.names:
-            description = self.descriptions[name]
-            instance = instance_of(name, description, unpacked(description))
+        for name in self.each(LOADING, self.order.names):
+            instance = self.instance(name, unpacked(self.descriptions[name]))
             component = self.scenario.components[name]
             self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
         for part in self.parts:
@@ -86,6 +79,21 @@ class Master:
         for part in self.parts:
             part.component = scenario.components[part.component.name]
         return True
+
+    def instance(self, name: str, folder: Path) -> Instance:
+        """Instance of a component, in a process of its own if the scenario wants that."""
+        description = self.descriptions[name]
+        if self.scenario.components[name].isolation == "process":
+            return RemoteInstance(name, description, folder, self.scenario.experiment.step_limit)
+        return instance_of(name, description, folder)
+
+    def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
+        """What there is of every component in execution order, with marks that say which one is touched, and why."""
+        self.marks[PHASE] = phase
+        for number, item in enumerate(items, start=1):
+            self.marks[COMPONENT] = number
+            yield item
+        self.marks[COMPONENT] = MASTER
 
     def __enter__(self) -> Master:
         return self
@@ -104,41 +112,50 @@ class Master:
         columns: list[int],
         seeds: Mapping[str, int],
         progress: Progress | None = None,
-        stopped: Callable[[], bool] = lambda: False,
+        stopped: Callable[[], int] = lambda: False,
         values: Mapping[Port, Value] | None = None,
+        recording: Recording | None = None,
+        keeper: Keeper | None = None,
     ) -> Recording:
         """One run from start to stop; after a failure, that is the recording's `error`.
 
-        It records the places `columns` of the buffer, tells `progress` base steps done and in all now and then, asks
-        `stopped` after each whether to end there, and prefers `values` of parameters to those of the scenario.
+        It records the places `columns` of the buffer, in `recording` if that is given, tells `progress` base steps done
+        and in all now and then, asks `stopped` after each whether to end there, and prefers `values` of parameters to
+        those of the scenario. The `keeper` has where to go on and when to save.
         """
-        experiment, decimation = self.scenario.experiment, self.scenario.record.decimation
-        recording = Recording(np.empty((experiment.count // decimation + 1, len(columns))))
-        begin = perf_counter()
+        recording = recording or Recording(np.empty(shape(self.scenario, columns)))
+        recording.begun = perf_counter()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
                 f"{part.component.name}.{variable.name}": part.instance.get(variable)
-                for part in self.parts
+                for part in self.each(STARTING, self.parts)
                 for variable in part.instance.description.of("parameter")
             }
-            self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped)
-            for part in self.parts:
+            self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped, keeper)
+            for part in self.each(ENDING, self.parts):
                 part.instance.call("fmi2Terminate")
         except FmuError as error:
             recording.error = error
             self.abandon(error.instance)
-        recording.wall = perf_counter() - begin
-        recording.messages = [(part.component.name, *said) for part in self.parts for said in part.instance.messages]
+        except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
+            recording.interrupted = True
+        recording.wall, recording.begun = recording.clocked(), None
+        recording.messages += self.messages()
         return recording
+
+    def messages(self) -> list[tuple[str, int, str]]:
+        """What the components have logged: component, status, text."""
+        return [(part.component.name, *said) for part in self.parts for said in part.instance.messages]
 
     def initialize(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> None:
         """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
         experiment = self.scenario.experiment
         self.view[:] = 0.0
         self.texts.update(dict.fromkeys(self.places.texts, ""))
+        self.marks[ROWS] = self.marks[STEP] = 0
         played = {port.component for port in self.scenario.played}
-        for part in self.parts:
+        for part in self.each(STARTING, self.parts):
             component = part.component
             part.is_played = component.name in played
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
@@ -149,14 +166,14 @@ class Master:
             place(port, value, self.places, self.buffer, self.texts)
         self.play = player(self.scenario.played, self.places.index, self.buffer, experiment)
         self.play(0)
-        for part in self.parts:
+        for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""
-        for part in self.parts:
+        for part in self.each(ENDING, self.parts):
             if part.component.name != failed and not part.instance.is_dead:
                 with suppress(FmuError):
                     part.instance.call("fmi2Terminate")
@@ -166,42 +183,80 @@ class Master:
         recording: Recording,
         columns: npt.NDArray[np.intp],
         progress: Progress | None,
-        stopped: Callable[[], bool],
+        stopped: Callable[[], int],
+        keeper: Keeper | None,
     ) -> None:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
         experiment, decimation = self.scenario.experiment, self.scenario.record.decimation
         recording.seconds, recording.calls = [0.0] * len(self.parts), [0] * len(self.parts)
-        data, take, count = recording.data, self.view.take, experiment.count
-        wait = pacer(experiment, recording) if experiment.pace else None
-        step = base_stepper(self.parts, experiment, recording.seconds, recording.calls)
+        data, take, count, marks = recording.data, self.view.take, experiment.count, self.marks
+        done = keeper.restore(self, recording) if keeper else 0
+        wait = pacer(experiment, recording, done) if experiment.pace else None
+        step = base_stepper(self.parts, experiment, recording, marks, done)
         step = first(self.play, step) if self.scenario.played else step
-        report = max(1, count // REPORTS)
-        take(columns, out=data[0], mode="clip")
-        recording.rows = 1
-        for k in range(1, count + 1):
+        if not done:
+            take(columns, out=data[0], mode="clip")
+            recording.rows = 1
+        marks[ROWS] = recording.rows
+        if progress:
+            progress(done, count)
+        pause, rest = self.rests(recording, progress, keeper, done)
+        for k in range(done + 1, count + 1):
             step(k)
             if not k % decimation:
                 take(columns, out=data[recording.rows], mode="clip")
                 recording.rows += 1
+                marks[ROWS] = recording.rows
             if wait:
                 wait(k)
-            if progress and (not k % report or k == count):
-                progress(k, count)
+            if k == pause:
+                pause = rest(k)
             if k < count and stopped():
                 recording.interrupted = True
                 break
+        if recording.interrupted and keeper:
+            keeper.save(self, recording, k)
+
+    def rests(
+        self, recording: Recording, progress: Progress | None, keeper: Keeper | None, done: int
+    ) -> tuple[int, Callable[[int], int]]:
+        """The next base step after which there is something to tell or to save, and the function that does it.
+
+        That function gives the next one again; the loop should not have to ask at each step.
+        """
+        count = self.scenario.experiment.count
+        report = max(1, count // REPORTS)
+        every = ([report] if progress else []) + ([keeper.every] if keeper else [])
+
+        def following(k: int) -> int:
+            return min([count, *(k - k % n + n for n in every)])
+
+        def rest(k: int) -> int:
+            if progress and (not k % report or k == count):
+                progress(k, count)
+            if keeper and not k % keeper.every and k < count:
+                keeper.save(self, recording, k)
+            return following(k)
+
+        return following(done), rest
 
 
 def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    return list(bare.items()), hashes, scenario.connections
+    return list(bare.items()), hashes, scenario.connections, scenario.experiment.step_limit
 
 
-def pacer(experiment: Experiment, recording: Recording) -> BaseStep:
+def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
+    """Rows and columns of a whole run."""
+    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
+
+
+def pacer(experiment: Experiment, recording: Recording, done: int) -> BaseStep:
     """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
-    period, begin = experiment.base_step / (experiment.pace or 1.0), perf_counter()
+    period = experiment.base_step / (experiment.pace or 1.0)
+    begin = perf_counter() - done * period
 
     def wait(k: int) -> None:
         left = begin + k * period - perf_counter()

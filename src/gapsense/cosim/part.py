@@ -147,7 +147,7 @@ class Part:
         Whatever is not the FMU's own time here is the cost of the master, hence one call into C where that is possible.
         """
         takes_inputs = takes_inputs and self.follows
-        turn = entry()
+        turn = entry() if self.instance.is_near else None
         if turn is None:
             return self.python_stepper(base_step, takes_inputs)
         data, time = self.turn(base_step, takes_inputs), ctypes.c_double()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -16,7 +16,7 @@ from gapsense.cosim.scenario import Scenario
 from gapsense.files import write_atomically, write_columns
 from gapsense.problems import ScenarioError
 
-Report = Callable[["Outcome"], None]
+Report = Callable[[Sequence["Outcome"], "Outcome | None"], None]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ def find_scenarios(folder: str | Path) -> list[Path]:
     return files
 
 
-def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: Report | None = None) -> list[Outcome]:
+def test_scenarios(
+    folder: str | Path, fmus: str | Path | None = None, report: Report | None = None, isolation: str | None = None
+) -> list[Outcome]:
     """Test every scenario in a folder, and each of its variants that has metrics or a baseline of its own.
 
     Parameters
@@ -91,37 +93,59 @@ def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: R
     fmus : str or Path, optional
         Folder of the FMUs, as in `run`.
     report : callable, optional
-        Called with each outcome as it comes.
+        Called as each outcome comes, with that of every test, as failed where it has not ended, and with the new one;
+        and before the first with none.
+    isolation : str, optional
+        As in `run`.
 
     Returns
     -------
     list of Outcome
         In the order run; it ends early after a Ctrl-C.
     """
-    outcomes = []
-    for path in find_scenarios(folder):
-        scenario = read_draft(path).scenario
-        for variant in (None, *(scenario.tested if scenario else ())):
-            outcomes.append(test_scenario(path, variant, fmus))
-            if report:
-                report(outcomes[-1])
-            if outcomes[-1].interrupted:
-                return outcomes
+    outcomes: list[Outcome] = []
+    due = [pending(path, variant) for path in find_scenarios(folder) for variant in variants(path)]
+    report = report or (lambda known, new: None)
+    report(due, None)
+    for k, outcome in enumerate(due, start=1):
+        outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation))
+        report([*outcomes, *due[k:]], outcomes[-1])
+        if outcomes[-1].interrupted:
+            break
     return outcomes
 
 
 test_scenarios.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
 
 
-def test_scenario(path: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Outcome:
+def variants(path: Path) -> tuple[str | None, ...]:
+    """What there is to test of a scenario: itself, and its variants that have metrics or a baseline of their own."""
+    scenario = read_draft(path).scenario
+    return (None, *(scenario.tested if scenario else ()))
+
+
+def pending(path: Path, variant: str | None) -> Outcome:
+    """A test that has not ended: a failure, in case it never does."""
+    check = Check("run", "not tested: `test` ended before that.")
+    return Outcome(title(path, variant), path, variant, (check,), 0.0)
+
+
+def title(path: Path, variant: str | None) -> str:
+    """Name of a test."""
+    folder = path.resolve().parent.name
+    return f"{folder}[{variant}]" if variant else folder
+
+
+def test_scenario(
+    path: str | Path, variant: str | None = None, fmus: str | Path | None = None, isolation: str | None = None
+) -> Outcome:
     """Run one scenario and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
-    folder = path.resolve().parent.name
-    name = f"{folder}[{variant}]" if variant else folder
+    name = title(path, variant)
     try:
         scenario = load(path, variant)
-        result = run(path, variant, fmus)
-    except (ScenarioError, FmuError) as error:
+        result = run(path, variant, fmus, isolation=isolation)
+    except (ScenarioError, FmuError, OSError) as error:
         return Outcome(name, path, variant, (Check("run", str(error)),), perf_counter() - begin)
     return Outcome(name, path, variant, tuple(checks(scenario, result)), perf_counter() - begin, result)
 
@@ -145,7 +169,11 @@ def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
 
 
 def update_baseline(
-    scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None, write: bool = False
+    scenario: str | Path,
+    variant: str | None = None,
+    fmus: str | Path | None = None,
+    write: bool = False,
+    isolation: str | None = None,
 ) -> Update:
     """Run a scenario and say what a new baseline would change; write it only if told to.
 
@@ -155,8 +183,10 @@ def update_baseline(
         As in `run`.
     write : bool
         Write the new baseline if anything changes.
+    isolation : str, optional
+        As in `run`.
     """
-    baseline, result = load(scenario, variant).baseline, run(scenario, variant, fmus)
+    baseline, result = load(scenario, variant).baseline, run(scenario, variant, fmus, isolation=isolation)
     if result.interrupted:
         return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
     rows, names = thinned(result, baseline), selected(result, baseline)

@@ -4,30 +4,31 @@ from __future__ import annotations
 
 import os
 import platform
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
 
+from gapsense.cosim.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_values import taken
-from gapsense.cosim.descriptions import Description, Variable
+from gapsense.cosim.checkpoint import Checkpoint, Keeper, keeper
+from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Source, scenario_file
 from gapsense.cosim.load import read_draft
-from gapsense.cosim.master import Master, Progress, Recording
+from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.metrics import measure
+from gapsense.cosim.order import execution_order
 from gapsense.cosim.record import Result, Run, Signal, Timing
-from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.signals import recorded_signals
+from gapsense.cosim.recording import Recording, Take
+from gapsense.cosim.scenario import ISOLATIONS, Scenario
+from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256
-from gapsense.problems import ScenarioError
+from gapsense.interrupts import counted
+from gapsense.problems import ScenarioError, suggest
 from gapsense.shipped import FMU_FOLDER, FMUS
 
 
@@ -38,6 +39,10 @@ def run(
     seed_shift: int = 0,
     progress: Progress | None = None,
     point: int | None = None,
+    isolation: str | None = None,
+    step_limit: float | None = None,
+    checkpoint: Checkpoint | None = None,
+    notice: Callable[[str], None] = tell,
 ) -> Result:
     """Run a scenario and measure its metrics.
 
@@ -56,6 +61,15 @@ def run(
         Called now and then with base steps done and base steps in all.
     point : int, optional
         Combination of the values in `[sweep]`, counted from 0; by default the components' own values.
+    isolation : str, optional
+        `"process"`: in a process of its own, so that no component can end or block this one. By default what the
+        scenario says in `[experiment]`, and without that `"none"`: in this process.
+    step_limit : float, optional
+        Wall time [s] that one step of a component in another process may take; by default what the scenario says.
+    checkpoint : Checkpoint, optional
+        Where the run saves itself now and then, and whether it goes on from there.
+    notice : callable, optional
+        Called with a sentence when a Ctrl-C has to wait for a component; by default it is printed.
 
     Returns
     -------
@@ -70,8 +84,23 @@ def run(
         If a component fails; `result` of the error holds what was recorded before.
     """
     read, descriptions = prepare(scenario, variant, fmus)
+    read = isolated(read, isolation, step_limit)
+    take = taken_run(read, descriptions, seed_shift, point)
+    kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
+    if read.experiment.isolation == "process":
+        recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
+        return finished(read, descriptions, take, recording)
     with Master(read, descriptions) as master:
-        return run_once(master, seed_shift, progress, point)
+        return run_once(master, seed_shift, progress, point, kept)
+
+
+def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:
+    """A scenario with another isolation and limit, where they are given."""
+    experiment = scenario.experiment
+    isolation, limit = isolation or experiment.isolation, step_limit or experiment.step_limit
+    if isolation not in ISOLATIONS:
+        raise ValueError(f"`isolation` is {isolation!r}. {suggest(isolation, ISOLATIONS)}")
+    return replace(scenario, experiment=replace(experiment, isolation=isolation, step_limit=limit))
 
 
 def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
@@ -130,16 +159,40 @@ def find_fmus(scenario: Path) -> Path:
     return next((folder for folder in (*above, FMU_FOLDER, FMUS) if folder.is_dir()), FMU_FOLDER)
 
 
-def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = None, point: int | None = None) -> Result:
-    """One run of a loaded scenario; raises FmuError with the partial result if a component fails."""
-    scenario = master.scenario
-    values = {} if point is None else scenario.points()[point]
-    seeds = {name: seed + seed_shift for name, seed in scenario.seeds.items()}
-    known = recorded_signals(scenario, master.descriptions)
-    columns = [place for port, place in master.places.index.items() if str(port) in known]
-    with interruptible() as interrupted:
-        recording = master.run(columns, seeds, progress, interrupted, values)
-    result = to_result(master, known, seeds, recording)
+def run_once(
+    master: Master,
+    seed_shift: int = 0,
+    progress: Progress | None = None,
+    point: int | None = None,
+    kept: Keeper | None = None,
+) -> Result:
+    """One run of a loaded scenario; raises FmuError with the partial result if a component fails.
+
+    A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter: the first Ctrl-C
+    is asked for between steps.  After the second one whatever fails does so because of it.
+    """
+    scenario, descriptions = master.scenario, master.descriptions
+    take = taken_run(scenario, descriptions, seed_shift, point)
+    with counted(at_most=1) as interrupts:
+        recording = master.run(take.columns, take.seeds, progress, interrupts, take.values, keeper=kept)
+        if interrupts() > 1:
+            recording.error, recording.interrupted = None, True
+    return finished(scenario, descriptions, take, recording)
+
+
+def taken_run(scenario: Scenario, descriptions: Descriptions, seed_shift: int = 0, point: int | None = None) -> Take:
+    """What one run of a scenario takes."""
+    known = recorded_signals(scenario, descriptions)
+    return Take(
+        columns=[place for place, port in enumerate(ports(descriptions)) if str(port) in known],
+        seeds={name: seed + seed_shift for name, seed in scenario.seeds.items()},
+        values={} if point is None else scenario.points()[point],
+    )
+
+
+def finished(scenario: Scenario, descriptions: Descriptions, take: Take, recording: Recording) -> Result:
+    """Result of a recording with its metrics; raises FmuError with the partial result if a component has failed."""
+    result = to_result(scenario, descriptions, take, recording)
     if recording.error is not None:
         recording.error.result = replace(result, failure=str(recording.error))
         raise recording.error
@@ -147,25 +200,28 @@ def run_once(master: Master, seed_shift: int = 0, progress: Progress | None = No
     return replace(result, metrics={metric.name: measure(metric, result) for metric in metrics})
 
 
-def to_result(master: Master, known: Mapping[str, Variable], seeds: Mapping[str, int], recording: Recording) -> Result:
-    """Result of a recording of known signals, without metrics."""
-    decimation, experiment = master.scenario.record.decimation, master.scenario.experiment
+def to_result(scenario: Scenario, descriptions: Descriptions, take: Take, recording: Recording) -> Result:
+    """Result of a recording, without metrics."""
+    decimation, experiment = scenario.record.decimation, scenario.experiment
+    known = recorded_signals(scenario, descriptions)
+    run = about(scenario, descriptions, take, recording)
     return Result(
-        run=about(master, seeds, recording),
+        run=run,
         times=np.array([experiment.time(row * decimation) for row in range(recording.rows)]),
         signals=dict(zip(known, recording.data[: recording.rows].T.copy())),
         about={name: Signal(v.unit or "", v.nominal, v.causality) for name, v in known.items()},
         parameters=recording.parameters,
-        timing=dict(zip(master.order.names, map(Timing, recording.seconds, recording.calls))),
+        timing=dict(zip(run.order, map(Timing, recording.seconds, recording.calls))),
         wall=recording.wall,
         interrupted=recording.interrupted,
         messages=tuple(recording.messages),
     )
 
 
-def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run:
+def about(scenario: Scenario, descriptions: Descriptions, take: Take, recording: Recording) -> Run:
     """What was run and how."""
-    scenario, experiment = master.scenario, master.scenario.experiment
+    experiment = scenario.experiment
+    order = execution_order(list(scenario.components), scenario.connections, descriptions)
     return Run(
         title=scenario.title,
         scenario=scenario.name,
@@ -175,10 +231,10 @@ def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run
         stop=experiment.stop,
         base_step=experiment.base_step,
         decimation=scenario.record.decimation,
-        seeds=dict(seeds),
-        components={name: component_facts(master, name) for name in scenario.components},
-        order=master.order.names,
-        delayed=tuple(str(connection) for connection in master.order.delayed),
+        seeds=dict(take.seeds),
+        components={name: component_facts(scenario, descriptions, name) for name in scenario.components},
+        order=order.names,
+        delayed=tuple(str(connection) for connection in order.delayed),
         files=file_hashes(scenario),
         versions=versions(),
         overruns=recording.overruns,
@@ -194,9 +250,9 @@ def file_hashes(scenario: Scenario) -> dict[str, str]:
     return {**files, **scenario.hashes}
 
 
-def component_facts(master: Master, name: str) -> dict[str, Any]:
+def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
     """FMU and grid of a component."""
-    component, description = master.scenario.components[name], master.descriptions[name]
+    component, description = scenario.components[name], descriptions[name]
     facts = {key: getattr(description, key) for key in ("guid", "version", "sha256")}
     return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
 
@@ -216,26 +272,3 @@ def installed(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
-
-
-@contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Turns Ctrl-C into a question the master asks between steps; a second Ctrl-C interrupts at once.
-
-    A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter. Outside the main
-    thread Python delivers no signals, and nothing is changed.
-    """
-    noted: list[int] = []
-
-    def note(number: int, _: FrameType | None) -> None:
-        if noted:
-            raise KeyboardInterrupt
-        noted.append(number)
-
-    is_main = threading.current_thread() is threading.main_thread()
-    previous = signal.signal(signal.SIGINT, note) if is_main else None
-    try:
-        yield lambda: bool(noted)
-    finally:
-        if previous is not None:
-            signal.signal(signal.SIGINT, previous)

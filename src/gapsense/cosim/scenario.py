@@ -12,6 +12,8 @@ from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
 METHODS = ("gauss-seidel", "jacobi")
+ISOLATIONS = ("none", "process")
+STEP_LIMIT = 60.0  # [s]
 
 
 class Port(NamedTuple):
@@ -34,6 +36,8 @@ class Experiment:
     count: int
     method: str = "gauss-seidel"
     pace: float | None = None  # simulated seconds per second of wall time; None: as fast as possible
+    isolation: str = "none"  # or the run is in a process of its own
+    step_limit: float = STEP_LIMIT  # wall time [s] of one step of a component in another process
 
     def time(self, index: int) -> float:
         """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
@@ -51,6 +55,7 @@ class Component:
     values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
     sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
+    isolation: str = "none"  # or the instance is in a process of its own
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,20 +15,25 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import show
+from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
-from gapsense.cosim.descriptions import Description
+from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
+from gapsense.cosim.order import execution_order
 from gapsense.cosim.record import Measure
+from gapsense.cosim.recording import death
 from gapsense.cosim.run import file_hashes, find_fmus, prepare
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.worker import Runs
 from gapsense.files import write_atomically, write_columns
+from gapsense.importable import facts, importable_name
 from gapsense.ledger import Entry, Ledger, kept, key
 from gapsense.problems import ScenarioError
+from gapsense.processes import Died, Marks
 from gapsense.tables import Value
-from gapsense.workers import Job, Progress, complete, facts, importable_name
+from gapsense.workers import Job, Progress, complete
 
 
 @dataclass(frozen=True, repr=False)
@@ -118,7 +123,8 @@ def sweep(
     }
     known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
     before = len(known)
-    interrupted = complete(Job(Runs, task, workers, measure), runs, known, ledger, progress)
+    job = Job(Runs, task, workers, measure, mourner(read, descriptions), limit_of(read))
+    interrupted = complete(job, runs, known, ledger, progress)
     units = {name: signal.unit or "" for name, signal in recorded_signals(read, descriptions).items()}
     result = collect(known, len(known) - before, interrupted, file)
     result = replace(
@@ -130,6 +136,12 @@ def sweep(
     if file is not None and not interrupted:
         save_table(result, file.with_suffix(".csv"))
     return result
+
+
+def mourner(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Entry]:
+    """Function that makes an entry of a run that has ended its process."""
+    order = execution_order(list(scenario.components), scenario.connections, descriptions).names
+    return lambda died, marks: {"error": str(death(scenario, order, died, marks))}
 
 
 def is_there(entry: Entry, store: Path | None) -> bool:

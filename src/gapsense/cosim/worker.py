@@ -12,8 +12,9 @@ from gapsense.cosim.document import unpacked
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import prepare, run_once
+from gapsense.importable import imported
 from gapsense.ledger import kept
-from gapsense.workers import imported
+from gapsense.processes import own_marks
 
 
 class Runs:
@@ -29,7 +30,7 @@ class Runs:
     def __call__(self, index: int) -> dict[str, Any]:
         """Metrics of one run, or what went wrong."""
         try:
-            self.master = self.master or Master(self.scenario, self.descriptions)
+            self.master = self.master or Master(self.scenario, self.descriptions, own_marks())
             point = index % len(self.scenario.points()) if self.scenario.swept else None
             result = run_once(self.master, index, point=point)
             if self.keep:

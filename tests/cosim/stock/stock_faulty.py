@@ -1,31 +1,37 @@
+import ctypes
 import os
 import signal
 import time
 
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real, String
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
 PARAMETER = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
 
 
 class Faulty(Fmi2Slave):
-    """Does what `fault` says at the first step that starts at or after `at`."""
+    """Does what `fault` says at the first step that starts at or after `at`, if its seed is `only`."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         self.fault, self.at, self.u, self.y = "", 0.5, 0.0, 0.0
         self.register_variable(String("fault", **PARAMETER))
         self.register_variable(Real("at", **PARAMETER))
+        self.seed = self.only = 0
+        self.register_variable(Integer("seed", **PARAMETER))
+        self.register_variable(Integer("only", **PARAMETER))
         self.register_variable(Real("u", causality=Fmi2Causality.input))
         self.register_variable(Real("y", causality=Fmi2Causality.output))
 
     def exit_initialization_mode(self):
         if self.fault == "initialization":
             raise ValueError("cannot start")
+        if self.fault == "stuck":
+            time.sleep(1e3)
 
     def do_step(self, t, h):
         self.y = t + h
-        return self.fail() if t >= self.at - 1e-12 else True
+        return self.fail() if t >= self.at - 1e-12 and self.seed == self.only else True
 
     def fail(self):
         if self.fault == "raise":
@@ -41,8 +47,19 @@ class Faulty(Fmi2Slave):
             self.log("getting 100 %% warm", Fmi2Status.warning)
         if self.fault == "interrupt":
             os.kill(os.getpid(), signal.SIGINT)
+        if self.fault == "insist":
+            for _ in range(2):
+                os.kill(os.getpid(), signal.SIGINT)
         if self.fault == "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         if self.fault == "slow":
             time.sleep(0.02)
+        if self.fault == "print":
+            print("coil says so", flush=True)
+        if self.fault == "hang":
+            time.sleep(1e3)
+        if self.fault == "exit":
+            os._exit(0)
+        if self.fault == "segfault":
+            ctypes.string_at(0)
         return True

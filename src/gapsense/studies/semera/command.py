@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gapsense import cosim
-from gapsense.cli.common import Fmus, Scenario, Variant, show, stop_if_interrupted, study
+from gapsense.cli.common import APART, Fmus, Scenario, Variant, show, stop_if_interrupted, study
 
 
 @study("observability")
@@ -13,6 +13,6 @@ def observability(scenario: Scenario = Path("semera_valve"), variant: Variant = 
     """Observability of the SEMERA filter along a scenario: ranks (31)-(35), (39) and the count per sample."""
     from gapsense.studies.semera.show import run_tables
 
-    result = cosim.run(scenario, variant, fmus)
+    result = cosim.run(scenario, variant, fmus, **APART)
     stop_if_interrupted(result)
     show(*run_tables(result))

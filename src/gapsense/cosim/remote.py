@@ -1,0 +1,165 @@
+"""An FMU instance in a process of its own, which the master uses as if it were in this one.
+
+Real inputs and outputs are in memory that both processes share.  A step is one request: it sets the inputs if they are
+new, steps, and reads the outputs, by the same calls and in the same order as in this process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import pickle
+from base64 import b64decode, b64encode
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+from gapsense.cosim import remote_child
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.instance import FATAL, KEPT, WARNING, Instance, Message
+from gapsense.cosim.instance3 import kind_of
+from gapsense.cosim.record import FmuError
+from gapsense.cosim.remote_child import DO, GET, MOVE_IN, MOVE_OUT, SET, STEP, packed, plain
+from gapsense.cosim.variables import Variable
+from gapsense.processes import Died, Process
+from gapsense.tables import Value
+
+
+class RemoteInstance(Instance):
+    """An FMU loaded as `name` from its extracted `folder` elsewhere; `limit` [s] is for each answer from there."""
+
+    is_near = False
+
+    def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
+        self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
+        self.messages: deque[Message] = deque(maxlen=KEPT)
+        self.is_dead = self.is_used = self.is_set = self.is_read = False
+        self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
+        self.process, self.ended = Process(limit=limit), Event()
+        home = self.process.folder
+        (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
+        try:
+            self.memory = remote_child.memory(home, description, is_new=True)
+            Thread(target=self.watch, daemon=True).start()
+            self.process.prepare(remote_child.prepare, str(home))
+            if self.request("load")[0] > WARNING:
+                raise FmuError(name, self.cause or self.failed, log=self.log())
+        except BaseException:
+            self.close()
+            raise
+
+    def watch(self) -> None:
+        """End the process when it hangs."""
+        while not self.ended.wait(min(0.1, (self.process.limit or 1.0) / 4)):
+            self.process.check()
+
+    def request(self, verb: str, arguments: Any = None) -> tuple[int, Any]:
+        """Status and answer of the other process, after taking over what the component has logged."""
+        if self.is_dead:
+            return FATAL, None
+        try:
+            status, self.failed, answer, said = self.process.ask([verb, arguments, self.is_set], verb)
+        except Died as died:
+            self.is_dead, self.cause = True, died.cause
+            self.messages.append(Message(FATAL, died.words or "(nothing)"))
+            return FATAL, None
+        self.is_set, self.is_read = False, verb in (STEP, GET)
+        self.messages.extend(Message(*message) for message in said)
+        return status, answer
+
+    def wanted(self, verb: str, arguments: Any = None) -> Any:
+        """The answer to a request that has to succeed."""
+        status, answer = self.request(verb, arguments)
+        if status > WARNING:
+            raise self.failure(verb, status)
+        return answer
+
+    def function(self, name: str) -> Callable[..., int]:
+        """What stands for an entry point here; only those that the master calls itself."""
+        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs, STEP: self.do_step}
+        return named.get(name, lambda _: self.request("call", name)[0])
+
+    def set_inputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
+        """Leave the inputs where the next request finds them."""
+        ctypes.memmove(self.memory.inputs, values, 8 * count.value)
+        self.is_set = True
+        return 0
+
+    def get_outputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
+        """Take the outputs from where the last step left them, or ask for them."""
+        status = 0 if self.is_read else self.request(GET)[0]
+        ctypes.memmove(values, self.memory.outputs, 8 * count.value)
+        return status
+
+    def do_step(self, _: Any, start: ctypes.c_double, duration: ctypes.c_double, keep: Any) -> int:
+        """Set the inputs if they are new, step, read the outputs."""
+        return self.request(STEP, [start.value, duration.value])[0]
+
+    def entry(self, function: str) -> str:
+        """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
+        return kind_of(self.description).entry(self, function)
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return kind_of(self.description).c_type(self, variable)
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type."""
+        return kind_of(self.description).accessor(self, action, variable)
+
+    def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
+        """Function that gets or sets the values of variables of one type, an array, and returns the status."""
+        names = [variable.name for variable in variables]
+
+        def set_values() -> int:
+            return self.request(MOVE_IN, [names, plain(values)])[0]
+
+        def get_values() -> int:
+            status, answer = self.request(MOVE_OUT, [names, []])
+            if answer is not None:
+                values[:] = packed(type(values), answer)[:]
+            return status
+
+        return set_values if action == MOVE_IN else get_values
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status."""
+        return lambda start: self.request(DO, [start, duration])[0]
+
+    def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
+        """Error for a call that failed, or ended the process."""
+        if self.cause:
+            where = "in its step" if step else f"in `{function}`"
+            return FmuError(self.name, f"{self.cause}, {where}.", time=time, step=step, log=self.log())
+        return super().failure(self.failed or function, status, time, step)
+
+    def initialize(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Set parameters and enter initialization mode; a used instance is reset first."""
+        if self.is_used:
+            self.messages.clear()
+        self.is_used, self.is_set = True, False
+        self.wanted("initialize", [dict(values), start, stop])
+
+    def set(self, variable: Variable, value: Value) -> None:
+        """Set one variable of any type."""
+        self.wanted("set", [variable.name, value])
+
+    def get(self, variable: Variable) -> Value:
+        """Read one variable of any type."""
+        value: Value = self.wanted("get", variable.name)
+        return value
+
+    def state(self) -> bytes:
+        """All that the instance remembers."""
+        return b64decode(self.wanted("state"))
+
+    def restore(self, saved: bytes) -> None:
+        """Remember what another instance of the same FMU did."""
+        self.wanted("restore", b64encode(saved).decode())
+
+    def close(self) -> None:
+        """Free the instance, and end its process."""
+        self.is_dead = True
+        self.ended.set()
+        self.process.close()

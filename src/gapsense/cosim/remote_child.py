@@ -1,0 +1,164 @@
+"""The process of one FMU instance, seen from inside."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import mmap
+import pickle
+from base64 import b64decode, b64encode
+from collections.abc import Callable
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.instance import ERROR, WARNING, Instance, Message
+from gapsense.cosim.instance3 import Instance3
+from gapsense.cosim.record import FmuError
+
+GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
+MOVE_IN, MOVE_OUT, DO = "Set", "Get", "do"  # the same for variables of one type, and for a step alone
+Request = tuple[str, Any, bool]  # verb, its arguments, whether the inputs are new
+Answer = tuple[int, str, Any, list[Message]]  # status, entry point that gave it, value, new messages
+
+
+class Memory(NamedTuple):
+    """Inputs and outputs that two processes share, as arrays of ctypes."""
+
+    inputs: Any
+    outputs: Any
+
+
+def memory(folder: Path, description: Description, is_new: bool = False) -> Memory:
+    """Inputs and outputs of a component, in a file."""
+    sizes = [len(references(description, causality)) for causality in ("input", "output")]
+    file = folder / "values"
+    if is_new:
+        file.write_bytes(bytes(8 * sum(sizes) + 8))  # nothing cannot be mapped
+    with file.open("r+b") as opened:
+        shared = mmap.mmap(opened.fileno(), 0)
+    first, second = (ctypes.c_double * size for size in sizes)
+    return Memory(first.from_buffer(shared), second.from_buffer(shared, 8 * sizes[0]))
+
+
+def references(description: Description, causality: str) -> list[int]:
+    """Value references of the Real inputs or outputs, in the order in which the master has them."""
+    return [variable.reference for variable in description.of(causality) if variable.type == "Real"]
+
+
+def plain(values: Any) -> list[Any]:
+    """Values of an array of ctypes as JSON takes them."""
+    return [value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in values]
+
+
+def packed(kind: Any, values: list[Any]) -> Any:
+    """The opposite; empty where nothing is given."""
+    return kind(*(value.encode("utf-8") if isinstance(value, str) else value for value in values))
+
+
+class Served(Instance):
+    """An instance that remembers which call failed."""
+
+    failed, status = "", 0
+
+    def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
+        """Error for a call that failed."""
+        self.failed, self.status = function, status
+        return super().failure(function, status, time, step)
+
+
+class Served3(Served, Instance3):
+    """The same for FMI 3.0."""
+
+
+def prepare(folder: str) -> Callable[[Request], Answer]:
+    """Function that does what the master asks of the instance whose plan is in a folder."""
+    import fmpy.fmi2  # noqa: F401  # now, so that it does not count for the component
+
+    return Server(Path(folder)).answer
+
+
+class Server:
+    """The instance, once it is loaded, and what may be asked of it."""
+
+    instance: Served
+
+    def __init__(self, folder: Path) -> None:
+        name, self.description, self.extracted = pickle.loads((folder / "plan").read_bytes())
+        self.name: str = name
+        self.memory = memory(folder, self.description)
+        self.last: Message | None = None  # that was passed on
+        self.inputs, self.outputs = (self.arguments(c, v) for c, v in zip(("input", "output"), self.memory))
+
+    def arguments(self, causality: str, values: Any) -> tuple[Any, ...]:
+        """What the calls that move inputs or outputs take."""
+        numbers = references(self.description, causality)
+        return (ctypes.c_uint * len(numbers))(*numbers), ctypes.c_size_t(len(numbers)), values
+
+    def answer(self, request: Request) -> Answer:
+        """Answer one request; a failed call is an answer too."""
+        verb, arguments, is_set = request
+        if verb == "load":
+            return self.load()
+        self.instance.failed, self.instance.status = "", 0
+        try:
+            if is_set and len(self.memory.inputs):
+                self.instance.call(SET, *self.inputs)
+            value = self.do(verb, arguments)
+        except FmuError:
+            return self.instance.status, self.instance.failed, None, self.said()
+        return 0, "", value, self.said()
+
+    def load(self) -> Answer:
+        """Load the FMU; the entry point in the answer is the whole cause if that fails."""
+        try:
+            kind = Served3 if self.description.fmi == 3 else Served
+            self.instance = kind(self.name, self.description, self.extracted)
+        except FmuError as error:
+            return ERROR, error.cause, None, []
+        atexit.register(self.instance.close)
+        return 0, "", None, self.said()
+
+    def do(self, verb: str, arguments: Any) -> Any:
+        """What a verb means; None where there is nothing to answer."""
+        instance, variables = self.instance, self.description.variables
+        if verb == STEP:
+            instance.call(STEP, *map(ctypes.c_double, arguments), ctypes.c_int(1))
+        if verb in (STEP, GET):
+            return instance.call(GET, *self.outputs) if len(self.memory.outputs) else None
+        if verb == "get":
+            return instance.get(variables[arguments])
+        if verb == "state":
+            return b64encode(instance.state()).decode()
+        others: dict[str, Callable[[], Any]] = {
+            "call": lambda: instance.call(arguments),
+            DO: lambda: self.step(*arguments),
+            MOVE_IN: lambda: self.move(MOVE_IN, *arguments),
+            MOVE_OUT: lambda: self.move(MOVE_OUT, *arguments),
+            "initialize": lambda: instance.initialize(*arguments),
+            "set": lambda: instance.set(variables[arguments[0]], arguments[1]),
+            "restore": lambda: instance.restore(b64decode(arguments)),
+        }
+        return others[verb]()
+
+    def step(self, start: float, duration: float) -> None:
+        """Do a step, and nothing else."""
+        status = self.instance.doer(duration)(start)
+        if status > WARNING:
+            raise self.instance.failure(STEP, status)
+
+    def move(self, action: str, names: list[str], given: list[Any]) -> list[Any]:
+        """Set variables of one type to what is given, or get them."""
+        variables = [self.description.variables[name] for name in names]
+        values = packed(self.instance.c_type(variables[0]) * len(names), given)
+        status = self.instance.mover(action, variables, values)()
+        if status > WARNING:
+            raise self.instance.failure(self.instance.accessor(action, variables[0]), status)
+        return plain(values)
+
+    def said(self) -> list[Message]:
+        """Messages since the last answer."""
+        new = list(takewhile(lambda message: message is not self.last, reversed(self.instance.messages)))[::-1]
+        self.last = new[-1] if new else self.last
+        return new

@@ -1,0 +1,41 @@
+"""Functions that another process finds by their name."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gapsense.files import sha256
+
+
+def importable_name(function: Callable[..., Any]) -> str:
+    """`module:function`, under which another process finds the function."""
+    module, name = function.__module__, function.__qualname__
+    if module == "__main__" or "<" in name or "." in name:
+        raise ValueError(f"`{name}` of `{module}`: workers cannot import it. Put it at the top level of a module.")
+    return f"{module}:{name}"
+
+
+def imported(name: str) -> Any:
+    """Function called `module:function`."""
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
+
+
+def facts(function: Callable[..., Any]) -> list[str]:
+    """Name of a function and hash of its module's file, for `ledger.key`."""
+    return [importable_name(function), sha256(source_file(function))]
+
+
+def root(function: Callable[..., Any]) -> Path:
+    """Folder from which the module of a function is imported."""
+    file = source_file(function)
+    return file.parents[function.__module__.count(".") + (file.name == "__init__.py")]
+
+
+def source_file(function: Callable[..., Any]) -> Path:
+    """File of a function's module."""
+    return Path(str(sys.modules[function.__module__].__file__)).resolve()

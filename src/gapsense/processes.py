@@ -1,0 +1,193 @@
+"""Processes that answer requests: one that crashes or hangs takes nothing with it, and what became of it is known.
+
+`python -m gapsense.processes` is one of them, which ends with its input, or with the process that started it.  Requests
+and answers are lines of JSON.  The first request names a function and its task, and `function(task)` gives the function
+that answers all others.  Numbers in shared memory, its marks, say what it is doing, also after its end.
+"""
+
+from __future__ import annotations
+
+import atexit
+import faulthandler
+import json
+import mmap
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from array import array
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Thread
+from time import monotonic, sleep
+from typing import Any, TextIO, TypeAlias
+
+from gapsense.importable import importable_name, imported, root
+from gapsense.locks import temporary_folder
+from gapsense.problems import ScenarioError
+from gapsense.shipped import PACKAGE
+
+FOLDER = "GAPSENSE_PROCESS"  # variable of the environment: the folder of the process, which is its own
+MARKS = 8
+PATIENCE = 1.0  # seconds that a process may take to end by itself
+LOOK = 0.2  # seconds between two looks at whether the other process is still there
+SHOWN = 2000  # characters of a process's last words
+Marks: TypeAlias = "memoryview[int] | array[int]"  # whole numbers in memory
+
+
+class Died(RuntimeError):
+    """The process ended instead of answering: `cause` says how, `words` is the last that it wrote."""
+
+    def __init__(self, cause: str, words: str, doing: str) -> None:
+        self.cause, self.words = cause, words
+        super().__init__(f"a worker process died at {doing}: {cause}: {words or 'it wrote nothing.'}")
+
+
+class Process:
+    """One process, seen from the one that asks it; it does not get the terminal's Ctrl-C.
+
+    With a `limit` [s], `check` ends it when it has neither answered nor changed its marks for so long.
+    """
+
+    def __init__(self, guest: Callable[..., Any] | None = None, limit: float | None = None) -> None:
+        self.limit, self.is_overdue, self.is_busy, self.is_limited = limit, False, False, False
+        self.seen, self.since = b"", monotonic()
+        self.folder = temporary_folder()
+        (self.folder / "marks").write_bytes(bytes(8 * MARKS))
+        self.marks = mapped(self.folder / "marks")
+        roots = [PACKAGE.parent, *([root(guest)] if guest else [])]
+        paths = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+        own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), str(self.folder))
+        with (self.folder / "errors.txt").open("wb") as errors:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "gapsense.processes"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                encoding="utf-8",
+                env={**os.environ, **own, "PYTHONPATH": paths},
+                start_new_session=True,
+            )
+        self.log, self.told = (self.folder / "errors.txt").open("rb"), 0
+
+    def prepare(self, function: Callable[[Any], Callable[[Any], Any]], task: Any) -> None:
+        """Wait until it has prepared for its task."""
+        request = {"prepare": importable_name(function), "task": task}
+        if problems := self.ask(request, "the start", is_limited=False)["problems"]:
+            raise ScenarioError(problems)
+
+    def ask(self, request: Any, doing: str, is_limited: bool = True) -> Any:
+        """The answer to a request of JSON; raise Died if the process has died of it."""
+        self.since, self.is_busy, self.is_limited = monotonic(), True, is_limited
+        with suppress(OSError):  # if it has died; the missing answer tells so below
+            print(json.dumps(request), file=self.process.stdin, flush=True)
+        answer = self.process.stdout.readline() if self.process.stdout else ""
+        self.is_busy = self.is_limited = False
+        if not answer.endswith("\n"):
+            raise Died(self.ending(), self.words(), doing)
+        return json.loads(answer)
+
+    def check(self) -> None:
+        """End the process if it has made no progress for longer than its limit."""
+        seen, now = bytes(self.marks), monotonic()
+        if seen != self.seen:
+            self.seen, self.since = seen, now
+        elif self.limit is not None and self.is_limited and now - self.since > self.limit:
+            self.is_overdue = True
+            self.process.kill()
+
+    def news(self) -> str:
+        """What it has written on its error stream since this was asked last."""
+        self.log.seek(self.told)
+        new = self.log.read()
+        self.told += len(new)
+        return new.decode("utf-8", "replace")
+
+    def words(self) -> str:
+        """The last that it wrote on its error stream."""
+        self.log.seek(0)
+        return self.log.read().decode("utf-8", "replace").strip()[-SHOWN:]
+
+    def ending(self) -> str:
+        """How it ended."""
+        code = self.process.wait()
+        if self.is_overdue:
+            return f"no answer within {self.limit:g} s, the limit, so its process was ended"
+        if code >= 0:
+            return f"its process ended with exit code {code}"
+        names = {s.value: f"{s.name}, {signal.strsignal(s) or 'a signal'}" for s in signal.Signals}
+        return f"its process was ended by signal {-code} ({names.get(-code, 'unknown')})"
+
+    def close(self) -> None:
+        """End the process, in the middle of its work if need be, and remove its temporary files."""
+        if self.is_busy:
+            self.process.kill()
+        with suppress(OSError):
+            if self.process.stdin:
+                self.process.stdin.close()
+        try:
+            self.process.wait(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.log.close()
+        if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
+            self.process.stdout.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def mapped(file: Path) -> Marks:
+    """Whole numbers of a file in shared memory."""
+    with file.open("r+b") as opened:
+        return memoryview(mmap.mmap(opened.fileno(), 0)).cast("q")
+
+
+def own_marks() -> Marks:
+    """Marks of this process, shared with the one that started it if that is one of ours."""
+    folder = os.environ.get(FOLDER)
+    return mapped(Path(folder, "marks")) if folder else array("q", bytes(8 * MARKS))
+
+
+def follow() -> None:
+    """End this process, whatever it does, when the one that started it is no more."""
+    parent = os.getppid()
+    while os.getppid() == parent:
+        sleep(LOOK)
+    remove_folder()
+    os._exit(1)
+
+
+def remove_folder() -> None:
+    """Leave no files: the one that started this process may have been killed."""
+    shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
+
+
+def main() -> None:
+    """Be a process that answers requests until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one that asks
+    faulthandler.enable(all_threads=False)
+    atexit.register(remove_folder)  # first, so that it comes last
+    Thread(target=follow, daemon=True).start()
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what FMUs print goes to the error stream from now on
+    sys.stdout = sys.stderr
+    request = json.loads(sys.stdin.readline())
+    try:
+        answer: Callable[[Any], Any] = imported(request["prepare"])(request["task"])
+    except ScenarioError as error:
+        return send(answers, {"problems": error.problems})
+    send(answers, {"problems": []})
+    for line in sys.stdin:
+        send(answers, answer(json.loads(line)))
+
+
+def send(answers: TextIO, message: Any) -> None:
+    """Write one answer."""
+    print(json.dumps(message), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

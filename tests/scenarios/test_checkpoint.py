@@ -1,0 +1,53 @@
+"""A run that is gone on with, in another process, has the bits of one that was never interrupted, for all our FMUs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare
+from gapsense.cosim.apart import Plan, Watch, record_apart
+from gapsense.cosim.checkpoint import keeper
+from gapsense.cosim.run import taken_run
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+CASES = [
+    ("semera_valve", None, "gauss-seidel"),
+    ("semera_valve", None, "jacobi"),
+    ("pot_magnet", None, "gauss-seidel"),
+    ("profiles", None, "jacobi"),
+    ("estimators", "other_physics", "gauss-seidel"),
+]
+COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are in the midst of theirs
+
+
+def test_cases_have_all_fmus_of_the_scenarios():
+    drafts = [load(path, variant) for path in find_scenarios(SCENARIOS) for variant in (None, *load(path).variants)]
+    chosen = [load(SCENARIOS / folder, variant) for folder, variant, _ in CASES]
+    assert fmus_of(chosen) == fmus_of(drafts)
+
+
+def fmus_of(scenarios):
+    return {component.fmu for scenario in scenarios for component in scenario.components.values()}
+
+
+@pytest.mark.parametrize(("folder", "variant", "method"), CASES)
+def test_resumed_run_has_the_same_bits(fmus, tmp_path, folder, variant, method):
+    scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
+    scenario = replace(scenario, experiment=replace(scenario.experiment, count=COUNT, method=method))
+    take = taken_run(scenario, descriptions)
+    file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
+    with Master(scenario, descriptions) as master:
+        kept = keeper(Checkpoint(file, EVERY * base), scenario, descriptions, take)
+        whole = master.run(take.columns, take.seeds, values=take.values, keeper=kept)
+    kept = keeper(Checkpoint(file, resume=True), scenario, descriptions, take)
+    rows = []
+    resumed = record_apart(Plan(scenario, descriptions, take, kept), Watch(lambda done, _: rows.append(done)))
+    assert not whole.error and not resumed.error and whole.rows == resumed.rows
+    assert whole.data[: whole.rows].tobytes() == resumed.data[: resumed.rows].tobytes()
+    assert np.isfinite(whole.data[: whole.rows]).all()
+    assert (whole.parameters, whole.calls, whole.messages) == (resumed.parameters, resumed.calls, resumed.messages)
+    assert all(done == 0 or done >= EVERY for done in rows)
