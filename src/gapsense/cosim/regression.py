@@ -9,7 +9,7 @@ from time import perf_counter
 
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.load import load, read_draft, scenario_file
-from gapsense.cosim.record import FmuError, Result
+from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario
 from gapsense.files import write_atomically, write_columns
@@ -163,5 +163,5 @@ def update_baseline(
     changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline)
     if write and changes:
         columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
-        write_atomically(baseline.file, lambda file: write_columns(file, columns))
+        write_atomically(baseline.file, lambda file: write_columns(file, columns, {**TIME, **result.units}))
     return Update(baseline.file, tuple(changes), write and bool(changes))

@@ -182,6 +182,7 @@ def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run
         versions=versions(),
         overruns=recording.overruns,
         lag=recording.lag,
+        source=str(scenario.path.resolve()),
     )
 
 
