@@ -8,20 +8,24 @@ import io
 import json
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.locks import held, remove_abandoned
 from gapsense.problems import InputError
 
 Columns = Mapping[str, npt.NDArray[Any]]
 Write = Callable[[TextIO], None]
 HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
+PART = ".gapsense-part"
 SHOWN = 3  # cells and lines that are named for each kind of problem
 
 
@@ -34,16 +38,35 @@ def write_atomically(path: Path, write: Write) -> None:
 @contextmanager
 def prepared(path: Path, write: Write) -> Iterator[Path]:
     """A file beside `path` with what is to be there, for `rename`; it is removed if that does not happen."""
+    clean(path.parent.resolve())
     with naming(path):
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        mine = held(lambda: new_part(path))
+    part = Path(mine.name)
     os.umask(mask := os.umask(0))  # which temporary files do not follow by themselves
     try:
-        with naming(path), os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+        with naming(path), part.open("w", encoding="utf-8", newline="\n") as file:
             write(file)
-        Path(name).chmod(0o666 & ~mask)
-        yield Path(name)
+        part.chmod(0o666 & ~mask)
+        if sys.platform == "win32":  # which renames no open file
+            mine.close()
+        yield part
     finally:
-        Path(name).unlink(missing_ok=True)
+        mine.close()
+        part.unlink(missing_ok=True)
+
+
+def new_part(path: Path) -> Path:
+    """An empty file beside `path` with a name of its own."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
+    os.close(handle)
+    return Path(name)
+
+
+@cache
+def clean(folder: Path) -> None:
+    """Remove what writers that were killed left in a folder; once in each process."""
+    for part in folder.glob(f".*{PART}"):
+        remove_abandoned(part, Path.unlink)
 
 
 def rename(part: Path, path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -158,10 +159,37 @@ def test_run_writes_csv_and_json_and_prints_tables(gapsense, write, fmus):
     for word in ("Errors", "current [mA]", "1 mA", "this run", "real-time factor", "sensor", "us per step"):
         assert word in done.stdout, word
     header, *rows = Path("results", "short.csv").read_text("utf-8").splitlines()
-    assert header.startswith('"time","drive.voltage"') and len(rows) == 81
+    assert header.startswith('"time [s]","drive.voltage [V]"') and len(rows) == 81
     side = json.loads(Path("results", "short.json").read_text("utf-8"))
     assert side["rows"] == 81 and not side["interrupted"] and side["metrics"]["current_error"]["unit"] == "A"
     assert sorted(p.name for p in Path("results").iterdir()) == ["short.csv", "short.json"]
+
+
+LIMITED = """
+import resource, sys
+size = int(sys.argv.pop(1))
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+from gapsense.cli import app
+app()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no limit of file sizes")
+@pytest.mark.parametrize(
+    ("size", "command", "file"),
+    [
+        (1000, ["run"], "gapsense-"),  # an FMU cannot be extracted
+        (500_000, ["run"], "results/short.csv"),
+        (500_000, ["sweep", "--seeds", 2, "--signals"], "00000.csv"),
+    ],
+)
+def test_file_that_cannot_be_written_is_named(process, write, fmus, size, command, file):
+    path = write(("stop = 2e-3", "stop = 100e-3"))
+    done = process(LIMITED, size, command[0], path, *command[1:], "--fmus", fmus)
+    _, err = done.communicate(timeout=60)
+    assert done.returncode == (2 if command[0] == "run" else 3), err
+    assert re.search(rf"{file}[^ ]*`: File too large", err) and "Traceback" not in err
+    assert command[0] == "sweep" or "(`ulimit -f`), or choose another folder" in err
 
 
 def test_run_with_check_does_not_run(gapsense, write, fmus):
