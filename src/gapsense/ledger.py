@@ -45,10 +45,14 @@ def fingerprint(facts: Any) -> str:
 
 
 class Ledger:
-    """Entries of one sweep in a file that may hold those of others too; a file of None keeps nothing."""
+    """Entries of one sweep in a file that may hold those of others too; a file of None keeps nothing.
 
-    def __init__(self, file: Path | None, key: str) -> None:
+    `source` is what they are of, for people and for those who would not mix them with others.
+    """
+
+    def __init__(self, file: Path | None, key: str, source: str = "") -> None:
         self.file, self.key = file, key
+        self.about = {"key": key, **({"source": source} if source else {})}
 
     @property
     def folder(self) -> Path | None:
@@ -72,18 +76,21 @@ class Ledger:
 
     def read(self) -> dict[int, Entry]:
         """Entries with this key by run index; a line torn by a kill is skipped."""
+        return {entry["index"]: entry for entry in self.entries() if entry.get("key") == self.key}
+
+    def entries(self) -> list[Entry]:
+        """All entries of the file, also those with other keys."""
         if self.file is None or not self.file.is_file():
-            return {}
+            return []
         lines = self.file.read_text(encoding="utf-8", errors="replace").splitlines()
-        entries = [entry for entry in map(parsed, lines) if entry.get("key") == self.key]
-        return {entry["index"]: entry for entry in entries}
+        return [entry for entry in map(parsed, lines) if entry]
 
     def append(self, entry: Entry) -> None:
         """Add one entry and see it on the disk."""
         if self.file is None:
             return
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        line = json.dumps({"key": self.key, **entry})
+        line = json.dumps({**self.about, **entry})
         with naming(self.file), self.file.open("ab+") as file:
             file.seek(max(file.tell() - 1, 0))
             is_torn = file.read(1) not in (b"", b"\n")

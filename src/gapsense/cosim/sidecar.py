@@ -7,10 +7,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.load import scenario_file
 from gapsense.files import read_json
 from gapsense.problems import InputError
 
 FORMAT = "gapsense result 2"
+ELSEWHERE = "choose another place with `--out`"
 OLD = "gapsense result 1"  # which tells no hash
 
 
@@ -36,6 +38,32 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return data if isinstance(data, dict) and data.get("format") in (FORMAT, OLD) else None
+
+
+def result_file(folder: Path, scenario: str | Path, variant: str | None = None) -> Path:
+    """CSV for the result of a scenario in `folder`; an InputError if something else is there.
+
+    It has the name of the scenario's folder, and another scenario may have the same.
+    """
+    file, own = own_file(folder, scenario, variant, ".csv")
+    data = read_sidecar(file)
+    if data is None and (file.exists() or file.with_suffix(".json").exists()):
+        raise InputError([f"{file}: there is a file that is no result of a run. Remove it, or {ELSEWHERE}."])
+    refuse_other(file, data["run"].get("source", own) if data else own, own)
+    return file
+
+
+def own_file(folder: Path, scenario: str | Path, variant: str | None, ending: str) -> tuple[Path, str]:
+    """File in `folder` that has the name of the scenario's folder, and the path of the scenario from there."""
+    source = scenario_file(scenario).resolve()
+    name = f"{source.parent.name}_{variant}" if variant else source.parent.name
+    return folder / f"{name}{ending}", relative(str(source), folder)
+
+
+def refuse_other(file: Path, found: str, own: str) -> None:
+    """Raise an InputError if what is in a file is of another scenario."""
+    if found != own:
+        raise InputError([f"{file}: it is of the scenario `{found}`, this one is `{own}`. {ELSEWHERE.capitalize()}."])
 
 
 def relative(file: str, folder: Path) -> str:

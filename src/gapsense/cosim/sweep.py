@@ -19,6 +19,7 @@ from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.record import Measure
 from gapsense.cosim.run import find_fmus, prepare
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.worker import Runs
 from gapsense.files import write_atomically, write_columns
@@ -91,7 +92,7 @@ def sweep(
     refuse_senseless(read, seeds, workers, keep and out is None)
     runs = range(seeds * len(read.points()))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
-    ledger = Ledger(file, key_of(read, descriptions, measure))
+    ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
@@ -122,6 +123,16 @@ def units_of(scenario: Scenario, fmus: Mapping[str, Description]) -> dict[str, s
     signals = {name: signal.unit or "" for name, signal in recorded_signals(scenario, fmus).items()}
     swept = {str(port): fmus[port.component].variables[port.variable].unit or "" for port in scenario.swept}
     return {**swept, **{metric.name: unit_of(metric, signals) for metric in scenario.metrics}}
+
+
+def source_of(scenario: Scenario, file: Path | None) -> str:
+    """The scenario as its entries in the ledger name it; an InputError if those of another one are in the file."""
+    if file is None:
+        return ""
+    own = relative(str(scenario.path.resolve()), file.parent)
+    for entry in Ledger(file, "").entries():
+        refuse_other(file, entry.get("source", own), own)
+    return own
 
 
 def is_there(entry: Entry, store: Path | None) -> bool:
