@@ -37,17 +37,18 @@ def run(
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus)
-    saved = to / f"{cli.file_name(cosim.load(scenario, variant).name)}.checkpoint"
+    file = cosim.result_file(to, scenario, variant)
+    saved = file.with_suffix(".checkpoint")
     checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
         with cli.bar("running") as progress:
             result = cosim.run(scenario, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
-            file = error.result.save(to / f"{cli.stem(error.result)}.csv")
+            error.result.save(file)
             cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
-    file = result.save(to / f"{cli.stem(result)}.csv")
+    result.save(file)
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
@@ -107,13 +108,15 @@ def figure(
     from gapsense.report import plot
     from gapsense.studies.figures import drawer
 
-    draw = drawer(cosim.load(scenario, variant).figure)
-    if to is not None:
-        plot.check_file(to)
+    draw, file = (
+        drawer(cosim.load(scenario, variant).figure),
+        to or plot.figure_file(Path("results"), scenario, variant),
+    )
+    plot.check_file(file)
     with cli.bar("running") as progress:
         result = cosim.run(scenario, variant, fmus, progress=progress, **cli.APART)
     cli.stop_if_interrupted(result)
-    cli.written(plot.save(draw(result), to or Path("results") / f"{cli.stem(result)}.png"))
+    cli.written(plot.save(draw(result), file, result.run.source))
 
 
 @cli.command("test")

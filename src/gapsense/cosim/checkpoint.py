@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.scenario import Scenario
-from gapsense.files import sha256, write_atomically
+from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError
 
 FORMAT = "gapsense checkpoint 1"
@@ -128,8 +129,7 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
 def run_facts(scenario: Scenario, descriptions: Descriptions, take: Take) -> Facts:
     """What two runs must have in common for one to go on where the other was saved; of JSON."""
     facts = {
-        "files of the scenario": [sha256(file) for file in scenario.files],
-        "a variant": scenario.variant,
+        "a scenario": deciding(scenario),
         "FMUs": {name: description.sha256 for name, description in descriptions.items()},
         "signals to record": take.columns,
         "seeds": dict(take.seeds),

@@ -98,7 +98,9 @@ class Reader:
         table = self.table
         experiment = self.section("experiment", self.experiment)
         components = self.section("components", self.components)
-        grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
+        grid, rows, columns = self.section(
+            "sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files)
+        )
         scenario = Scenario(
             path=self.path,
             title=table.take("title", TEXT, "", required=True),
@@ -118,6 +120,7 @@ class Reader:
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
+            rows_columns=columns,
         )
         table.finish()
         return scenario

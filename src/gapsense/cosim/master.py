@@ -23,6 +23,7 @@ from gapsense.cosim.recording import COMPONENT, ENDING, LOADING, MASTER, PHASE, 
 from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
+from gapsense.files import naming
 from gapsense.processes import MARKS, Marks
 from gapsense.tables import Value
 
@@ -62,7 +63,8 @@ class Master:
             description = self.descriptions[name]
             if description.path not in folders:
                 folders[description.path] = self.folder / f"{len(folders)}"
-                shutil.unpack_archive(description.path, folders[description.path], "zip")
+                with naming(folders[description.path]):
+                    shutil.unpack_archive(description.path, folders[description.path], "zip")
             instance = self.instance(name, folders[description.path])
             self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
         for part in self.parts:
