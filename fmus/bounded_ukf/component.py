@@ -1,7 +1,7 @@
 """Port table of the bounded unscented Kalman filter."""
 
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
+from gapsense.fmi.ports import Component, choice, fixed, measured, option, output, parameter, sample_time, table
 
 BOTH = ("voltage", "current")  # the voltage too, with the option to use the sample at the end of an interval
 EKF = load_component(own("ekf"))
@@ -22,8 +22,8 @@ COMPONENT = Component(
     resources=("fringing_19.csv",),
     survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
-        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
+        measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         *(port for port in EKF.of("input") if port.name == "resistance"),
         *(OWN.get(port.name, port._replace(feedthrough=BOTH)) for port in EKF.of("output") if "force" not in port.name),
         sample_time(20e-6),

@@ -1,6 +1,6 @@
 """Port table of the extended Kalman filter; `Ertss` and `BoundedUkf` take what they have in common from here."""
 
-from gapsense.fmi.ports import Component, choice, fixed, input_, option, output, parameter, sample_time, table
+from gapsense.fmi.ports import Component, choice, fixed, input_, measured, option, output, parameter, sample_time, table
 
 BOTH = ("current", "mode")
 ALL = ("voltage", *BOTH)
@@ -14,9 +14,9 @@ COMPONENT = Component(
     resources=("fringing_29.csv",),
     rising=(("stop.lower", "stop.upper"),),
     ports=(
-        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
-        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
-        input_(
+        measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
+        measured(
             "mode",
             "1",
             "1: at the lower stop, 2: moving, 3: at the upper stop; NaN where it was lost",

@@ -1,7 +1,7 @@
 """Port table of the hybrid extended Kalman filter."""
 
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import Component, choice, fixed, input_, output, parameter, sample_time
+from gapsense.fmi.ports import Component, choice, fixed, measured, output, parameter, sample_time
 
 CURRENT = ("current",)
 EKF = load_component(own("ekf"))
@@ -14,8 +14,8 @@ COMPONENT = Component(
     step_size=100e-6,
     survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=24.0),
-        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.2),
+        measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=24.0),
+        measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.2),
         output("current_estimated", "A", "Estimated current", nominal=0.2, feedthrough=CURRENT),
         output("position", "m", "Estimated lift: 0 at the lower stop", nominal=0.2e-3, feedthrough=CURRENT),
         output("velocity", "m/s", "Estimated rate of the position", nominal=0.1, feedthrough=CURRENT),

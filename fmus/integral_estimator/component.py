@@ -1,7 +1,7 @@
 """Port table of the integral estimator."""
 
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import Component, input_, option, output, parameter, sample_time
+from gapsense.fmi.ports import Component, measured, option, output, parameter, sample_time
 
 EKF = load_component(own("ekf"))
 BOTH = ("voltage", "current")
@@ -13,8 +13,8 @@ COMPONENT = Component(
     step_size=50e-6,
     survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
-        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
+        measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         output("resistance", "Ohm", "Mean resistance of the last operation", nominal=76.0, feedthrough=BOTH),
         output("inductance", "H", "Estimated apparent inductance", nominal=0.1, feedthrough=BOTH),
         output("flux_linkage", "Wb", "Estimated flux linkage", nominal=0.02, feedthrough=BOTH),

@@ -1,7 +1,7 @@
 """Port table of the moving-horizon estimator; the mechanics, the gap and the coil are those of `Ekf`."""
 
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import Component, Limit, Port, input_, option, output, parameter
+from gapsense.fmi.ports import Component, Limit, Port, input_, measured, option, output, parameter
 
 EKF = load_component(own("ekf"))
 ALL = ("voltage", "current", "command")
@@ -44,8 +44,8 @@ COMPONENT = Component(
     ),
     survives=True,
     ports=(
-        input_("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
-        input_("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
+        measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
+        measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
         input_("command", "1", "With option.command: a window ends where this changes; any number"),
         said("position", "m", "Causal estimate of the position", nominal=1e-3),
         said("velocity", "m/s", "Its velocity", nominal=0.5),

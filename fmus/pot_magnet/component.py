@@ -16,7 +16,7 @@ COMPONENT = Component(
     step_size=100e-6,
     limits=tuple(Limit((*term, (R, 1)), below, FAST) for R in RESISTANCES for term, below in ((CORE, 0.6), (GAP, 0.3))),
     ports=(
-        input_("voltage", "V", "Coil voltage, held during the step", nominal=24.0),
+        input_("voltage", "V", "Coil voltage, held during the step", nominal=24.0, source="drive.voltage_mean"),
         output("current", "A", "Coil current", nominal=0.2),
         output("position", "m", "Lift of the armature: 0 at the lower stop", nominal=0.2e-3),
         output("velocity", "m/s", "Rate of the position", nominal=0.1),

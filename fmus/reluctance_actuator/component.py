@@ -19,7 +19,7 @@ COMPONENT = Component(
         Limit((("friction", 1), ("micro_step", 1), ("mover.mass", -1)), 4e-3, STIFF),
     ),
     ports=(
-        input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0),
+        input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0, source="drive.voltage_mean"),
         output("current", "A", "Coil current; at a jump of the voltage, that before it", nominal=0.6),
         output("position", "m", "Gap: the smallest is closed", nominal=1e-3),
         output("velocity", "m/s", "Rate of the gap", nominal=0.5),

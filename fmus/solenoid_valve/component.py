@@ -9,7 +9,7 @@ COMPONENT = Component(
     resources=("fringing_19.csv",),
     rising=(("stop.lower", "stop.upper"),),
     ports=(
-        input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0),
+        input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0, source="drive.voltage_mean"),
         output("current", "A", "Coil current", nominal=0.4),
         output("position", "m", "Gap: 0 is closed", nominal=1e-3),
         output("velocity", "m/s", "Rate of the gap", nominal=0.5),

@@ -1,3 +1,35 @@
-"""Gapsense: FMI co-simulation components for short-stroke reluctance actuators."""
+"""Gapsense: FMI co-simulation components for short-stroke reluctance actuators.
+
+>>> from gapsense import Scenario
+>>> scenario = Scenario("my valve", stop=20e-3, base_step=25e-6)
+
+What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gapsense.cosim.model import Scenario as Scenario
+    from gapsense.cosim.record import Result as Result
+    from gapsense.cosim.record import read_result as read_result
+    from gapsense.cosim.run import check as check
+    from gapsense.cosim.run import run as run
 
 __version__ = "0.1.0"
+OFFERED = {
+    "Scenario": "gapsense.cosim.model",
+    **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),
+    **dict.fromkeys(("check", "run"), "gapsense.cosim.run"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name not in OFFERED:
+        raise AttributeError(f"module 'gapsense' has no attribute {name!r}")
+    return getattr(import_module(OFFERED[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *OFFERED]

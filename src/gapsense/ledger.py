@@ -16,11 +16,11 @@ import numpy as np
 
 from gapsense.files import naming, sha256
 from gapsense.locks import lock
+from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
 
 Entry = dict[str, Any]
 LOG = logging.getLogger(__name__)
 PAUSE = 0.1  # seconds between two looks whether a file is free
-PACKAGE = Path(__file__).resolve().parent
 SOURCES = (".py", ".c", ".h", ".csv")
 
 
@@ -32,11 +32,15 @@ def key(facts: Any) -> str:
 def sources() -> dict[str, str]:
     """Hash of every source file of this package and of the port tables, whose start values studies take.
 
-    Taken anew each time, since it may be edited while a program runs.
+    Taken anew each time, since it may be edited while a program runs. A checkout and what is installed from it agree.
     """
-    checkout = PACKAGE.parents[1]
-    files = sorted(p for root in (PACKAGE, checkout / "fmus") for p in root.rglob("*") if p.suffix in SOURCES)
-    return {path.relative_to(checkout).as_posix(): sha256(path) for path in files}
+    return {**hashes(PACKAGE, but=INSTALLED), **hashes(COMPONENTS)}
+
+
+def hashes(folder: Path, but: Path | None = None) -> dict[str, str]:
+    """Hash of every source file below a folder, by its path from there on, `but` those of a folder inside."""
+    files = sorted(p for p in folder.rglob("*") if p.suffix in SOURCES and not (but and p.is_relative_to(but)))
+    return {path.relative_to(folder.parent).as_posix(): sha256(path) for path in files}
 
 
 def fingerprint(facts: Any) -> str:

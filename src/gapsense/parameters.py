@@ -4,7 +4,35 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.tables import SCALAR, TEXT, Table, Value, read_toml
+from gapsense.tables import SCALAR, TABLE, TEXT, Key, Section, Table, Value, read_toml
+
+
+def is_file(name: str, value: Value) -> bool:
+    """True for a parameter that names a file: its name is `file` or ends in `.file`, and it is not empty."""
+    return isinstance(value, str) and bool(value) and name.rpartition(".")[2] == "file"
+
+
+VALUES = Section(
+    "[values]",
+    "A file that describes a device. Each component that is given it takes the parameters that it has.",
+    free=Key(
+        "<parameter>",
+        SCALAR,
+        "Value of the parameter, in its unit",
+        '"coil.resistance" = 48.0',
+        is_dotted=True,
+        is_path=is_file,
+    ),
+)
+PARAMETER_SET = Section(
+    "",
+    "Parameter set",
+    (
+        Key("description", TEXT, "What it describes", '"The valve on my desk"', default=""),
+        Key("source", TEXT, "Where the values are from", '"data sheet"', default=""),
+        Key("values", TABLE, "Parameters", required=True, section=VALUES),
+    ),
+)
 
 
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
@@ -13,23 +41,15 @@ def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
     if data is None:
         return {}
     table = Table(data, path.name, "", problems)
-    table.take("description", TEXT)
-    table.take("source", TEXT)
+    table.read(PARAMETER_SET)
     if "values" not in data:
         table.note("values", "missing; a table of parameter values is expected. Add `[values]`.")
-    values = located_values(table.table("values"), path.parent)
-    table.finish()
-    return values
+    return located_values(table.table("values"), path.parent)
 
 
 def located_values(table: Table, folder: Path) -> dict[str, Value]:
     """Values of a table by dotted name, with the files among them as absolute paths."""
     return {name: located(name, value, folder, table) for name, value in table.flat(SCALAR).items()}
-
-
-def is_file(name: str, value: Value) -> bool:
-    """True for a parameter that names a file: its name is `file` or ends in `.file`, and it is not empty."""
-    return isinstance(value, str) and bool(value) and name.rpartition(".")[2] == "file"
 
 
 def located(name: str, value: Value, folder: Path, table: Table) -> Value:

@@ -20,10 +20,39 @@ INFINITE = (-math.inf, math.inf)
 
 
 class Kind(NamedTuple):
-    """A type that a value may have: its name in messages, and the test."""
+    """A type that a value may have: its name in messages, the test, and the same as JSON schema."""
 
     name: str
     accepts: Callable[[Any], bool]
+    schema: Mapping[str, Any]
+
+
+class Key(NamedTuple):
+    """A key that a table may have; one of kind `TABLE` or `TABLES` says in `section` what these hold."""
+
+    name: str
+    kind: Kind
+    what: str
+    example: str = ""  # as a file has it
+    default: Any = None
+    required: bool = False
+    choices: tuple[str, ...] = ()
+    otherwise: str = ""  # what holds without it, where no default tells
+    section: Section | None = None
+    pattern: str = ""  # of free names
+    is_dotted: bool = False  # free names with dots, which may be written as tables too
+    is_other: bool = False  # another way than that of its neighbours, so that examples leave it out
+    is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
+
+
+class Section(NamedTuple):
+    """A kind of table: how its header is written, what it is for, its keys, and that of names one is free to choose."""
+
+    header: str
+    what: str
+    keys: tuple[Key, ...] = ()
+    free: Key | None = None
+    at: str = ""  # its header with names, for examples
 
 
 def is_number(value: Any) -> bool:
@@ -36,24 +65,50 @@ def is_integer(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-NUMBER = Kind("a finite number", is_number)
-POSITIVE = Kind("a positive number", lambda value: is_number(value) and value > 0)
-NOT_NEGATIVE = Kind("a number not below 0", lambda value: is_number(value) and value >= 0)
-COUNT = Kind("a whole number of at least 1", lambda value: is_integer(value) and value >= 1)
-INDEX = Kind("a whole number of at least 0", lambda value: is_integer(value) and value >= 0)
-TEXT = Kind("a text", lambda value: isinstance(value, str))
-TABLE = Kind("a table", lambda value: isinstance(value, dict))
-TABLES = Kind("an array of tables", lambda value: isinstance(value, list) and all(isinstance(v, dict) for v in value))
-TEXTS = Kind("a list of texts", lambda value: isinstance(value, list) and all(isinstance(v, str) for v in value))
-NUMBER_OR_TEXT = Kind("a name or a finite number", lambda value: isinstance(value, str) or is_number(value))
-SCALAR = Kind("a finite number, a truth value or a text", lambda v: isinstance(v, (bool, str)) or is_number(v))
+def is_scalar(value: Any) -> bool:
+    """True for what a parameter may be."""
+    return isinstance(value, (bool, str)) or is_number(value)
+
+
+def is_list(value: Any, accepts: Callable[[Any], bool]) -> bool:
+    """True for a list of what is accepted."""
+    return isinstance(value, list) and all(map(accepts, value))
+
+
+def is_span(value: Any) -> bool:
+    """True for a pair of numbers in rising order, or infinities."""
+    is_pair = is_list(value, lambda x: is_number(x) or x in INFINITE) and len(value) == 2
+    return is_pair and bool(value[0] <= value[1])
+
+
+OF_SCALARS = {"type": ["number", "boolean", "string"]}
+NUMBER = Kind("a finite number", is_number, {"type": "number"})
+POSITIVE = Kind("a positive number", lambda v: is_number(v) and v > 0, {"type": "number", "exclusiveMinimum": 0})
+NOT_NEGATIVE = Kind("a number not below 0", lambda v: is_number(v) and v >= 0, {"type": "number", "minimum": 0})
+COUNT = Kind("a whole number of at least 1", lambda v: is_integer(v) and v >= 1, {"type": "integer", "minimum": 1})
+INDEX = Kind("a whole number of at least 0", lambda v: is_integer(v) and v >= 0, {"type": "integer", "minimum": 0})
+TEXT = Kind("a text", lambda value: isinstance(value, str), {"type": "string"})
+TABLE = Kind("a table", lambda value: isinstance(value, dict), {"type": "object"})
+TABLES = Kind("an array of tables", lambda value: is_list(value, TABLE.accepts), {"type": "array"})
+TEXTS = Kind(
+    "a list of texts", lambda value: is_list(value, TEXT.accepts), {"type": "array", "items": {"type": "string"}}
+)
+NUMBER_OR_TEXT = Kind(
+    "a name or a finite number", lambda v: isinstance(v, str) or is_number(v), {"type": ["number", "string"]}
+)
+SCALAR = Kind("a finite number, a truth value or a text", is_scalar, OF_SCALARS)
+NUMBERS = Kind(
+    "a list of finite numbers", lambda value: is_list(value, is_number), {"type": "array", "items": {"type": "number"}}
+)
 LIST = Kind(
     "a list of finite numbers, truth values or texts",
-    lambda value: isinstance(value, list) and bool(value) and all(map(SCALAR.accepts, value)),
+    lambda value: is_list(value, is_scalar) and bool(value),
+    {"type": "array", "items": OF_SCALARS, "minItems": 1},
 )
 BOUNDS = Kind(
     "a pair [lowest, highest] in rising order (`-inf` and `inf` are allowed)",
-    lambda v: isinstance(v, list) and len(v) == 2 and all(is_number(x) or x in INFINITE for x in v) and v[0] <= v[1],
+    is_span,
+    {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 )
 
 
@@ -70,6 +125,15 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     except tomllib.TOMLDecodeError as error:
         problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
     return None
+
+
+def parsed_value(text: str) -> Any:
+    """What a text means as the value of a key; one that TOML does not take as a value means itself."""
+    try:
+        read = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return read["value"] if len(read) == 1 else text
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -121,6 +185,20 @@ class Table:
             return value
         self.note(key, f"`{value}` found. {suggest(value, choices)}")
         return default
+
+    def read(self, section: Section) -> dict[str, Any]:
+        """Values of all keys of a section but its tables, which are for `table`; notes every key that it has not."""
+        self.asked.update(key.name for key in section.keys)
+        given = {key.name: self.value(key) for key in section.keys if key.section is None}
+        if section.free is None:
+            self.finish()
+        return given
+
+    def value(self, key: Key) -> Any:
+        """Value of a key of a section."""
+        if key.choices:
+            return self.choice(key.name, key.choices, key.default)
+        return self.take(key.name, key.kind, key.default, required=key.required)
 
     def table(self, key: str) -> Table:
         """Table below `key`, empty where there is none; if it is no table, nothing more is said about its content."""

@@ -50,6 +50,29 @@ UNITS = {
     "1/(H.m)": Unit(kg=-1, m=-3, s=2, A=2),
 }
 
+QUANTITIES = {  # that are usually meant by a unit
+    "s": "time",
+    "Hz": "frequency",
+    "m": "length",
+    "m2": "area",
+    "m/s": "velocity",
+    "m/s2": "acceleration",
+    "kg": "mass",
+    "N": "force",
+    "N/m": "stiffness",
+    "N.s/m": "damping",
+    "J": "energy",
+    "V": "voltage",
+    "A": "current",
+    "A/m": "field",
+    "Ohm": "resistance",
+    "S": "conductance",
+    "Wb": "flux linkage",
+    "T": "flux density",
+    "H": "inductance",
+    "1/H": "reluctance",
+}
+
 PREFIXES = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6, "\u03bc": 1e-6, "n": 1e-9}
 
 

@@ -63,16 +63,39 @@ def test_list_shows_components_and_scenarios(gapsense, monkeypatch):
     monkeypatch.chdir(ROOT / "docs")  # the checkout is found from below
     done = gapsense("list")
     assert done.exit_code == 0
-    for name in ("SolenoidValve", "Semera", "scenarios/semera_valve", "literal"):
+    for name in ("SolenoidValve", "Semera", "semera_valve", "literal"):
         assert name in done.output
 
 
-@pytest.mark.parametrize("command", ["list", "build"])
-def test_outside_a_checkout_is_said_and_what_to_do(gapsense, command):
-    done = gapsense(command)
-    assert done.exit_code == 2
-    assert "is a checkout of Gapsense" in done.stderr and "Change there" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+def test_list_names_what_comes_with_the_package_and_what_is_here(gapsense, write):
+    write()
+    write(("title", "titel"), folder="broken")
+    done = gapsense("list")
+    assert done.exit_code == 0
+    names = re.findall(r"^  (\w+)", done.output.partition("Scenarios\n")[2], re.MULTILINE)
+    assert {"semera_valve", "short", "broken"} <= set(names)
+
+
+def test_list_cuts_no_name_at_80_columns(gapsense, write):
+    lines = gapsense("list").output.splitlines()
+    assert max(map(len, lines)) <= 80
+    folders = [p.name for kind in ("fmus", "scenarios") for p in (ROOT / kind).iterdir() if p.is_dir()]
+    first = {line.split()[0].lower().replace("_", "") for line in lines if line.strip()}
+    assert {name.replace("_", "") for name in folders if name != "__pycache__"} <= first
+
+
+def test_build_outside_a_checkout_writes_to_the_working_folder(process):
+    building = process("from gapsense.cli import app; app()", "build", "sensor")  # in which no FMU was loaded
+    assert building.wait() == 0, building.stderr.read()
+    assert [p.as_posix() for p in Path().rglob("*.fmu")] == ["build/fmus/Sensor.fmu"]
+
+
+def test_example_runs_by_its_name_unless_there_is_a_scenario_of_that_name(gapsense, write, fmus):
+    assert gapsense("check", "semera_valve", "--fmus", fmus).exit_code == 0
+    Path("semera_relay").mkdir()
+    assert gapsense("check", "semera_relay", "--fmus", fmus).exit_code == 0
+    write(("title", "titel"), folder="semera_valve")
+    assert "title: missing" in problems(gapsense("check", "semera_valve", "--fmus", fmus))[0]
 
 
 # Checks ---------------------------------------------------------------------------------------------------------------
@@ -270,6 +293,26 @@ def test_figure_is_a_png(gapsense, write, fmus):
     assert (done.exit_code, done.stderr) == (0, "")
     assert Path("results", "short.png").read_bytes()[:8] == PNG
     assert [p.name for p in Path("results").iterdir()] == ["short.png"]
+
+
+def test_figure_of_a_saved_result_needs_no_run(gapsense, write, fmus, monkeypatch):
+    gapsense("run", write(), "--fmus", fmus)
+    monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("it ran"))
+    done = gapsense("figure", "results/short.csv")
+    assert done.exit_code == 0 and Path("results/short.png").read_bytes()[:8] == PNG
+    assert "--set are for a run" in problems(gapsense("figure", "results/short.csv", "--set", "valve.damping=1"))[0]
+
+
+def test_value_on_the_command_line_wins(gapsense, write, fmus):
+    gapsense("run", write(), "--fmus", fmus, "--set", "valve.coil.resistance=50", "--set", "drive.waveform=step")
+    parameters = json.loads(Path("results/short.json").read_text("utf-8"))["parameters"]
+    assert (parameters["valve.coil.resistance"], parameters["drive.waveform"]) == (50.0, "step")
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "figure"])
+def test_wrong_value_on_the_command_line_is_told(gapsense, write, fmus, command):
+    (line,) = problems(gapsense(command, write(), "--fmus", fmus, "--set", "valve.dampin=0.4"))
+    assert "(from --set): unknown parameter `dampin`. Did you mean `damping`?" in line
 
 
 @pytest.mark.parametrize("ending", ["jpg", "csv"])

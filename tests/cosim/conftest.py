@@ -1,6 +1,8 @@
 """Stock FMUs, built once per session in a process of their own, and a writer of scenario files."""
 
 import os
+import platform
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -12,17 +14,32 @@ import pytest
 from gapsense.cosim import turn
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))  # the helpers of this folder can be imported by its tests
 SRC = HERE.parents[1] / "src"
 
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the FMUs Source, Lag, Gain, Noise and Faulty."""
+    """Folder with the FMUs Source, Lag, Gain, Noise, Faulty and Types."""
     folder = tmp_path_factory.mktemp("fmus")
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run(
         [sys.executable, str(HERE / "stock_fmus.py"), str(folder)], check=True, env=environment, capture_output=True
     )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the FMUs Types2 and Types3, written in C."""
+    gcc = shutil.which("gcc")
+    if gcc is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("gcc on Linux on x86-64 compiles the FMUs")
+    import foreign_fmus
+
+    folder = tmp_path_factory.mktemp("foreign")
+    for version in (2, 3):
+        foreign_fmus.build(gcc, version, folder)
     return folder
 
 

@@ -13,6 +13,7 @@ UNITS = {
     "Gain": {"u": "V", "y": "A"},
     "Noise": {"y": "V", "sample_time": "s"},
     "Faulty": {"u": "V", "y": "s", "at": "s"},
+    "Types": {},
 }
 ATTRIBUTES = {
     ("Lag", "time.constant"): {"min": "0.001", "max": "1000"},

@@ -105,7 +105,7 @@ def test_all_problems_come_at_once(write, chain):
         ("[experiment]", "connect = 3\n[experiment]", ["connect: `3` found, a table expected"]),
         ('title = "Ramp through a lag and a gain"', "", ["title", "missing"]),
         ("[experiment]", "colour = 1\n[experiment]", ["colour", "unknown key"]),
-        ("[experiment]", '[inputs]\n"a.b" = "x"\n[experiment]', ["inputs.a.b", "finite number"]),
+        ("[experiment]", '[inputs]\n"a.b" = [1]\n[experiment]', ["inputs.a.b", "finite number"]),
         ("[experiment]", "[seeds]\nlag = 1.5\n[experiment]", ["seeds.lag", "`1.5` found"]),
         ("[experiment]", "[record]\ndecimation = 0\n[experiment]", ["record.decimation", "at least 1"]),
         ("[experiment]", "[baseline]\nrtol = -1\n[experiment]", ["baseline.rtol", "not below 0"]),

@@ -273,11 +273,3 @@ def test_progress_ends_at_the_whole_run(write, chain, fmus):
     run(write(chain), fmus=fmus, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (10, 10)
     assert seen == sorted(seen)
-
-
-def test_no_temporary_files_stay_behind(write, chain, fmus, tmp_path, monkeypatch):
-    temporary = tmp_path / "temporary"
-    temporary.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    run(write(chain), fmus=fmus)
-    assert list(temporary.iterdir()) == []

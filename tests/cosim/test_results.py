@@ -244,7 +244,7 @@ def test_baseline_is_shown_then_written_then_compared(write, chain, fmus):
     shown = update_baseline(path, fmus=fmus)
     assert not shown.written
     assert not (path.parent / "baseline.csv").exists()
-    assert "new: 6 signals, 11 rows" in str(shown)
+    assert "new: 7 signals, 11 rows" in str(shown)
     assert update_baseline(path, fmus=fmus, write=True).written
     assert str(update_baseline(path, fmus=fmus, write=True)).endswith("nothing changes.")
     assert test_scenarios(path, fmus)[0].passed

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from gapsense.cosim import load, run
 from gapsense.report import plot as figures
 from gapsense.studies.figures import drawer
 from gapsense.studies.semera.show import LABELS, snr
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 @pytest.mark.parametrize("name", ["valve", "relay"])
@@ -39,9 +45,55 @@ def test_overview_shows_every_signal_once_in_display_units(valve):
     figure = drawer("overview")(valve)
     labels = [line.get_label() for axis in figure.axes for line in axis.lines]
     assert sorted(labels) == sorted(valve.signals)
-    panel = next(axis for axis in figure.axes if axis.get_ylabel() == "mm")
+    panel = next(axis for axis in figure.axes if axis.get_ylabel() == "position / mm")
     assert panel.lines[0].get_ydata().max() == pytest.approx(0.9)
     assert figure.axes[-1].get_xlabel() == "time / ms"
+
+
+def test_overview_of_many_components_has_few_curves_per_panel_and_no_label_on_another(valve):
+    names = [f"estimator_{k}.{variable}" for k in range(12) for variable in ("flux_linkage", "smoothed_position")]
+    about = {name: replace(valve.about["valve.flux_linkage"], unit="m" if "pos" in name else "Wb") for name in names}
+    signals = {name: valve["valve.flux_linkage"] for name in names}
+    figure = drawer("overview")(replace(valve, signals=signals, about=about))
+    assert [len(axis.lines) for axis in figure.axes] == [5, 5, 2, 5, 5, 2]
+    assert {axis.get_ylabel() for axis in figure.axes} == {"flux linkage\n/ mWb", "smoothed\nposition / mm"}
+    assert no_texts_overlap(figure)
+
+
+def no_texts_overlap(figure: Figure) -> bool:
+    """Labels of the axes and legends, as drawn."""
+    FigureCanvasAgg(figure).draw()
+    boxes = [axis.yaxis.label.get_window_extent() for axis in figure.axes]
+    boxes += [axis.get_legend().get_window_extent() for axis in figure.axes if axis.get_legend()]
+    return not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+
+
+def test_figure_of_the_bounded_filter_names_its_axes_and_has_a_panel_of_errors(fmus):
+    result = run(SCENARIOS / "bounded_ukf", fmus=fmus)
+    figure = drawer(load(SCENARIOS / "bounded_ukf").figure)(result)
+    named = [" ".join(axis.get_ylabel().split()) for axis in figure.axes]
+    assert named[2:] == ["position / mm", "error of the position / µm", "error of the flux linkage / µWb"]
+    errors = {line.get_label(): line.get_ydata() for line in figure.axes[3].lines}
+    assert np.array_equal(errors["open loop"], 1e6 * (result["model.position"] - result["valve.position"]))
+    assert len(errors) == 4 and no_texts_overlap(figure)
+    with pytest.raises(ValueError, match=r"needs `ekf\.position`, not recorded"):
+        drawer("bounded_ukf")(replace(result, signals={n: v for n, v in result.signals.items() if n != "ekf.position"}))
+
+
+@pytest.mark.parametrize(
+    ("variables", "unit", "text"),
+    [
+        (["position", "position_std"], "m", "position / mm"),
+        (["voltage", "current"], "V", "voltage / V"),
+        (["velocity"], "m/s", "velocity\n/ (m/s)"),
+        (["mode"], "1", "mode"),
+        (["mode", "health"], "1", "mode, health"),
+        (["core.field"], "A/m", "core field\n/ (A/m)"),
+        (["speed"], "furlong", "speed\n/ furlong"),
+    ],
+)
+def test_axes_are_named_by_quantity_and_unit(variables, unit, text):
+    assert figures.label(variables, unit) == text
 
 
 @pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
@@ -72,7 +124,7 @@ def test_failed_drawing_keeps_the_old_file(tmp_path, monkeypatch):
 def test_other_endings_and_figures_are_refused_with_what_there_is(valve, tmp_path):
     with pytest.raises(ValueError, match=r"x\.bmp`: figures are written as \.png, \.pdf or \.svg"):
         figures.save(Figure(), tmp_path / "x.bmp")
-    with pytest.raises(ValueError, match=r"figure `pie`; there are overview, estimators, .*, semera, "):
+    with pytest.raises(ValueError, match=r"figure `pie`; there are overview, bounded_ukf, estimators, .*, semera, "):
         drawer("pie")(valve)
 
 

@@ -14,7 +14,7 @@ from gapsense.cosim import Sweep, load
 from gapsense.cosim.regression import Check, Outcome
 from gapsense.fmi.ports import Component, input_
 from gapsense.report import runs as tables
-from gapsense.report.table import quantity, text
+from gapsense.report.table import quantity, table, text
 from gapsense.studies.semera.show import run_tables
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
@@ -124,3 +124,38 @@ def test_observability_report_of_a_dead_coil_says_that_nothing_was_observable(va
     dead = {name: 0.0 * values[:200] for name, values in valve.signals.items()}
     printed = text(*run_tables(replace(valve, times=valve.times[:200], signals=dead)))
     assert "100.0 %" in printed and "longest" not in printed
+
+
+WIDE = [f"{name} with a long heading / um" for name in ("closing", "opening", "landing", "worst")] * 2
+
+
+def test_table_that_is_too_wide_is_shown_in_even_parts_with_the_first_column_again():
+    made = table(
+        "Errors [um]", ["filter", *WIDE], [["bounded filter", *8 * ["1000 (2000)"]], ["open loop", *8 * ["1"]]]
+    )
+    lines = text(made, width=80).splitlines()
+    assert max(map(len, lines)) <= 80 and lines[0] == "Errors [um]"
+    rows = [line.split() for line in lines if line.startswith("  bounded filter")]
+    assert [len(row) for row in rows] == [10, 10]  # four columns of two words each
+    assert sum("/ um" in line for line in lines) == 2  # a unit is not parted from its stroke
+    (whole,) = (line for line in text(made, width=400).splitlines() if "bounded" in line)
+    assert whole.count("1000 (2000)") == 8
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_texts_are_wrapped_between_words_and_names_are_never_cut(width):
+    names = ["ReluctanceActuator", "long_name_of_a_scenario"]
+    made = table(
+        "", ["name", "what it is"], [[name, "Actuator with hysteresis and more " * 3] for name in names], texts=2
+    )
+    shown = text(made, width=width)
+    assert all(name in shown for name in names) and "\N{HORIZONTAL ELLIPSIS}" not in shown
+    assert " ".join(shown.split()).count("hysteresis") == 6
+
+
+def test_every_table_maker_of_a_run_fits_80_columns(valve):
+    found = replace(
+        next(iter(valve.metrics.values())), label="error of the inductance after the first landing", bounds=(0.0, 1.0)
+    )
+    for made in (*tables.metrics(replace(valve, metrics={"m": found})), tables.timing(valve)):
+        assert max(map(len, text(made, width=80).splitlines())) <= 80

@@ -293,6 +293,16 @@ def test_plain_run(plain, tmp_path):
     assert imread(figures.save(drawer("estimators")(plain), tmp_path / "run.png")).std() > 0.01
 
 
+def test_figure_of_a_run_has_errors_of_a_few_estimators_per_panel(plain):
+    axes = [axis for axis in drawer("estimators")(plain).axes if axis.get_visible()]
+    assert all("/" in axis.get_ylabel() for axis in axes) and max(len(axis.lines) for axis in axes) <= 5
+    of = {axis.get_ylabel().split("\n")[0]: [] for axis in axes[4:]}
+    for axis in axes[4:]:
+        of[axis.get_ylabel().split("\n")[0]] += [line.get_label() for line in axis.lines]
+    assert set(of) == {"error of the", "error of the flux"}
+    assert sorted(of["error of the flux"]) == sorted(c.label for c in CONTENDERS)
+
+
 def test_what_is_not_recorded_is_told(plain):
     with pytest.raises(ValueError, match=r"`ekf\.velocity`, not recorded"):
         benchmark.require([name for name in plain.signals if name != "ekf.velocity"], "made")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from gapsense import cosim, interrupts
+from gapsense.report import table
 from gapsense.trace import TraceError
 
 ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
@@ -42,19 +42,29 @@ app = App(
     rich_markup_mode="markdown",
     help="""FMI co-simulation components for short-stroke reluctance actuators.
 
-Start with `gapsense build`, `gapsense list` and `gapsense run scenarios/semera_valve`.
+Start with `gapsense list`, `gapsense run semera_valve` and `gapsense new my_valve`.
 
 Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a component failed, 130 interrupted.""",
 )
 studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
 app.add_typer(studies, name="study")
-WIDTH = None if sys.stdout.isatty() else 160  # of tables in files and logs
-out = Console(highlight=False, soft_wrap=True, width=WIDTH)
+out = Console(highlight=False)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
-Scenario = Annotated[Path, typer.Argument(help="Folder of a scenario, or its scenario.toml", show_default=False)]
+Scenario = Annotated[
+    Path, typer.Argument(help="Folder of a scenario, its scenario.toml, or the name of an example", show_default=False)
+]
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
-Fmus = Annotated[Path | None, typer.Option(help="Folder of the FMUs", show_default="build/fmus")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="COMPONENT.PARAMETER=VALUE: another value, also of an input or a seed", show_default=False
+    ),
+]
+Fmus = Annotated[
+    Path | None,
+    typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
@@ -76,9 +86,8 @@ def study(name: str) -> Callable[[Function], Function]:
 
 
 def show(*items: Table | str) -> None:
-    """Print tables and sentences; `[m]` in a sentence is a unit, no markup."""
-    for item in items:
-        out.print(item, markup=False)
+    """Print tables and sentences."""
+    table.show(out, *items)
 
 
 def problem(sentence: str, style: str = "red") -> None:

@@ -9,11 +9,15 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import FAILED, command, problem, show
-from gapsense.fmi.components import find_checkout, find_components, load_component
+from gapsense.cosim.load import read_draft
+from gapsense.cosim.run import find_fmus
+from gapsense.fmi.components import components_folder, find_checkout, find_components, load_component
 from gapsense.report import runs
+from gapsense.shipped import FMU_FOLDER, ROOT
 
 Root = Annotated[
-    Path | None, typer.Option(help="Checkout with fmus/", show_default="the working folder, or one above it")
+    Path | None,
+    typer.Option(help="Folder with fmus/", show_default="a checkout here or above, or else what comes with Gapsense"),
 ]
 
 
@@ -22,26 +26,30 @@ def build(
     names: Annotated[
         list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
     ] = None,
-    to: Annotated[Path | None, typer.Option("--out", help="Where to write them", show_default="build/fmus")] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option("--out", help="Where to write them", show_default="build/fmus of the checkout, or here"),
+    ] = None,
     parameters: Annotated[
         list[Path] | None,
         typer.Option(help="Parameter-set file of start values; each FMU takes those it has", show_default=False),
     ] = None,
     root: Root = None,
 ) -> None:
-    """Build and validate the FMUs of the components in fmus/, on request with other start values."""
+    """Build and validate the FMUs of the components, on request with other start values."""
     from fmpy.validation import validate_fmu
 
     from gapsense.fmi import package
     from gapsense.studies.identification.transfer import taken
 
-    root = root or find_checkout()
-    folders = find_components(root / "fmus", names or ())
-    values = taken(folders, parameters, find_components(root / "fmus")) if parameters else {}
+    every = components_folder(root)
+    folders = find_components(every, names or ())
+    values = taken(folders, parameters, find_components(every)) if parameters else {}
+    to = to or (root or find_checkout() or Path()) / FMU_FOLDER
     failures = 0
     for folder in folders:
         given = values.get(folder, {})
-        path = package.build(folder, to or root / "build" / "fmus", given)
+        path = package.build(folder, to, given)
         problems = validate_fmu(str(path))
         word = "INVALID" if problems else "valid"
         more = f", {len(given)} start values given" if parameters else ""
@@ -55,8 +63,17 @@ def build(
 @command("list")
 def list_(root: Root = None) -> None:
     """List components, whether they are built, and scenarios with their variants."""
-    root = root or find_checkout()
-    components = [load_component(p) for p in find_components(root / "fmus")]
-    built = {p.stem for p in (root / "build" / "fmus").glob("*.fmu")}
-    scenarios = [(p.parent, cosim.load(p)) for p in cosim.find_scenarios(root / "scenarios")]
-    show(runs.components(components, built), runs.scenarios(root, scenarios))
+    base = root or find_checkout() or ROOT
+    components = [load_component(p) for p in find_components(base / "fmus")]
+    built = {p.stem for p in (base / FMU_FOLDER if root else find_fmus(Path("here"))).glob("*.fmu")}
+    show(runs.components(components, built))
+    if (base / "scenarios").is_dir():
+        listed("Scenarios", cosim.find_scenarios(base / "scenarios"), base)
+    if mine := sorted(Path().glob("*/scenario.toml")):
+        listed("Scenarios in this folder", mine, Path())
+
+
+def listed(title: str, files: list[Path], base: Path) -> None:
+    """Show scenarios by what one types to run them: those that come with Gapsense by their names."""
+    named = {p.parent.name if base == ROOT else str(p.parent.relative_to(base)): read_draft(p).scenario for p in files}
+    show(runs.scenarios(title, named))

@@ -10,13 +10,15 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli import common as cli
+from gapsense.cosim.document import scenario_file
 from gapsense.report import runs
+from gapsense.shipped import is_installed
 
 
 @cli.command("check")
-def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None) -> None:
+def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
     """Check a scenario and all its variants without running it; every problem is told at once."""
-    if problems := cosim.check(scenario, variant, fmus):
+    if problems := cosim.check(cosim.changed(scenario, settings or ()), variant, fmus):
         raise cosim.ScenarioError(problems)
     cli.show(f"{scenario}: no problems.")
 
@@ -32,17 +34,18 @@ def run(
         typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
+    settings: cli.Set = None,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
-        return check(scenario, variant, fmus)
-    file = cosim.result_file(to, scenario, variant)
+        return check(scenario, variant, fmus, settings)
+    source, file = cosim.changed(scenario, settings or ()), cosim.result_file(to, scenario, variant)
     saved = file.with_suffix(".checkpoint")
     checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
         with cli.bar("running") as progress:
-            result = cosim.run(scenario, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
+            result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             error.result.save(file)
@@ -76,15 +79,17 @@ def sweep(
     workers: cli.Workers = 2,
     fmus: cli.Fmus = None,
     to: cli.Out = Path("results"),
+    settings: cli.Set = None,
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
     """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
+    source = cosim.changed(scenario, settings or ())
     with cli.bar("sweeping") as progress:
-        swept = cosim.sweep(scenario, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
-    cli.show(*runs.sweep(cosim.load(scenario, variant), swept))
+        swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
+    cli.show(*runs.sweep(cosim.load(source, variant), swept))
     cli.show(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
@@ -97,26 +102,37 @@ def sweep(
 
 @cli.command("figure")
 def figure(
-    scenario: cli.Scenario,
+    scenario: Annotated[Path, typer.Argument(help="Scenario, or the CSV of a saved result", show_default=False)],
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[
         Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png")
     ] = None,
+    settings: cli.Set = None,
 ) -> None:
-    """Run a scenario and draw its figure."""
+    """Run a scenario and draw its figure, or draw that of a saved result."""
     from gapsense.report import plot
     from gapsense.studies.figures import drawer
 
-    draw, file = (
-        drawer(cosim.load(scenario, variant).figure),
-        to or plot.figure_file(Path("results"), scenario, variant),
-    )
-    plot.check_file(file)
-    with cli.bar("running") as progress:
-        result = cosim.run(scenario, variant, fmus, progress=progress, **cli.APART)
-    cli.stop_if_interrupted(result)
-    cli.written(plot.save(draw(result), file, result.run.source))
+    if scenario.suffix == ".csv":
+        result, file = saved_result(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        plot.check_file(file)
+    else:
+        source = cosim.changed(scenario, settings or ())
+        file = to or plot.figure_file(Path("results"), scenario, variant)
+        drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
+        plot.check_file(file)
+        with cli.bar("running") as progress:
+            result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
+        cli.stop_if_interrupted(result)
+    cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+
+
+def saved_result(file: Path, *options: object) -> cosim.Result:
+    """A saved result, of which nothing can be chosen any more."""
+    if any(options):
+        raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
+    return cosim.read_result(file)
 
 
 @cli.command("test")
@@ -147,6 +163,10 @@ def baseline(
     write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write."""
+    if write and is_installed(scenario_file(scenario)):
+        raise cosim.ScenarioError(
+            [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]
+        )
     update = cosim.update_baseline(scenario, variant, fmus, write, isolation="process")
     cli.show(str(update))
     raise typer.Exit(cli.INTERRUPTED if update.interrupted else 0)

@@ -5,6 +5,7 @@
 >>> print(result.metrics["semera_resistance_rmse"])  # doctest: +SKIP
 """
 
+from gapsense.cosim.changes import changed
 from gapsense.cosim.checkpoint import Checkpoint
 from gapsense.cosim.compare import compare
 from gapsense.cosim.junit import write_junit
@@ -30,6 +31,7 @@ __all__ = [
     "ScenarioError",
     "Sweep",
     "Update",
+    "changed",
     "check",
     "compare",
     "find_scenarios",

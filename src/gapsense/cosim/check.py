@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
+from gapsense.cosim.archive import UnusableError
+from gapsense.cosim.check_inputs import check_signal, check_span
 from gapsense.cosim.check_record import check_record
-from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, limits, within
-from gapsense.cosim.descriptions import Description, Descriptions, Variable, describe, find_fmu
+from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, misfit
+from gapsense.cosim.check_wires import check_types, check_units
+from gapsense.cosim.descriptions import Description, Descriptions, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
-from gapsense.cosim.scenario import Connection, Port, Scenario
+from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.variables import Variable
 from gapsense.problems import suggest
+
+OWN = "Build the FMUs with `gapsense build`."  # remedies for an FMU that is missing
+FOREIGN = "Correct the path; it is relative to the scenario."
 
 
 def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> dict[str, Description]:
@@ -20,26 +28,39 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
     out = {}
     for name, component in scenario.components.items():
         path = find_fmu(component.fmu, scenario.path, fmus)
+        remedy = FOREIGN if component.fmu.endswith(".fmu") else OWN
         if path not in known:
-            known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", problems)
+            known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
         description = known[path]
         if description is not None:
             out[name] = description
     return out
 
 
-def read_description(path: Path, place: str, problems: list[str]) -> Description | None:
+def read_description(path: Path, place: str, remedy: str, problems: list[str]) -> Description | None:
     """Model description of an FMU, or None after noting why there is none."""
     if not path.is_file():
         present = sorted(file.stem for file in path.parent.glob("*.fmu"))
         hint = suggest(path.stem, present) if present else "That folder has no FMU."
-        problems.append(f"{place}: there is no FMU `{path}`. {hint} Build the FMUs with `gapsense build`.")
+        problems.append(f"{place}: there is no FMU `{path}`. {hint} {remedy}")
         return None
     try:
-        return describe(path)
-    except ValueError as error:
-        problems.append(f"{place}: `{path}` cannot be used: {error}. Build it again with `gapsense build`.")
+        return described(path)
+    except UnusableError as error:
+        problems.append(f"{place}: `{path}` cannot be used: {error}")
         return None
+
+
+def described(path: Path) -> Description:
+    """Model description of an FMU file, read again only if the file has changed."""
+    about = path.stat()
+    return remembered(path.resolve(), about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@lru_cache(maxsize=64)
+def remembered(path: Path, *state: int) -> Description:
+    """Model description of a file in some state."""
+    return describe(path)
 
 
 def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: frozenset[str] = frozenset()) -> list[str]:
@@ -112,7 +133,7 @@ class Checker:
         return f"there is no component `{name}`. {suggest(name, self.scenario.components)}"
 
     def resolve(self, port: Port, causality: str, place: str) -> Iterator[str]:
-        """Problems of a port that must be a Real input or output of a component."""
+        """Problems of a port that must be an input or output of a component."""
         if port.component not in self.scenario.components:
             yield f"{place}: {self.no_component(port.component)}"
             return
@@ -126,8 +147,6 @@ class Checker:
         elif variable.causality != causality:
             a = "an" if variable.causality[0] in "aeiou" else "a"
             yield f"{place}: `{port}` is {a} {variable.causality}, an {causality} is expected. Correct the name."
-        elif variable.type != "Real":
-            yield f"{place}: `{port}` is of type {variable.type}; only Real variables can be wired. Leave it out."
 
     def variable(self, port: Port) -> Variable | None:
         """The variable of a port, or None where it is unknown."""
@@ -135,52 +154,62 @@ class Checker:
         return description.variables.get(port.variable) if description else None
 
     def connections(self) -> Iterator[str]:
-        """Both ends known, and of the same unit unless the connection converts."""
+        """Both ends known, of types that fit, and of the same unit unless the connection converts."""
         for connection in self.scenario.connections:
             is_long = connection.place.endswith("]")
             yield from self.resolve(connection.source, "output", connection.place + ".from" * is_long)
             yield from self.resolve(connection.target, "input", connection.place + ".to" * is_long)
-            yield from self.units(connection)
-
-    def units(self, connection: Connection) -> Iterator[str]:
-        """Problem of a connection between different units."""
-        source, target = self.variable(connection.source), self.variable(connection.target)
-        if source is None or target is None:
-            return
-        sent = connection.unit or (None if connection.converts else source.unit)
-        if sent and target.unit and sent != target.unit:
-            ends = f"{connection.source} [{source.unit or 'no unit'}] -> {connection.target} [{target.unit}]"
-            after = f" after conversion to [{connection.unit}]" if connection.unit else ""
-            remedy = "Correct the connection, or give `factor`, `bias` and `unit` in `[[connections]]`."
-            yield f"{connection.place}: {ends}: units differ{after}. {remedy}"
+            source, target = self.variable(connection.source), self.variable(connection.target)
+            if source is not None and target is not None:
+                yield from check_types(connection, source, target)
+                yield from check_units(connection, source, target)
 
     def inputs(self) -> Iterator[str]:
-        """Constant inputs known and within their limits."""
+        """Inputs known, their constants and signals of the right type and within their limits."""
         for port, value in self.scenario.inputs.items():
             yield from self.resolve(port, "input", f"inputs.{port}")
             variable = self.variable(port)
-            if variable is not None and not within(value, variable):
-                yield f"inputs.{port}: {value:.9g} found, {limits(variable)} expected. Correct the value."
+            problem = None if variable is None else misfit(value, variable)
+            if problem:
+                yield f"inputs.{port}: {problem}"
+        for port, played in self.scenario.played.items():
+            yield from self.resolve(port, "input", f"inputs.{port}")
+            variable = self.variable(port)
+            problems = [] if variable is None else [*check_signal(played, variable)]
+            problems += [] if "experiment" in self.broken else [*check_span(played, self.scenario.experiment)]
+            yield from (f"inputs.{port}: {problem}" for problem in problems)
 
     def driven(self) -> Iterator[str]:
         """Every input driven exactly once."""
         drivers: dict[Port, list[str]] = {}
         for connection in self.scenario.connections:
             drivers.setdefault(connection.target, []).append(connection.place)
-        for port in self.scenario.inputs:
+        for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
+        for port, place in self.started():
+            drivers.setdefault(port, []).append(place)
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
         if not self.broken & {"connections", "inputs"}:
             yield from self.idle(drivers)
 
+    def started(self) -> Iterator[tuple[Port, str]]:
+        """Inputs to which the `set` of their component or else a sweep gives a value, and where."""
+        for name, description in self.descriptions.items():
+            given = self.scenario.components[name].values
+            for port in (Port(name, variable.name) for variable in description.of("input")):
+                if port.variable in given:
+                    yield port, f"components.{name}.set"
+                elif port in self.scenario.swept:
+                    yield port, f"sweep.{port}"
+
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
         for name, description in self.descriptions.items():
             for variable in description.of("input"):
                 port = Port(name, variable.name)
-                if variable.type == "Real" and port not in drivers:
+                if port not in drivers:
                     start = "" if variable.start is None else f" (its start value is {variable.start})"
                     yield f"components.{name}: nothing drives `{port}`. Connect it or list it in `[inputs]`{start}."
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from gapsense.cosim.descriptions import NUMERIC, Description, Descriptions, Variable
+from gapsense.cosim.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.scenario import Component, Experiment, RowsColumn, Scenario
+from gapsense.cosim.variables import NUMERIC
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number
-
-LARGEST = 2**31 - 1  # of an fmi2Integer
 
 
 def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
@@ -48,24 +47,31 @@ def check_values(component: Component, description: Description) -> Iterator[str
 
 
 def value_problem(name: str, value: Value, description: Description) -> str | None:
-    """What is wrong with setting a variable to a value, or None."""
-    problem = name_problem(name, description.variables)
+    """What is wrong with setting a variable to a value before the run, or None."""
+    problem = name_problem(name, description.variables, True)
     if problem:
         return problem
-    variable = description.variables[name]
-    if not has_type(value, variable.type):
-        return f"`{name}` is {found(value)}, a value of type {variable.type} is expected. Correct the value."
-    if variable.type in NUMERIC and not within(float(value), variable):
-        return f"`{name}` is {value}, {limits(variable)} expected. Correct the value."
+    return misfit(value, description.variables[name], f"`{name}` is {{}}")
+
+
+def misfit(value: Value, variable: Variable, said: str = "{} found") -> str | None:
+    """Why a variable does not take a value, or None; `said` is the beginning of the sentence."""
+    if isinstance(value, str) and variable.items and value not in variable.items:
+        return f"{said.format(found(value))}, an item of the enumeration is expected. {suggest(value, variable.items)}"
+    number = variable.number(value)
+    if not has_type(number, variable.type):
+        return f"{said.format(found(value))}, a value of type {variable.type} is expected. Correct the value."
+    if variable.type in NUMERIC and not within(float(number), variable):
+        return f"{said.format(number)}, {limits(variable)} expected. Correct the value."
     return None
 
 
-def name_problem(name: str, variables: Mapping[str, Variable]) -> str | None:
-    """Why a name is that of no parameter among some variables, or None."""
+def name_problem(name: str, variables: Mapping[str, Variable], takes_starts: bool = False) -> str | None:
+    """Why a name is that of no parameter among some variables, or None; some callers take start values too."""
     variable = variables.get(name)
     if variable is None:
         return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
-    if not variable.is_parameter:
+    if not (variable.is_settable if takes_starts else variable.is_parameter):
         remedy = "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
         return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy}"
     return None
@@ -122,7 +128,7 @@ def check_swept(
 ) -> Iterator[str]:
     """Problems with the values that a sweep gives a parameter of a component, in a list or in a column of its rows."""
     place = f"sweep.{component.name}.{name}"
-    if problem := name_problem(name, description.variables):
+    if problem := name_problem(name, description.variables, True):
         yield f"{place}: {problem}"
         return
     unit = description.variables[name].unit or ""
@@ -145,16 +151,19 @@ def is_whole(ratio: float) -> bool:
 
 
 def within(value: float, variable: Variable) -> bool:
-    """True if a value lies within the limits of a variable, and of the type of FMI integers."""
-    if variable.type != "Real" and abs(value) > LARGEST:
-        return False
-    return (variable.min is None or value >= variable.min) and (variable.max is None or value <= variable.max)
+    """True if a value lies within the limits of a variable and of its type."""
+    low, high = ends(variable)
+    return (low is None or value >= low) and (high is None or value <= high)
+
+
+def ends(variable: Variable) -> tuple[float | None, float | None]:
+    """Smallest and largest value of a variable, None where there is no limit."""
+    low, high = variable.range or (None, None)
+    return low if variable.min is None else variable.min, high if variable.max is None else variable.max
 
 
 def limits(variable: Variable) -> str:
     """Limits of a variable as messages name them."""
-    integer = variable.type != "Real"
-    low = variable.min if variable.min is not None or not integer else -LARGEST
-    high = variable.max if variable.max is not None or not integer else LARGEST
+    low, high = ends(variable)
     unit = f" {variable.unit}" if variable.unit else ""
     return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"

@@ -16,7 +16,7 @@ from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Port, Scenario
 from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError
 
@@ -48,7 +48,8 @@ class Keeper(NamedTuple):
         """Write all that it takes to go on after `done` base steps."""
         states = {f"state_{part.component.name}": octets(part.instance.state()) for part in master.parts}
         said = {**recording.facts(), "messages": recording.messages + master.messages()}
-        about = {"format": FORMAT, "run": self.facts, "done": done, "recording": said}
+        texts = [[*port, text] for port, text in master.texts.items()]
+        about = {"format": FORMAT, "run": self.facts, "done": done, "recording": said, "texts": texts}
         rows = {"data": recording.data[: recording.rows], "buffer": master.view}
         arrays = {"about": octets(json.dumps(about).encode()), **rows, **states}
         try:
@@ -67,6 +68,7 @@ class Keeper(NamedTuple):
             part.instance.restore(arrays[f"state_{part.component.name}"].tobytes())
             part.instance.messages.clear()  # of the initialization, which are in the checkpoint already
         master.view[:] = arrays["buffer"]
+        master.texts.update((Port(*port), text) for *port, text in about["texts"])
         saved = about["recording"]
         recording.rows = saved["rows"]
         recording.data[: recording.rows] = arrays["data"]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gapsense.cosim.scenario import Component, Connection, Experiment, Metric, Scenario
 from gapsense.files import sha256
@@ -13,7 +16,8 @@ from gapsense.files import sha256
 # What is not in this table decides: a field that somebody adds is no danger, at worst it computes too often.
 WORDS: Mapping[type, frozenset[str]] = {
     Scenario: frozenset(
-        {"path", "title", "description", "figure", "variant", "variants", "tested", "baseline", "files", "rows_columns"}
+        {"path", "called", "title", "description", "figure", "variant", "variants", "tested", "baseline", "files"}
+        | {"hashes", "rows_columns"}
     ),
     Experiment: frozenset({"pace", "isolation", "step_limit"}),
     Component: frozenset({"origin", "sets", "isolation"}),
@@ -36,6 +40,8 @@ def facts(value: Any, files: Mapping[str, Path]) -> Any:
         return [[str(name), facts(item, files)] for name, item in value.items()]
     if isinstance(value, (list, tuple)):
         return [facts(item, files) for item in value]
+    if isinstance(value, np.ndarray):
+        return hashlib.sha256(value.tobytes()).hexdigest()
     if isinstance(value, (str, Path)):
         return {"sha256": sha256(files[str(value)])} if str(value) in files else str(value)
     return value

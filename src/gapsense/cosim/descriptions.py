@@ -6,33 +6,18 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
+from gapsense.cosim.model_xml import mended
+from gapsense.cosim.variables import Variable, variable
 from gapsense.files import sha256
-from gapsense.tables import Value
 
-NUMERIC = ("Real", "Integer", "Enumeration")
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One scalar variable: its type and causality as FMI names them, limits and start as numbers where they are."""
-
-    name: str
-    reference: int
-    type: str
-    causality: str
-    unit: str | None
-    min: float | None
-    max: float | None
-    nominal: float
-    start: Value | None
-
-    @property
-    def is_parameter(self) -> bool:
-        """True if a scenario may set it."""
-        return self.causality == "parameter"
+__all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
+LONGEST = 500  # characters of what a reader says about a file
+USED = ("input", "output", "parameter")  # causalities that a run moves
 
 
 @dataclass(frozen=True)
@@ -49,6 +34,7 @@ class Description:
     feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
     is_single: bool = False  # a process can hold only one instance
     can_save: bool = False  # get, set and serialise its state
+    fmi: int = 2  # version
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -74,7 +60,7 @@ def describe(path: Path) -> Description:
     Parameters
     ----------
     path : Path
-        FMI 2.0 co-simulation FMU with a binary for this platform.
+        Co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
 
     Returns
     -------
@@ -82,18 +68,21 @@ def describe(path: Path) -> Description:
 
     Raises
     ------
-    ValueError
-        Saying in one sentence why the FMU cannot be used.
+    UnusableError
+        Saying why the FMU cannot be used, and what to do.
     """
-    import fmpy  # here, so that what reads no FMU starts fast
-
+    data, members = read_description(path)
     try:
-        model = fmpy.read_model_description(str(path))
-        with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
+        _, text = mended(data)
+        model = read_model(text)
+        variables = [variable(v) for v in model.modelVariables if is_scalar(v)]
+    except UnusableError:
+        raise
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
-        raise ValueError(f"not a readable FMU: {' '.join(str(error).split())}") from error
-    refuse_unusable(model, members, fmpy.platform)
+        why = shortened(" ".join(str(error).split()))
+        raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
+    refuse_unusable(model, members)
+    refuse_shared(variables)
     return Description(
         path=path,
         sha256=sha256(path),
@@ -101,53 +90,66 @@ def describe(path: Path) -> Description:
         guid=model.guid,
         identifier=model.coSimulation.modelIdentifier,
         version=model.version or "",
-        variables={v.name: variable(v) for v in model.modelVariables},
+        variables={v.name: v for v in variables},
         feedthrough=feedthrough(model),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
+        fmi=int(model.fmiVersion[0]),
     )
 
 
-def refuse_unusable(model: Any, members: list[str], platform: str) -> None:
-    """Raise ValueError unless the FMU is FMI 2.0 co-simulation with a binary for this platform."""
-    if model.fmiVersion != "2.0" or model.coSimulation is None:
-        raise ValueError(f"FMI {model.fmiVersion} without co-simulation found, FMI 2.0 co-simulation expected")
-    if not any(member.startswith(f"binaries/{platform}/") for member in members):
-        raise ValueError(f"it has no binary for this platform ({platform})")
+def read_model(text: bytes) -> Any:
+    """What fmpy makes of a model description; it sees nothing else of the archive."""
+    import fmpy  # here, so that what reads no FMU starts fast
+
+    alone = BytesIO()
+    with zipfile.ZipFile(alone, "w") as archive:
+        archive.writestr(DESCRIPTION, text)
+    return fmpy.read_model_description(alone)
 
 
-def variable(v: Any) -> Variable:
-    """A variable of fmpy's model description with its texts turned into numbers."""
-    kind = v.type
-    texts = [of_type(v, name) for name in ("min", "max", "nominal")]
-    low, high, nominal = (None if text is None else float(text) for text in texts)
-    return Variable(
-        name=v.name,
-        reference=v.valueReference,
-        type=kind,
-        causality=v.causality or "local",
-        unit=of_type(v, "unit"),
-        min=low,
-        max=high,
-        nominal=abs(nominal or 1.0),
-        start=start_value(kind, v.start),
-    )
+def refuse_unusable(model: Any, members: list[str]) -> None:
+    """Raise unless the FMU is for co-simulation, with scalars only and a library for this platform."""
+    import fmpy
+
+    if model.coSimulation is None:
+        found = f"FMI {model.fmiVersion} without co-simulation found, co-simulation expected"
+        raise UnusableError(f"{found}. Export it as that.")
+    refuse_identifier(model.coSimulation.modelIdentifier)
+    for v in model.modelVariables:
+        if v.type == "Clock" or (v.causality in USED and not is_scalar(v)):
+            kind = "an array" if v.dimensions else f"of type {v.type}"
+            found = f"its variable `{shown(v.name)}` is {kind}; scalars without clocks are supported"
+            raise UnusableError(f"{found}. Export it without.")
+    folder = f"binaries/{fmpy.platform if model.fmiVersion == '2.0' else fmpy.platform_tuple}/"
+    library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    if folder + library not in members:
+        platforms = sorted({name.split("/")[1] for name in members if name.startswith("binaries/") and name[9:]})
+        has = f"it has {', '.join(map(shown, platforms))}" if platforms else "it has none at all"
+        raise UnusableError(f"it has no library `{folder}{library}` for this platform; {has}. Ask for one that does.")
 
 
-def of_type(v: Any, attribute: str) -> str | None:
-    """Attribute of the variable, or else of its declared type."""
-    own: str | None = getattr(v, attribute)
-    declared: str | None = getattr(v.declaredType, attribute, None)
-    return declared if own is None else own
+def refuse_shared(variables: list[Variable]) -> None:
+    """Raise if two variables that can be set are one to the FMU, or two have one name."""
+    first: dict[tuple[str, int], str] = {}
+    for v in variables:
+        if v.causality in ("input", "parameter"):
+            kind = "Integer" if v.type == "Enumeration" else v.type
+            other = first.setdefault((v.size or kind, v.reference), v.name)
+            if other != v.name:
+                found = f"its variables `{shown(other)}` and `{shown(v.name)}` have one value reference, {v.reference}"
+                raise UnusableError(f"{found}. Export it again.")
 
 
-def start_value(kind: str, text: str | None) -> Value | None:
-    """Start value in its own type, or None for none."""
-    if text is None or kind == "String":
-        return text
-    if kind == "Boolean":
-        return text in ("true", "1")
-    return float(text) if kind == "Real" else int(text)
+def is_scalar(v: Any) -> bool:
+    """True for a variable that a run can move; a second name of one that can be set does not count."""
+    is_second = v.alias is not None and v.causality in ("input", "parameter")
+    return not v.dimensions and v.type not in ("Binary", "Clock") and not is_second
+
+
+def shortened(text: str) -> str:
+    """The beginning of a long text."""
+    return text.rstrip(".") if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def feedthrough(model: Any) -> dict[str, frozenset[str]]:

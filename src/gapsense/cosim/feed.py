@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from array import array
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -13,11 +12,12 @@ import numpy.typing as npt
 
 from gapsense.cosim.check_values import value_problem
 from gapsense.cosim.descriptions import describe
-from gapsense.cosim.instance import Instance, temporary_folder
+from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.mixed import part_of
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.scenario import Component, Port
 from gapsense.cosim.signals import ports
-from gapsense.files import naming
+from gapsense.cosim.unpacked import unpacked
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 
@@ -33,10 +33,12 @@ def feed(
     an input holds during the step that ends at it. Raises ScenarioError if the FMU has not these parameters or inputs,
     FmuError if it fails.
     """
+    if not fmu.is_file():
+        raise ScenarioError([f"{fmu}: there is no such FMU. Build it with `gapsense build`."])
     try:
         description = describe(fmu)
     except ValueError as error:
-        raise ScenarioError([f"{fmu}: {error}. Build it with `gapsense build`."]) from error
+        raise ScenarioError([f"{fmu}: {error}"]) from error
     known = [v.name for v in description.of("input")]
     problems = [f"{name}: {p}" for n, v in values.items() if (p := value_problem(n, v, description))]
     problems += [f"{name}: no input `{n}`; it has {', '.join(known)}." for n in inputs if n not in known]
@@ -45,15 +47,11 @@ def feed(
     layout = Layout(ports({name: description}))
     samples = np.column_stack(list(inputs.values()))
     with ExitStack() as stack:
-        folder = temporary_folder()
-        stack.callback(shutil.rmtree, folder, ignore_errors=True)
-        with naming(folder):
-            shutil.unpack_archive(fmu, folder, "zip")
-        instance = Instance(name, description, folder)
+        instance = instance_of(name, description, unpacked(description))
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)
         buffer = array("d", [float(variable.start or 0.0) for variable in layout.variables.values()])
-        part = Part(Component(name, fmu.stem), instance, buffer, layout)
+        part = part_of(Component(name, fmu.stem), instance, buffer, layout, {})
         rows = run(part, [layout.index[Port(name, n)] for n in inputs], samples, start, step)
         instance.call("fmi2Terminate")
     return {port.variable: rows[:, j].copy() for j, port in enumerate(part.outputs)}

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import ctypes
-import re
-import shutil
+import os
+import sys
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense import locks
-from gapsense.cosim.descriptions import Description, Variable
+from gapsense.cosim.descriptions import Description
 from gapsense.cosim.record import FmuError
+from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
-STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending", "a wish to end the run")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
+ENDS = 6  # no status of FMI: the step was done and is to be the last
 LONGEST = 500  # characters of a message shown in an error; its `log` has all
 KEPT = 1000  # log messages per instance; the oldest are dropped
-PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 C_TYPES: Mapping[str, Any] = {
     "Real": ctypes.c_double,
     "Integer": ctypes.c_int,
@@ -36,16 +37,6 @@ class Message(NamedTuple):
     text: str
 
 
-def temporary_folder() -> Path:
-    """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
-    for base in (None, Path("/tmp"), Path()):
-        folder = locks.temporary_folder(base).resolve()
-        if PLAIN.fullmatch(str(folder)):
-            return folder
-        shutil.rmtree(folder)
-    raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
-
-
 def collector(messages: deque[Message]) -> Callable[..., None]:
     """Function for the logger of an FMU that keeps its messages."""
 
@@ -55,37 +46,61 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
     return log
 
 
+@contextmanager
+def process_kept() -> Iterator[None]:
+    """Loading changes the working folder, and Python FMUs the search path, where each then stands once."""
+    folder = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+        sys.path[:] = dict.fromkeys(sys.path)
+
+
 class Instance:
-    """An FMU loaded as `name` from its extracted `folder`. After `fmi2Fatal` it is never touched again."""
+    """An FMU of FMI 2.0, loaded as `name` from its unpacked `folder`. After `fmi2Fatal` it is never touched again.
+
+    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates, see `instance3.py`.
+    """
 
     is_near = True  # in this process, so that C may call it
 
     def __init__(self, name: str, description: Description, folder: Path) -> None:
-        from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
-
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        try:
+            with process_kept():
+                self.slave = self.instantiated(folder)
+        except Exception as error:  # fmpy raises plain Exception for a library that does not load
+            raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
+        self.pointer = ctypes.c_void_p(self.slave.component)
+
+    def instantiated(self, folder: Path) -> Any:
+        """What fmpy makes of the library."""
+        from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
+
         callbacks = fmi2.fmi2CallbackFunctions(  # the slave keeps them alive
             logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
             allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
             freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
         )
-        try:
-            self.slave = fmi2.FMU2Slave(
-                guid=description.guid,
-                modelIdentifier=description.identifier,
-                unzipDirectory=str(folder),
-                instanceName=name,
-            )
-            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
-        except Exception as error:  # fmpy raises plain Exception for a library that does not load
-            raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
-        self.pointer = ctypes.c_void_p(self.slave.component)
+        slave = fmi2.FMU2Slave(
+            guid=self.description.guid,
+            modelIdentifier=self.description.identifier,
+            unzipDirectory=str(folder),
+            instanceName=self.name,
+        )
+        slave.instantiate(callbacks=callbacks, loggingOn=True)
+        return slave
+
+    def entry(self, function: str) -> str:
+        """Name that this version of FMI has for an entry point of FMI 2.0."""
+        return function
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
-        entry: Callable[..., int] = self.slave.dll[name]
+        entry: Callable[..., int] = self.slave.dll[self.entry(name)]
         return entry
 
     def call(self, function: str, *arguments: Any) -> None:
@@ -96,9 +111,10 @@ class Instance:
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
-        self.is_dead = self.is_dead or status >= FATAL
-        word = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
-        return FmuError(self.name, f"{function} returned {word}{self.said()}.", time=time, step=step, log=self.log())
+        self.is_dead = self.is_dead or status == FATAL
+        word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
+        cause = f"{self.entry(function)} returned {word}{self.said()}."
+        return FmuError(self.name, cause, time=time, step=step, log=self.log())
 
     def said(self) -> str:
         """What the component logged about a failure, in one line, to end a sentence with.
@@ -115,35 +131,76 @@ class Instance:
         return "\n".join(message.text for message in self.messages)
 
     def initialize(self, values: Mapping[str, Value], start: float, stop: float) -> None:
-        """Set parameters and enter initialization mode; a used instance is reset first, which equals a fresh one."""
+        """Set values and enter initialization mode; a used instance is reset first, which equals a fresh one."""
         if self.is_used:
             self.messages.clear()
             self.call("fmi2Reset")
         self.is_used = True
+        self.enter(values, start, stop)
+
+    def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Everything before and at the start of the initialization mode."""
         yes, no, none = ctypes.c_int(1), ctypes.c_int(0), ctypes.c_double(0.0)
         self.call("fmi2SetupExperiment", no, none, ctypes.c_double(start), yes, ctypes.c_double(stop))
+        self.set_all(values)
+        self.call("fmi2EnterInitializationMode")
+
+    def set_all(self, values: Mapping[str, Value]) -> None:
+        """Set variables by name."""
         for name, value in values.items():
             self.set(self.description.variables[name], value)
-        self.call("fmi2EnterInitializationMode")
 
     def set(self, variable: Variable, value: Value) -> None:
         """Set one variable of any type."""
-        raw = str(value).encode("utf-8") if variable.type == "String" else value
-        self.exchange("fmi2Set", variable, (C_TYPES[variable.type] * 1)(raw))
+        raw = str(value).encode("utf-8") if variable.type == "String" else variable.number(value)
+        buffer = (self.c_type(variable) * 1)(raw)
+        self.checked("Set", variable, buffer)
 
     def get(self, variable: Variable) -> Value:
         """Read one variable of any type."""
-        buffer = (C_TYPES[variable.type] * 1)()
-        self.exchange("fmi2Get", variable, buffer)
+        buffer = (self.c_type(variable) * 1)()
+        self.checked("Get", variable, buffer)
         value = buffer[0]
         if variable.type == "String":
             return (value or b"").decode("utf-8", "replace")
         return bool(value) if variable.type == "Boolean" else value
 
-    def exchange(self, function: str, variable: Variable, buffer: Any) -> None:
-        """Call the entry point that moves a value of this variable's type."""
-        kind = "Integer" if variable.type == "Enumeration" else variable.type
-        self.call(function + kind, (ctypes.c_uint * 1)(variable.reference), ctypes.c_size_t(1), buffer)
+    def checked(self, action: str, variable: Variable, buffer: Any) -> None:
+        """Move the value of one variable and raise FmuError if that fails."""
+        move = self.mover(action, [variable], buffer)
+        status = move()
+        if status > WARNING:
+            raise self.failure(self.accessor(action, variable), status)
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return C_TYPES[variable.type]
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type."""
+        return f"fmi2{action}{'Integer' if variable.type == 'Enumeration' else variable.type}"
+
+    def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
+        """Function that gets or sets the values of variables of one type, an array, and returns the status."""
+        references = (ctypes.c_uint * len(variables))(*(v.reference for v in variables))
+        entry, pointer = self.function(self.accessor(action, variables[0])), self.pointer
+        arguments = (references, ctypes.c_size_t(len(variables)), values, *self.after(len(variables)))
+        return lambda: entry(pointer, *arguments)
+
+    def after(self, _: int) -> tuple[Any, ...]:
+        """Arguments of an accessor after the values, of which there are so many."""
+        return ()
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status."""
+        entry, pointer, time = self.function("fmi2DoStep"), self.pointer, ctypes.c_double()
+        step, keep = ctypes.c_double(duration), ctypes.c_int(1)
+
+        def do(start: float) -> int:
+            time.value = start
+            return entry(pointer, time, step, keep)
+
+        return do
 
     def state(self) -> bytes:
         """All that the instance remembers, as `restore` takes it."""

@@ -6,16 +6,20 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
+from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
-from gapsense.cosim.scenario import ISOLATIONS, METHODS, STEP_LIMIT, Component, Experiment, Scenario
+from gapsense.cosim.changes import OVER, Changes
+from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.load_inputs import read_inputs
+from gapsense.cosim.played import Played
+from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
-from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import COUNT, INDEX, NUMBER, POSITIVE, TEXT, TEXTS, Table, merged, read_toml
+from gapsense.problems import ScenarioError
+from gapsense.tables import INDEX, SCALAR, Table, Value
 
 T = TypeVar("T")
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
 
@@ -28,13 +32,13 @@ class Draft:
     broken: frozenset[str] = frozenset()
 
 
-def load(path: str | Path, variant: str | None = None) -> Scenario:
+def load(source: Source, variant: str | None = None) -> Scenario:
     """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
 
     Parameters
     ----------
-    path : str or Path
-        Scenario file, or its folder.
+    source : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Name of a variant in the file.
 
@@ -47,71 +51,53 @@ def load(path: str | Path, variant: str | None = None) -> Scenario:
     ScenarioError
         With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
     """
-    draft = read_draft(path, variant)
+    draft = read_draft(source, variant)
     if draft.problems or draft.scenario is None:
         raise ScenarioError(draft.problems)
     return draft.scenario
 
 
-def read_draft(path: str | Path, variant: str | None = None) -> Draft:
+def read_draft(source: Source, variant: str | None = None) -> Draft:
     """Scenario as far as it can be read, with the problems found."""
-    file = scenario_file(path)
     problems: list[str] = []
-    data = read_toml(file, problems)
-    if data is None:
+    document = read_document(source, problems)
+    document = document and document.with_variant(variant, problems)
+    if document is None:
         return Draft(None, problems)
-    chosen = with_variant(data, variant, file, problems)
-    if chosen is None:
-        return Draft(None, problems)
-    reader = Reader(file, variant, Table(chosen, file.name, "", problems))
+    reader = Reader(document, variant, problems)
     return Draft(reader.scenario(), problems, frozenset(reader.broken))
 
 
-def scenario_file(path: str | Path) -> Path:
-    """The scenario file itself, also if its folder is given."""
-    path = Path(path)
-    return path / "scenario.toml" if path.is_dir() else path
-
-
-def with_variant(data: dict[str, Any], variant: str | None, file: Path, problems: list[str]) -> dict[str, Any] | None:
-    """Content of the file with a variant laid over it, or None if there is no such variant."""
-    if variant is None:
-        return data
-    variants = data.get("variants")
-    if not isinstance(variants, dict) or not isinstance(variants.get(variant), dict):
-        known = variants if isinstance(variants, dict) else {}
-        problems.append(f"{file.name}: there is no variant `{variant}`. {suggest(variant, known)}")
-        return None
-    return merged({k: v for k, v in data.items() if k != "variants"}, variants[variant]) | {"variants": variants}
-
-
 class Reader:
-    """Reads the sections of one scenario file; `broken` holds the sections with problems."""
+    """Reads the sections of one scenario; `broken` holds the sections with problems."""
 
-    def __init__(self, path: Path, variant: str | None, table: Table) -> None:
-        self.path, self.variant, self.table = path, variant, table
+    def __init__(self, document: Document, variant: str | None, problems: list[str]) -> None:
+        self.document, self.path, self.variant = document, document.path, variant
+        self.table = Table(document.data, document.path.name, "", problems)
+        self.changes = Changes(document.changes, problems)
         self.broken: set[str] = set()
-        self.files: list[Path] = [path]
+        self.files: list[Path] = [self.path] if document.is_file else []
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
         table = self.table
-        experiment = self.section("experiment", self.experiment)
+        about, experiment = table.read(keys.FILE), self.section("experiment", self.experiment)
+        (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
-        grid, rows, columns = self.section(
-            "sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files)
-        )
-        scenario = Scenario(
+        grid, rows, columns = self.section("sweep", self.sweep)
+        self.changes.finish(components)
+        return Scenario(
             path=self.path,
-            title=table.take("title", TEXT, "", required=True),
-            description=table.take("description", TEXT, ""),
-            figure=table.take("figure", TEXT, "overview"),
+            called=self.document.name,
+            title=about["title"] or "",
+            description=about["description"],
+            figure=about["figure"],
             variant=self.variant,
             experiment=experiment,
             components=components,
             connections=self.section("connections", sections.read_connections),
-            inputs=self.section("inputs", sections.read_inputs),
-            seeds=self.section("seeds", self.seeds),
+            inputs=inputs,
+            seeds=seeds,
             grid=grid,
             rows=rows,
             record=self.section("record", sections.read_record),
@@ -121,9 +107,13 @@ class Reader:
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
             rows_columns=columns,
+            played=played,
+            hashes=self.document.hashes,
         )
-        table.finish()
-        return scenario
+
+    def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
+        """Values that a sweep goes through."""
+        return sections.read_sweep(table, self.path.parent, self.files)
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""
@@ -136,55 +126,57 @@ class Reader:
     def experiment(self, table: Table) -> Experiment:
         """Time grid; a whole number of base steps must fit between start and stop."""
         table = table.table("experiment")
-        start = table.take("start", NUMBER, 0.0)
-        stop = table.take("stop", NUMBER, required=True)
-        base = table.take("base_step", POSITIVE, required=True)
-        method = table.choice("method", METHODS, "gauss-seidel")
-        pace = table.take("pace", POSITIVE)
-        isolation = table.choice("isolation", ISOLATIONS, "none")
-        limit = table.take("step_limit", POSITIVE, STEP_LIMIT)
-        table.finish()
-        if stop is None or base is None:
+        given = table.read(keys.EXPERIMENT)
+        if given["stop"] is None or given["base_step"] is None:
             return NO_EXPERIMENT
-        read = grid(table, float(start), float(stop), float(base), str(method), pace) or NO_EXPERIMENT
-        return replace(read, isolation=str(isolation), step_limit=float(limit))
+        start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
+        read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
+        return replace(read, isolation=given["isolation"], step_limit=float(given["step_limit"]))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        good = [name for name in table.data if NAME.fullmatch(name)]  # signals are written `component.variable`
+        good = [name for name in table.data if re.fullmatch(keys.NAME, name)]
         for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
         return {name: self.component(table.table(name), name) for name in good}
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
-        files = [self.path.parent / file for file in table.take("parameters", TEXTS, [])]
+        own = table.read(keys.COMPONENT)
+        files = [self.path.parent / file for file in own["parameters"]]
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
         layers = [(path.name, sets[path]) for path in files]
         layers.append((inline.where(), located_values(inline, self.path.parent)))
+        layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
-        component = Component(
+        return Component(
             name=name,
-            fmu=table.take("fmu", TEXT, "", required=True),
-            step=table.take("step", COUNT, 1),
-            offset=table.take("offset", INDEX, 0),
+            fmu=own["fmu"] or "",
+            step=own["step"],
+            offset=own["offset"],
             values={name: value for _, name, value in given},
             origin={name: place for place, name, _ in given},
             sets=sets,
-            isolation=str(table.choice("isolation", ISOLATIONS, "none")),
+            isolation=own["isolation"],
         )
-        table.finish()
-        return component
 
     def seeds(self, table: Table) -> dict[str, int]:
         """Seed of each random component."""
         table = table.table("seeds")
-        return {name: table.take(name, INDEX, 0) for name in table.data}
+        seeds = {name: table.take(name, INDEX, 0) for name in table.data}
+        instead = self.changes.instead((f"{name}.seed" for name in seeds), INDEX)
+        return {name: instead.get(f"{name}.seed", seed) for name, seed in seeds.items()}
+
+    def inputs(self, table: Table) -> tuple[dict[Port, Value], dict[Port, Played]]:
+        """Constants, and signals that inputs follow."""
+        inputs, played = read_inputs(table, self.path.parent, self.files)
+        instead = self.changes.instead(map(str, inputs), SCALAR)
+        return {port: instead.get(str(port), value) for port, value in inputs.items()}, played
 
     def variants(self, table: Table) -> dict[str, str]:
         """Description of each variant; their content is read only when one is chosen."""
@@ -192,7 +184,7 @@ class Reader:
         out: dict[str, str] = {}
         for name in table.data:
             item = table.table(name)
-            out[name] = item.take("description", TEXT, "")
+            out[name] = item.value(keys.VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
         return out

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from gapsense import tables as kinds
+from gapsense.cosim import keys
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, RowsColumn, Tolerance
 from gapsense.files import Sheet, number, read_sheet
@@ -37,24 +39,16 @@ def read_connections(table: Table) -> tuple[Connection, ...]:
 
 def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
-    names = {key: table.take(key, kinds.TEXT, required=True) for key in ("from", "to")}
-    source, target = (None if name is None else split(table, key, name) for key, name in names.items())
-    factor, bias = table.take("factor", kinds.NUMBER), table.take("bias", kinds.NUMBER)
-    unit = table.take("unit", kinds.TEXT)
-    table.finish()
-    return Connection(source, target, factor, bias, unit, table.place) if source and target else None
-
-
-def read_inputs(table: Table) -> dict[Port, float]:
-    """Constant inputs; `"drive.enable" = 1.0` and `[inputs.drive] enable = 1.0` mean the same."""
-    inputs = table.table("inputs")
-    return {port: float(value) for port, value in by_port(inputs, inputs.flat(kinds.NUMBER)).items()}
+    own = table.read(keys.CONNECTION)
+    source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
+    how = (own["factor"], own["bias"], own["unit"])
+    return Connection(source, target, *how, table.place) if source and target else None
 
 
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")
-    file = sweep.take(ROWS, kinds.TEXT)
+    file = sweep.read(keys.SWEEP)[ROWS]
     lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(kinds.LIST)
     for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
         sweep.note(name, "the same value is given twice. Remove one.")
@@ -125,11 +119,8 @@ def split(table: Table, key: str, name: str) -> Port | None:
 
 def read_record(table: Table) -> Record:
     """Signals to record; all inputs and outputs if the section is missing."""
-    record = table.table("record")
-    signals = record.take("signals", kinds.TEXTS, ["*"])
-    decimation = record.take("decimation", kinds.COUNT, 1)
-    record.finish()
-    return Record(tuple(signals), decimation)
+    record = table.table("record").read(keys.RECORD)
+    return Record(tuple(record["signals"]), record["decimation"])
 
 
 def read_metrics(table: Table) -> tuple[Metric, ...]:
@@ -141,22 +132,15 @@ def read_metrics(table: Table) -> tuple[Metric, ...]:
 
 def read_metric(table: Table, name: str) -> Metric | None:
     """One metric, or None if its kind or signal is missing."""
-    kind = table.choice("kind", tuple(KINDS))
-    signal = table.take("signal", kinds.TEXT, required=True)
-    reference = table.take("reference", kinds.NUMBER_OR_TEXT)
-    after, before = table.take("after", kinds.NUMBER), table.take("before", kinds.NUMBER)
-    where, time = table.take("where", kinds.TEXT), table.take("time", kinds.TEXT)
-    bounds = table.take("bounds", kinds.BOUNDS)
-    description, published = table.take("description", kinds.TEXT, ""), table.take("published", kinds.NUMBER)
-    title, label = table.take("table", kinds.TEXT, ""), table.take("label", kinds.TEXT, name)
-    table.finish()
+    own = table.read(keys.METRIC)
+    after, before, bounds = own["after"], own["before"], own["bounds"]
     if after is not None and before is not None and after >= before:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
-    if kind is None or signal is None or not reference_fits(table, kind, reference):
+    if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
-    shown = (description, published, title, label)
-    return Metric(name, kind, signal, reference, after, before, where, time, span, *shown)
+    label = name if own["label"] is None else own["label"]
+    return Metric(**{**own, "name": name, "bounds": span, "label": label})
 
 
 def reference_fits(table: Table, kind: str, reference: str | float | None) -> bool:
@@ -178,23 +162,20 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`."""
     baseline = table.table("baseline")
     default = f"baseline.{variant}.csv" if variant else "baseline.csv"
-    file = baseline.take("file", kinds.TEXT, default)
+    given = baseline.read(keys.BASELINE)
+    file = given["file"] or default
     own = table.data["variants"][variant].get("baseline") if variant else None
     if variant and not (isinstance(own, dict) and "file" in own):
         file = default
-    signals, decimation = baseline.take("signals", kinds.TEXTS), baseline.take("decimation", kinds.COUNT, 1)
-    tolerance = read_tolerance(baseline, Tolerance())
+    tolerance = Tolerance(given["rtol"], given["atol"])
     exceptions = baseline.table("tolerances")
-    tables = {name: exceptions.table(name) for name in exceptions.data}
-    tolerances = {name: read_tolerance(own, tolerance) for name, own in tables.items()}
-    for read in (*tables.values(), baseline):
-        read.finish()
-    chosen = None if signals is None else tuple(signals)
+    tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
+    chosen = None if given["signals"] is None else tuple(given["signals"])
     declared = "baseline" in table.data
-    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, decimation)
+    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, given["decimation"])
 
 
 def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
     """Tolerance of a table, each part by default that of the table around it."""
-    rtol = table.take("rtol", kinds.NOT_NEGATIVE, default.rtol)
-    return Tolerance(rtol, table.take("atol", kinds.NOT_NEGATIVE, default.atol))
+    own = {key: value for key, value in table.read(keys.TOLERANCE).items() if value is not None}
+    return replace(default, **own)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
+from dataclasses import replace
 from time import perf_counter, sleep
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,15 +14,19 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import BaseStep, base_stepper
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.instance import Instance, temporary_folder
+from gapsense.cosim.inputs import constants, place
+from gapsense.cosim.instance import Instance
+from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
+from gapsense.cosim.played import first, player
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import COMPONENT, ENDING, LOADING, MASTER, PHASE, ROWS, STARTING, STEP, Recording
 from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
-from gapsense.cosim.signals import ports
-from gapsense.files import naming
+from gapsense.cosim.signals import ports, texts
+from gapsense.cosim.unpacked import unpacked
 from gapsense.processes import MARKS, Marks
 from gapsense.tables import Value
 
@@ -36,20 +39,20 @@ REPORTS = 200  # progress reports per run
 
 
 class Master:
-    """All FMU instances of a scenario, extracted and loaded once, run as often as wanted.
+    """All FMU instances of a scenario, loaded once, run as often as wanted.
 
-    Use it in a `with` statement: at its end all instances are freed and the extracted files removed.
+    Use it in a `with` statement: at its end all instances are freed.
     """
 
     def __init__(self, scenario: Scenario, descriptions: Descriptions, marks: Marks | None = None) -> None:
         self.scenario, self.descriptions = scenario, descriptions
         self.marks: Marks = array("q", bytes(8 * MARKS)) if marks is None else marks
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
-        self.places = Layout(ports(descriptions))
+        self.places = Layout(ports(descriptions), texts(descriptions))
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
         self.view = np.frombuffer(self.buffer)
+        self.texts: Texts = {}
         self.parts: list[Part] = []
-        self.folder = temporary_folder()
         try:
             self.load()
         except BaseException:
@@ -57,27 +60,21 @@ class Master:
             raise
 
     def load(self) -> None:
-        """Extract every FMU once, instantiate the components in execution order, wire them."""
-        folders: dict[Path, Path] = {}
+        """Instantiate the components in execution order, wire them."""
         for name in self.each(LOADING, self.order.names):
-            description = self.descriptions[name]
-            if description.path not in folders:
-                folders[description.path] = self.folder / f"{len(folders)}"
-                with naming(folders[description.path]):
-                    shutil.unpack_archive(description.path, folders[description.path], "zip")
-            instance = self.instance(name, folders[description.path])
-            self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
+            component, instance = self.scenario.components[name], self.instance(name)
+            self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
         for part in self.parts:
             for connection in self.scenario.connections:
                 if connection.target.component == part.component.name:
                     part.connect(connection)
 
-    def instance(self, name: str, folder: Path) -> Instance:
+    def instance(self, name: str) -> Instance:
         """Instance of a component, in a process of its own if the scenario wants that."""
         description = self.descriptions[name]
         if self.scenario.components[name].isolation == "process":
-            return RemoteInstance(name, description, folder, self.scenario.experiment.step_limit)
-        return Instance(name, description, folder)
+            return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+        return instance_of(name, description, unpacked(description))
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
@@ -87,6 +84,15 @@ class Master:
             yield item
         self.marks[COMPONENT] = MASTER
 
+    def adopt(self, scenario: Scenario, descriptions: Descriptions) -> bool:
+        """Run another scenario from now on, if that has the same FMUs, wired in the same way; else say no."""
+        if not self.parts or structure(scenario, descriptions) != structure(self.scenario, self.descriptions):
+            return False
+        self.scenario, self.descriptions = scenario, descriptions
+        for part in self.parts:
+            part.component = scenario.components[part.component.name]
+        return True
+
     def __enter__(self) -> Master:
         return self
 
@@ -94,11 +100,10 @@ class Master:
         self.close()
 
     def close(self) -> None:
-        """Free all instances and remove the extracted files."""
+        """Free all instances."""
         for part in self.parts:
             part.instance.close()
         self.parts = []
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def run(
         self,
@@ -146,14 +151,19 @@ class Master:
         experiment = self.scenario.experiment
         self.view[:] = 0.0
         self.marks[ROWS] = self.marks[STEP] = 0
+        self.texts.update(dict.fromkeys(self.places.texts, ""))
+        played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component = part.component
+            part.is_played = component.name in played
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
             own.update({port.variable: value for port, value in values.items() if port.component == component.name})
             part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
             refuse(part, part.read_outputs(), experiment)
-        for port, value in self.scenario.inputs.items():
-            self.buffer[self.places.index[port]] = value
+        for port, value in constants(self.scenario, self.descriptions, values).items():
+            place(port, value, self.places, self.buffer, self.texts)
+        self.play = player(self.scenario.played, self.places.index, self.buffer, experiment)
+        self.play(0)
         for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
@@ -181,6 +191,7 @@ class Master:
         done = keeper.restore(self, recording) if keeper else 0
         wait = pacer(experiment, recording, done) if experiment.pace else None
         step = base_stepper(self.parts, experiment, recording, marks, done)
+        step = first(self.play, step) if self.scenario.played else step
         if not done:
             take(columns, out=data[0], mode="clip")
             recording.rows = 1
@@ -231,6 +242,13 @@ class Master:
 def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
     """Rows and columns of a whole run."""
     return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
+
+
+def structure(scenario: Scenario, descriptions: Descriptions) -> object:
+    """What cannot change while the FMUs are loaded."""
+    bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
+    hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
+    return list(bare.items()), hashes, scenario.connections
 
 
 def pacer(experiment: Experiment, recording: Recording, done: int) -> BaseStep:

@@ -27,6 +27,7 @@ class MetricKind:
 
     compute: Callable[..., float]
     reference: Literal["required", "optional", "none", "axis"]
+    what: str
 
 
 def rms(error: Vector) -> float:
@@ -47,18 +48,18 @@ def intercept(y: Vector, x: Vector) -> float:
 
 
 KINDS: Mapping[str, MetricKind] = {
-    "rmse": MetricKind(rms, "required"),
-    "max_abs": MetricKind(lambda error: float(np.max(np.abs(error))), "optional"),
-    "mean_abs": MetricKind(lambda error: float(np.mean(np.abs(error))), "optional"),
-    "mean": MetricKind(lambda error: float(np.mean(error)), "optional"),
-    "std": MetricKind(lambda error: float(np.std(error)), "optional"),
-    "final": MetricKind(lambda error: float(error[-1]), "optional"),
-    "min": MetricKind(lambda signal: float(np.min(signal)), "optional"),
-    "max": MetricKind(lambda signal: float(np.max(signal)), "optional"),
-    "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional"),
-    "fraction": MetricKind(lambda signal: float(np.mean(signal != 0.0)), "none"),
-    "loop_area": MetricKind(loop_area, "axis"),
-    "intercept": MetricKind(intercept, "axis"),
+    "rmse": MetricKind(rms, "required", "Root mean square of the difference"),
+    "max_abs": MetricKind(lambda error: float(np.max(np.abs(error))), "optional", "Greatest absolute value"),
+    "mean_abs": MetricKind(lambda error: float(np.mean(np.abs(error))), "optional", "Mean absolute value"),
+    "mean": MetricKind(lambda error: float(np.mean(error)), "optional", "Mean"),
+    "std": MetricKind(lambda error: float(np.std(error)), "optional", "Standard deviation"),
+    "final": MetricKind(lambda error: float(error[-1]), "optional", "Last sample"),
+    "min": MetricKind(lambda signal: float(np.min(signal)), "optional", "Least sample"),
+    "max": MetricKind(lambda signal: float(np.max(signal)), "optional", "Greatest sample"),
+    "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional", "Last sample less the first"),
+    "fraction": MetricKind(lambda signal: float(np.mean(signal != 0.0)), "none", "Share of the samples that are not 0"),
+    "loop_area": MetricKind(loop_area, "axis", "Area inside the closed curve, positive if it is run anticlockwise"),
+    "intercept": MetricKind(intercept, "axis", "Mean absolute value where the reference changes its sign"),
 }
 
 

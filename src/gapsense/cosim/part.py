@@ -6,15 +6,15 @@ import ctypes
 import math
 from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from gapsense.cosim.descriptions import Variable
 from gapsense.cosim.instance import WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.turn import Link, Turn, address, entry
+from gapsense.cosim.variables import Variable
 
 Stepper = Callable[[float], str]
 GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
@@ -24,9 +24,10 @@ CAUSES = ("", SET, STEP, GET, NOT_FINITE)  # as turn.c numbers them
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each Real input and output lies in the common buffer; those of a component lie side by side."""
+    """Where each input and output lies in the common buffer, see `signals.ports`; a String has no place in it."""
 
     variables: Mapping[Port, Variable]
+    texts: Mapping[Port, Variable] = field(default_factory=dict)
 
     @cached_property
     def index(self) -> dict[Port, int]:
@@ -36,6 +37,14 @@ class Layout:
     def of(self, component: str, causality: str) -> list[Port]:
         """Inputs or outputs of a component, in the order of the buffer."""
         return [p for p, v in self.variables.items() if p.component == component and v.causality == causality]
+
+    def spoken(self, component: str, causality: str) -> list[Port]:
+        """String inputs or outputs of a component."""
+        return [p for p, v in self.texts.items() if p.component == component and v.causality == causality]
+
+    def variable(self, port: Port) -> Variable:
+        """The variable of a port of any type."""
+        return self.texts[port] if port in self.texts else self.variables[port]
 
 
 class Exchange(NamedTuple):
@@ -61,9 +70,19 @@ class Part:
         self.outputs = places.of(component.name, "output")
         self.plain: list[tuple[int, int]] = []
         self.scaled: list[tuple[int, int, float, float]] = []
-        self.set_inputs = self.exchange(SET, places.of(component.name, "input"))
-        self.get_outputs = self.exchange(GET, self.outputs)
+        self.is_played = False  # an input follows a signal of the scenario
         self.status = 0
+        self.prepare()
+
+    def prepare(self) -> None:
+        """Make ready the calls that move values."""
+        self.set_inputs = self.exchange(SET, self.places.of(self.component.name, "input"))
+        self.get_outputs = self.exchange(GET, self.outputs)
+
+    @property
+    def follows(self) -> bool:
+        """True if an input may change during a run."""
+        return bool(self.plain or self.scaled or self.is_played)
 
     def exchange(self, function: str, ports: list[Port]) -> Exchange:
         """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
@@ -84,18 +103,26 @@ class Part:
 
     def taker(self) -> Callable[[], str]:
         """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
-        buffer, plain, scaled = self.buffer, tuple(self.plain), tuple(self.scaled)
-        entry, pointer, references, count, values = self.set_inputs
+        copy, (entry, pointer, references, count, values) = self.copier(), self.set_inputs
 
         def take() -> str:
-            for target, source in plain:
-                buffer[target] = buffer[source]
-            for target, source, factor, bias in scaled:
-                buffer[target] = factor * buffer[source] + bias
+            copy()
             status = entry(pointer, references, count, values)
             return self.checked(status, SET) if status > WARNING else ""
 
         return take
+
+    def copier(self) -> Callable[[], None]:
+        """Function that copies connected outputs into the inputs."""
+        buffer, plain, scaled = self.buffer, tuple(self.plain), tuple(self.scaled)
+
+        def copy() -> None:
+            for target, source in plain:
+                buffer[target] = buffer[source]
+            for target, source, factor, bias in scaled:
+                buffer[target] = factor * buffer[source] + bias
+
+        return copy
 
     def read_outputs(self) -> str:
         """Read the outputs into the buffer; what failed, or nothing."""
@@ -119,7 +146,7 @@ class Part:
         For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
         Whatever is not the FMU's own time here is the cost of the master, hence one call into C where that is possible.
         """
-        takes_inputs = takes_inputs and bool(self.plain or self.scaled)
+        takes_inputs = takes_inputs and self.follows
         turn = entry() if self.instance.is_near else None
         if turn is None:
             return self.python_stepper(base_step, takes_inputs)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim import show
 from gapsense.cosim.metrics import Measured
 from gapsense.cosim.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.files import prepared, read_columns, rename, sha256, write_columns, write_json
@@ -64,9 +65,10 @@ class Run:
     overruns: int = 0  # late base steps of a run with a pace
     lag: float = 0.0  # the worst lateness [s]
     source: str = ""  # scenario file; in the side-car it is relative to the result
+    figure: str = "overview"  # that shows it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Recorded signals of a run, complete or not: the rows up to an interruption or a failure are valid."""
 
@@ -109,6 +111,29 @@ class Result:
         since = np.arange(self.times.size) * self.run.decimation - int(component["offset"])
         has_stepped: npt.NDArray[np.bool_] = (since > 0) & (since % int(component["step"]) == 0)
         return has_stepped
+
+    def plot(self, *patterns: str) -> Any:
+        """Figure of the recorded signals of these names or patterns, by default all: a panel per unit."""
+        return show.plot(self, patterns)
+
+    def to_pandas(self) -> Any:
+        """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
+        return show.frame(self)
+
+    def __repr__(self) -> str:
+        span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
+        states = (("interrupted", self.interrupted), ("failed", bool(self.failure)))
+        bad = sum(not m.passed for m in self.metrics.values())
+        parts = (
+            f"{self.times.size} rows{span}",
+            f"{len(self.signals)} signals",
+            f"{len(self.metrics)} metrics" + (f" ({bad} outside their bounds)" if bad else ""),
+            *(word for word, holds in states if holds),
+        )
+        return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
+
+    def _repr_html_(self) -> str:
+        return show.html(self)
 
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.

@@ -8,7 +8,8 @@ from pathlib import Path
 from time import perf_counter
 
 from gapsense.cosim.compare import compare, selected, thinned
-from gapsense.cosim.load import load, read_draft, scenario_file
+from gapsense.cosim.document import scenario_file
+from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario
@@ -70,10 +71,10 @@ class Update:
 
 
 def find_scenarios(folder: str | Path) -> list[Path]:
-    """Scenario files in a folder and the folders below it, sorted; a scenario file stands for itself."""
+    """Scenario files in a folder and the folders below it, sorted; a file or the name of an example is one."""
     folder = Path(folder)
-    if folder.is_file():
-        return [folder]
+    if not folder.is_dir() and (file := scenario_file(folder)).is_file():
+        return [file]
     files = sorted(folder.rglob("scenario.toml"))
     if not files:
         raise ScenarioError([f"{folder}: there is no `scenario.toml` in this folder or below. Correct the path."])

@@ -10,16 +10,18 @@ import ctypes
 import pickle
 from base64 import b64decode, b64encode
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
 from gapsense.cosim import remote_child
-from gapsense.cosim.descriptions import Description, Variable
+from gapsense.cosim.descriptions import Description
 from gapsense.cosim.instance import FATAL, KEPT, WARNING, Instance, Message
+from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.remote_child import GET, SET, STEP
+from gapsense.cosim.variables import Variable
 from gapsense.processes import Died, Process
 from gapsense.tables import Value
 
@@ -28,9 +30,11 @@ class RemoteInstance(Instance):
     """An FMU loaded as `name` from its extracted `folder` elsewhere; `limit` [s] is for each answer from there."""
 
     is_near = False
+    kind: type[Instance]
 
     def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
         self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
+        self.kind = Instance3 if description.fmi == 3 else Instance
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
@@ -93,6 +97,34 @@ class RemoteInstance(Instance):
     def do_step(self, _: Any, start: ctypes.c_double, duration: ctypes.c_double, keep: Any) -> int:
         """Set the inputs if they are new, step, read the outputs."""
         return self.request(STEP, [start.value, duration.value])[0]
+
+    def entry(self, function: str) -> str:
+        """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
+        return self.kind.entry(self, function)
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return self.kind.c_type(self, variable)
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type."""
+        return self.kind.accessor(self, action, variable)
+
+    def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
+        """Function that gets or sets the values of variables of one type, an array, and returns the status."""
+        names = [variable.name for variable in variables]
+
+        def move() -> int:
+            status, answer = self.request("move", [action, names, remote_child.plain(values)])
+            if status <= WARNING and action == "Get":
+                values[:] = remote_child.raw(answer)
+            return status
+
+        return move
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status."""
+        return lambda start: self.request("do", [start, duration])[0]
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""

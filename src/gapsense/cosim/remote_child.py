@@ -7,13 +7,14 @@ import ctypes
 import mmap
 import pickle
 from base64 import b64decode, b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import ERROR, Instance, Message
+from gapsense.cosim.instance import ERROR, WARNING, Instance, Message
+from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
 
 GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
@@ -45,7 +46,17 @@ def references(description: Description, causality: str) -> list[int]:
     return [variable.reference for variable in description.of(causality) if variable.type == "Real"]
 
 
-class Served(Instance):
+def plain(values: Any) -> list[Any]:
+    """Values of an array of ctypes, as JSON takes them."""
+    return [value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in values]
+
+
+def raw(values: Sequence[Any]) -> list[Any]:
+    """The same, as an array of ctypes takes them."""
+    return [value.encode("utf-8") if isinstance(value, str) else value for value in values]
+
+
+class Noting(Instance):
     """An instance that remembers which call failed."""
 
     failed, status = "", 0
@@ -54,6 +65,10 @@ class Served(Instance):
         """Error for a call that failed."""
         self.failed, self.status = function, status
         return super().failure(function, status, time, step)
+
+
+class Noting3(Noting, Instance3):
+    """The same of FMI 3.0."""
 
 
 def prepare(folder: str) -> Callable[[Request], Answer]:
@@ -66,11 +81,11 @@ def prepare(folder: str) -> Callable[[Request], Answer]:
 class Server:
     """The instance, once it is loaded, and what may be asked of it."""
 
-    instance: Served
+    instance: Noting
 
     def __init__(self, folder: Path) -> None:
-        name, self.description, self.extracted = pickle.loads((folder / "plan").read_bytes())
-        self.name: str = name
+        plan: tuple[str, Description, Path] = pickle.loads((folder / "plan").read_bytes())
+        self.name, self.description, self.extracted = plan
         self.memory = memory(folder, self.description)
         self.last: Message | None = None  # that was passed on
         self.inputs, self.outputs = (self.arguments(c, v) for c, v in zip(("input", "output"), self.memory))
@@ -97,7 +112,8 @@ class Server:
     def load(self) -> Answer:
         """Load the FMU; the entry point in the answer is the whole cause if that fails."""
         try:
-            self.instance = Served(self.name, self.description, self.extracted)
+            kind = Noting3 if self.description.fmi == 3 else Noting
+            self.instance = kind(self.name, self.description, self.extracted)
         except FmuError as error:
             return ERROR, error.cause, None, []
         atexit.register(self.instance.close)
@@ -110,17 +126,35 @@ class Server:
             instance.call(STEP, *map(ctypes.c_double, arguments), ctypes.c_int(1))
         if verb in (STEP, GET):
             return instance.call(GET, *self.outputs) if len(self.memory.outputs) else None
+        if verb == "move":
+            return self.move(*arguments)
         if verb == "get":
             return instance.get(variables[arguments])
         if verb == "state":
             return b64encode(instance.state()).decode()
         others: dict[str, Callable[[], None]] = {
             "call": lambda: instance.call(arguments),
+            "do": lambda: self.step(*arguments),
             "initialize": lambda: instance.initialize(*arguments),
             "set": lambda: instance.set(variables[arguments[0]], arguments[1]),
             "restore": lambda: instance.restore(b64decode(arguments)),
         }
         return others[verb]()
+
+    def move(self, action: str, names: list[str], values: list[Any]) -> list[Any] | None:
+        """Set values of variables of one type, or get them."""
+        variables = [self.description.variables[name] for name in names]
+        array = (self.instance.c_type(variables[0]) * len(variables))(*raw(values))
+        status = self.instance.mover(action, variables, array)()
+        if status > WARNING:
+            raise self.instance.failure(self.instance.accessor(action, variables[0]), status)
+        return plain(array) if action == "Get" else None
+
+    def step(self, start: float, duration: float) -> None:
+        """Do a step, and nothing else."""
+        status = self.instance.doer(duration)(start)
+        if status > WARNING:
+            raise self.instance.failure(STEP, status)
 
     def said(self) -> list[Message]:
         """Messages since the last answer."""

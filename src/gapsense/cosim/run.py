@@ -17,7 +17,8 @@ from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_values import taken
 from gapsense.cosim.checkpoint import Checkpoint, Keeper, keeper
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.load import read_draft, scenario_file
+from gapsense.cosim.document import Source, scenario_file
+from gapsense.cosim.load import read_draft
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.metrics import measure
 from gapsense.cosim.order import execution_order
@@ -28,12 +29,11 @@ from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256
 from gapsense.interrupts import counted
 from gapsense.problems import ScenarioError, suggest
-
-FMU_FOLDER = Path("build", "fmus")
+from gapsense.shipped import FMU_FOLDER, FMUS
 
 
 def run(
-    scenario: str | Path,
+    scenario: Source,
     variant: str | None = None,
     fmus: str | Path | None = None,
     seed_shift: int = 0,
@@ -48,12 +48,13 @@ def run(
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Variant of the scenario.
     fmus : str or Path, optional
-        Folder of the FMUs; by default `build/fmus` in a folder above the scenario, or below the working directory.
+        Folder of the FMUs; by default `build/fmus` in a folder above the scenario, or below the working
+        directory, or else those that come with Gapsense.
     seed_shift : int
         Added to every seed of the scenario.
     progress : callable, optional
@@ -102,13 +103,13 @@ def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None
     return replace(scenario, experiment=replace(experiment, isolation=isolation, step_limit=limit))
 
 
-def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
     """Problems of a scenario, found without running it.
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
     variant : str, optional
         Variant to check; by default the scenario as it is and then every variant.
     fmus : str or Path, optional
@@ -128,7 +129,7 @@ def check(scenario: str | Path, variant: str | None = None, fmus: str | Path | N
 
 
 def prepare(
-    scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None
+    scenario: Source, variant: str | None = None, fmus: str | Path | None = None
 ) -> tuple[Scenario, dict[str, Description]]:
     """Scenario and model descriptions, checked; raises ScenarioError with all problems of both."""
     problems, read, descriptions = inspect(scenario, variant, fmus)
@@ -138,7 +139,7 @@ def prepare(
 
 
 def inspect(
-    scenario: str | Path, variant: str | None, fmus: str | Path | None
+    scenario: Source, variant: str | None, fmus: str | Path | None
 ) -> tuple[list[str], Scenario | None, dict[str, Description]]:
     """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions."""
     draft = read_draft(scenario, variant)
@@ -153,9 +154,9 @@ def inspect(
 
 
 def find_fmus(scenario: Path) -> Path:
-    """Folder `build/fmus` in a folder above the scenario, or else below the working directory."""
+    """Folder `build/fmus` in a folder above the scenario, or below the working directory, or else what was shipped."""
     above = (folder / FMU_FOLDER for folder in scenario.resolve().parents)
-    return next((folder for folder in above if folder.is_dir()), FMU_FOLDER)
+    return next((folder for folder in (*above, FMU_FOLDER, FMUS) if folder.is_dir()), FMU_FOLDER)
 
 
 def run_once(
@@ -239,13 +240,15 @@ def about(scenario: Scenario, descriptions: Descriptions, take: Take, recording:
         overruns=recording.overruns,
         lag=recording.lag,
         source=str(scenario.path.resolve()),
+        figure=scenario.figure,
     )
 
 
 def file_hashes(scenario: Scenario) -> dict[str, str]:
-    """Hash of each file of a scenario, by its path from the scenario's folder."""
+    """Hash of each file of a scenario, by its path from the scenario's folder, and of what stands in none."""
     folder = scenario.path.parent.resolve()
-    return {Path(os.path.relpath(file.resolve(), folder)).as_posix(): sha256(file) for file in scenario.files}
+    files = {Path(os.path.relpath(file.resolve(), folder)).as_posix(): sha256(file) for file in scenario.files}
+    return {**files, **scenario.hashes}
 
 
 def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
 METHODS = ("gauss-seidel", "jacobi")
@@ -149,6 +150,7 @@ class Scenario:
     """A co-simulation as its file describes it, with one variant applied."""
 
     path: Path
+    called: str  # its folder, or what a scenario without a file is called
     title: str
     description: str
     figure: str  # name of the one that shows a run
@@ -156,7 +158,7 @@ class Scenario:
     experiment: Experiment
     components: Mapping[str, Component]
     connections: tuple[Connection, ...]
-    inputs: Mapping[Port, float]
+    inputs: Mapping[Port, Value]  # constants
     seeds: Mapping[str, int]
     grid: Mapping[Port, tuple[Value, ...]]  # a sweep goes through every value with every one of the others
     rows: tuple[Mapping[Port, Value], ...]  # values that belong together; the grid is gone through with each
@@ -167,12 +169,13 @@ class Scenario:
     tested: tuple[str, ...]  # variants with metrics or a baseline of their own
     files: tuple[Path, ...]  # itself, its parameter sets, files named by parameters: all that decide the result
     rows_columns: Mapping[Port, RowsColumn] = field(default_factory=dict)  # of `rows`
+    played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
+    hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
 
     @property
     def name(self) -> str:
-        """Name of the scenario's folder, with the variant in brackets."""
-        folder = self.path.resolve().parent.name
-        return f"{folder}[{self.variant}]" if self.variant else folder
+        """What it is called, with the variant in brackets."""
+        return f"{self.called}[{self.variant}]" if self.variant else self.called
 
     def points(self) -> list[dict[Port, Value]]:
         """All combinations of a sweep, in the order of the file, the last parameter fastest; one without a sweep."""

@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.load import scenario_file
+from gapsense.cosim.document import scenario_file
 from gapsense.files import read_json
 from gapsense.problems import InputError
 

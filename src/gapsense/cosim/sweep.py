@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim import show
 from gapsense.cosim.apart import limit_of
+from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
+from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.record import Measure
@@ -34,7 +38,7 @@ from gapsense.tables import Value
 from gapsense.workers import Job, Progress, complete
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """Metrics over the runs of a sweep."""
 
@@ -52,9 +56,21 @@ class Sweep:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
         return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
 
+    def to_pandas(self) -> Any:
+        """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
+        return show.frame(self)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        state = ", interrupted" if self.interrupted else ""
+        return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
+
+    def _repr_html_(self) -> str:
+        return show.html(self)
+
 
 def sweep(
-    scenario: str | Path,
+    scenario: Source,
     seeds: int | None = None,
     variant: str | None = None,
     workers: int = 2,
@@ -68,8 +84,8 @@ def sweep(
 
     Parameters
     ----------
-    scenario : str or Path
-        Scenario file, or its folder; it must have `[sweep]` or `[seeds]`.
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content; it must have `[sweep]` or `[seeds]`.
     seeds : int, optional
         Number of runs of each combination; by default 1, or 200 of a scenario without `[sweep]`.
     variant : str, optional
@@ -101,7 +117,7 @@ def sweep(
     store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
-        "scenario": str(read.path.resolve()),
+        "scenario": packed(scenario),
         "variant": variant,
         "fmus": str(folder.resolve()),
         "measure": measure and importable_name(measure),
@@ -172,6 +188,9 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
         problems.append(
             f"{scenario.path.name}, seeds: {seeds} runs of each combination would be the same. Add `[seeds]`."
         )
+    for port in scenario.swept:
+        if scenario.components[port.component].origin.get(port.variable) == OVER:
+            problems.append(f"{OVER}, {port}: `[sweep]` gives it too. Keep one.")
     if homeless:
         problems.append("signals are to be kept, but nowhere. Name a folder.")
     if problems:
@@ -180,8 +199,7 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
 
 def file_stem(scenario: Scenario) -> str:
     """Name of the sweep's files, without suffix."""
-    folder = scenario.path.resolve().parent.name
-    return f"{folder}_{scenario.variant}_sweep" if scenario.variant else f"{folder}_sweep"
+    return "_".join(filter(None, (scenario.called, scenario.variant, "sweep")))
 
 
 def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure | None) -> str:

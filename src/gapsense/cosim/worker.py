@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.document import unpacked
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import prepare, run_once
@@ -20,7 +21,7 @@ class Runs:
     """Holds the loaded FMUs between runs, and loads them anew after a failure."""
 
     def __init__(self, task: Mapping[str, Any]) -> None:
-        self.scenario, self.descriptions = prepare(task["scenario"], task["variant"], task["fmus"])
+        self.scenario, self.descriptions = prepare(unpacked(task["scenario"]), task["variant"], task["fmus"])
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = None if task["keep"] is None else Path(task["keep"])
         self.master: Master | None = None

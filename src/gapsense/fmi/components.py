@@ -8,37 +8,37 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import gapsense
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernel import Kernel
 from gapsense.problems import code
 from gapsense.records import names, record
+from gapsense.shipped import COMPONENTS, ROOT
 
 HOLDS = "A component's folder holds component.py, page.md and reference.csv."
 
 
-def find_checkout() -> Path:
-    """The checkout that holds fmus/ and build_fmus.py: the working folder or one above it."""
+def find_checkout() -> Path | None:
+    """The checkout that holds fmus/ and build_fmus.py: the working folder or one above it; None outside of one."""
     here = Path.cwd()
-    found = next((p for p in (here, *here.parents) if (p / "build_fmus.py").is_file() and (p / "fmus").is_dir()), None)
-    if found is None:
-        raise FileNotFoundError(
-            f"{here}: neither here nor above is a checkout of Gapsense (fmus/, build_fmus.py). Change there."
-        )
-    return found
+    return next((p for p in (here, *here.parents) if (p / "build_fmus.py").is_file() and (p / "fmus").is_dir()), None)
+
+
+def components_folder(root: Path | None = None) -> Path:
+    """The folder fmus/ below `root`, or in the checkout around the working folder, or what comes with this package."""
+    return (root or find_checkout() or ROOT) / "fmus"
 
 
 def own(name: str) -> Path:
-    """Folder of a component of the checkout that this package was installed from."""
-    return find_components(Path(gapsense.__file__).resolve().parents[2] / "fmus", [name])[0]
+    """Folder of a component that comes with this package."""
+    return find_components(COMPONENTS, [name])[0]
 
 
 def find_components(root: Path, names: Sequence[str] = ()) -> list[Path]:
     """Component folders below `root`, all or those named (by folder or by FMU, in any case)."""
     found = {p.parent.name: p.parent for p in sorted(root.glob("*/component.py"))}
     if not found:
-        raise FileNotFoundError(f"{root}: no component in this folder. Run it in a checkout of Gapsense.")
+        raise FileNotFoundError(f"{root}: no component in this folder. Correct the path.")
     known = {name.replace("_", "").lower(): folder for name, folder in found.items()}
     unknown = [n for n in names if n.replace("_", "").lower() not in known]
     if unknown:

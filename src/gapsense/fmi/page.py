@@ -6,6 +6,7 @@ from html import escape
 
 from markdown_it import MarkdownIt
 
+from gapsense.fmi import wiring
 from gapsense.fmi.ports import Component, Port
 
 STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1f24}
@@ -35,7 +36,7 @@ def html(component: Component, markdown: str, version: str) -> str:
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{component.name}</title>'
         f"<style>{STYLE}</style></head>"
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
-        f"{render(markdown)}\n{tables}\n{render(RUN.format(step=component.step_size))}</body></html>\n"
+        f"{render(markdown)}\n{render(wiring.chapter(component))}\n{tables}\n{render(RUN.format(step=component.step_size))}</body></html>\n"
     )
 
 

@@ -26,6 +26,7 @@ class Port(NamedTuple):
     choices: tuple[str, ...] = ()  # of a String parameter: the kernel gets the index
     columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: one table each, see `read_table`
     is_optional: bool = False  # of an input: its start value says that nothing is known
+    source: str = ""  # of an input: what drives it as a rule, see `wiring.py`; nothing: a constant
 
     @property
     def field(self) -> str:
@@ -69,6 +70,11 @@ class Component(NamedTuple):
 def input_(name: str, unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Port:
     """A real input."""
     return Port(name, "input", unit, description, start, nominal=nominal, **more)
+
+
+def measured(name: str, unit: str, description: str, **more: Any) -> Port:
+    """A real input that a sensor measures."""
+    return input_(name, unit, description, source=f"sensor.{name}_measured", **more)
 
 
 def output(name: str, unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Port:

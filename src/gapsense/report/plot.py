@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 from urllib.parse import quote, unquote
 
@@ -13,14 +17,26 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from gapsense.cosim import Result, own_file, refuse_other, relative
+from gapsense.cosim.signals import matching
 from gapsense.files import write_atomically
-from gapsense.units import UNITS
+from gapsense.problems import InputError, suggest
+from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
 SOURCE = "Source"  # chunk of a PNG file that tells what it shows, in ASCII
 GRID = "#d0d7de"
+MOST, ROOM = 5, 14  # curves in a panel of an overview, and characters in a line beside it
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
+
+
+class Picture(Figure):
+    """A figure that notebooks show by themselves."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=100)
+        return file.getvalue()
 
 
 def check_file(path: Path) -> None:
@@ -55,7 +71,7 @@ def panels(
     title: str, rows: int, columns: int = 1, size: tuple[float, float] | None = None, **more: Any
 ) -> tuple[Figure, Any]:
     """An empty figure and its axes (rows, columns), with a grid and without a box."""
-    figure = Figure(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
+    figure = Picture(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **more)
     for axis in axes.flat:
         dress(axis)
@@ -115,15 +131,48 @@ def recorded(result: Result, names: Iterable[str]) -> None:
         )
 
 
+def signals(result: Result, patterns: Sequence[str]) -> Figure:
+    """The recorded signals that match one of the patterns, by default all, one panel per unit."""
+    missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
+    if missing:
+        raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
+    chosen = matching(patterns or ("*",), result.signals)
+    about = {name: result.about[name] for name in chosen}
+    return overview(replace(result, signals={name: result[name] for name in chosen}, about=about))
+
+
 def overview(result: Result) -> Figure:
-    """All recorded signals, one panel per unit."""
-    units = list(dict.fromkeys(result.units[name] for name in result.signals))
-    figure, axes = stack(result.run.title, [display(unit)[0] for unit in units])
-    for unit, axis in zip(units, axes):
-        for k, name in enumerate(n for n in result.signals if result.units[n] == unit):
-            line(axis, result.times, display(unit)[1] * result[name], f"C{k}", name)
+    """All recorded signals: panels by unit, and where a unit has many signals by variable, with a few curves each."""
+    panels = [part for unit in dict.fromkeys(result.units.values()) for part in few(result, unit)]
+    labels = [label([name.partition(".")[2] for name in names], result.units[names[0]]) for names in panels]
+    figure, axes = stack(result.run.title, labels)
+    for names, axis in zip(panels, axes):
+        for k, name in enumerate(names):  # thinner and thinner, so that curves that coincide are all seen
+            width = 1.0 + 1.5 * (len(names) - 1 - k) / MOST
+            line(axis, result.times, display(result.units[name])[1] * result[name], f"C{k}", name, linewidth=width)
         legend(axis)
     return figure
+
+
+def few(result: Result, unit: str) -> list[list[str]]:
+    """Recorded signals of a unit in groups for one panel each."""
+    names = [name for name in result.signals if result.units[name] == unit]
+    if len(names) <= MOST:
+        return [names]
+    by_variable: dict[str, list[str]] = {}
+    for name in names:
+        by_variable.setdefault(name.partition(".")[2], []).append(name)
+    return [group[k : k + MOST] for group in by_variable.values() for k in range(0, len(group), MOST)]
+
+
+def label(variables: Sequence[str], unit: str) -> str:
+    """What an axis shows and its unit: the words that all variables begin with, or else what the unit stands for."""
+    words = zip(*(re.split(r"[._]", variable) for variable in variables))
+    shared = takewhile(lambda places: len(set(places)) == 1, words)
+    quantity = " ".join(places[0] for places in shared) or QUANTITIES.get(unit) or ", ".join(dict.fromkeys(variables))
+    shown = display(unit)[0]
+    end = "" if unit == "1" else f" /\N{NO-BREAK SPACE}{f'({shown})' if '/' in shown else shown}"
+    return "\n".join(wrap(quantity + end, ROOM, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def over(axis: Any, result: Result, x: tuple[str, float], y: tuple[str, float]) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
 from gapsense.cosim import Outcome, Result, Scenario, Sweep
 from gapsense.fmi.ports import Component
 from gapsense.report.table import add_row, quantity, table
+
+UNREAD = "cannot be read: see `gapsense check`"
 
 
 def metrics(result: Result) -> list[Table]:
@@ -62,13 +63,13 @@ def components(found: Sequence[Component], built: set[str]) -> Table:
         (c.name, "yes" if c.name in built else "no", f"{len(c.of('input'))}, {len(c.of('output'))}", c.description)
         for c in found
     )
-    return table("Components", ("name", "built", "inputs, outputs", "what it is"), rows, texts=4)
+    return table("Components", ("name", "built", "in, out", "what it is"), rows, texts=4)
 
 
-def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
-    """Scenarios and their variants."""
-    rows = ((str(folder.relative_to(root)), ", ".join(s.variants) or "-", s.title) for folder, s in found)
-    return table("Scenarios", ("folder", "variants", "what it is"), rows, texts=3)
+def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:
+    """Scenarios by what one types to run them, and their variants; None is one that cannot be read."""
+    rows = [(name, s.title, ", ".join(s.variants) or "-") if s else (name, UNREAD, "") for name, s in found.items()]
+    return table(title, ("name", "what it is", "variants"), rows, texts=3)
 
 
 def outcome(tested: Outcome) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from gapsense.cosim import Result
 from gapsense.report import plot
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line
 from gapsense.report.table import table
 from gapsense.studies.bounded_ukf.errors import NOISE, UNSEEN, VOLTAGES, Found
 
@@ -21,6 +22,21 @@ STYLES = {
     "bounded EKF": {"color": THIRD, "marker": "^", "linestyle": "--"},
     "open loop": {"color": FAINT, "marker": "x"},
 }
+
+
+RUN = {
+    "ukf": ("bounded UKF, robust", FIRST),
+    "paper": ("bounded UKF, paper", SECOND),
+    "ekf": ("bounded EKF", THIRD),
+    "model": ("open loop", "#8250df"),
+}
+LABELS = (
+    "voltage / V",
+    "current / mA",
+    "position / mm",
+    "error of the\nposition / µm",
+    "error of the flux\nlinkage / µWb",
+)
 
 
 def noise_tables(found: Found, levels: Sequence[float], seeds: int) -> list[Table | str]:
@@ -81,6 +97,30 @@ def over_errors(found: Found, errors: Sequence[float]) -> Figure:
     return _drawn(title, curves, percent, "relative error of the parameters / %", "largest rms error / µm")
 
 
+def run_figure(result: Result) -> Figure:
+    """A run of the scenario: voltage, current, position, and the errors of the estimates with a band of the filter."""
+    signals = ("drive.voltage_mean", "sensor.current_measured", "valve.position", "valve.flux_linkage")
+    plot.recorded(result, [*signals, *(f"{c}.position" for c in RUN), "ukf.position_std", "ukf.flux_linkage"])
+    figure, (voltage, current, position, error, flux) = plot.stack(
+        result.run.title, [*LABELS], [1.0, 1.0, 1.6, 2.2, 1.2]
+    )
+    line(voltage, result.times, result["drive.voltage_mean"], TRUE)
+    line(current, result.times, 1e3 * result["sensor.current_measured"], TRUE)
+    line(position, result.times, 1e3 * result["valve.position"], TRUE, "true", linewidth=2.5, alpha=0.4)
+    for name, (title, color) in RUN.items():
+        wrong = result[f"{name}.position"] - result["valve.position"]
+        line(position, result.times, 1e3 * result[f"{name}.position"], color, title)
+        line(error, result.times, 1e6 * wrong, color, title)
+    band = 2e6 * result["ukf.position_std"]
+    error.fill_between(
+        1e3 * result.times, -band, band, color=FIRST, alpha=0.15, step="post", label="robust, 2 std", linewidth=0
+    )
+    line(flux, result.times, 1e6 * (result["ukf.flux_linkage"] - result["valve.flux_linkage"]), *reversed(RUN["ukf"]))
+    for axis in (position, error, flux):
+        legend(axis)
+    return figure
+
+
 def _parts(found: Found, heads: Sequence[str], over_runs: Any) -> list[Table]:
     """A table for each voltage and part of the cycle, and one of the landings missed."""
     made = []
@@ -107,7 +147,8 @@ def _share(missed: Any) -> str:
 
 
 def _micro(value: float) -> str:
-    return f"{1e6 * value:.3g}" if value < 1e-2 else "-"
+    shown = f"{1e6 * value:.3g}" if value < 1e-3 else f"{1e6 * value:.0f}"
+    return shown if value < 1e-2 else "-"
 
 
 def _drawn(title: str, curves: Mapping[str, Any], x: Sequence[float], xlabel: str, ylabel: str) -> Figure:

@@ -28,7 +28,8 @@ def estimate(
     ] = None,
 ) -> None:
     """Run estimators, through their FMUs, on a measured record, and draw what they say."""
-    from gapsense.fmi.components import find_checkout, find_components
+    from gapsense.cosim.run import find_fmus
+    from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
     from gapsense.studies.estimation import run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
@@ -37,18 +38,18 @@ def estimate(
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
-    root = find_checkout()
+    every, folder = components_folder(), fmus or find_fmus(Path("here"))
     (record,) = read_records([data], column, needs="samples")
     values = read_values(parameters or [])
-    names, left_out = run.chosen(estimator, run.estimators(root), record, values)
+    names, left_out = run.chosen(estimator, run.estimators(every), record, values)
     for reason in left_out:
         problem(f"left out: {reason}", "yellow")
-    taken(find_components(root / "fmus", names), parameters or [], find_components(root / "fmus"))  # before any run
+    taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
         estimates = []
         for k, name in enumerate(names):
             progress(k, len(names))
-            estimates.append(run.run_estimator((fmus or root / "build" / "fmus") / f"{name}.fmu", record, values))
+            estimates.append(run.run_estimator(folder / f"{name}.fmu", record, values))
     show(*tables(estimates))
     if to is not None:
         written(run.save(to, record, estimates))

@@ -62,9 +62,9 @@ def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
     return f"{said} Name it with `--estimator` to run it all the same."
 
 
-def estimators(root: Path) -> dict[str, Component]:
-    """The estimators in fmus/ by name."""
-    found = map(load_component, find_components(root / "fmus"))
+def estimators(folder: Path) -> dict[str, Component]:
+    """The estimators in a folder of components, by name."""
+    found = map(load_component, find_components(folder))
     return {c.name: c for c in found if c.kernel.startswith("gapsense.estimators.")}
 
 

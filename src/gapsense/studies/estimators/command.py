@@ -21,7 +21,7 @@ Variants = Annotated[
 
 @study("estimators")
 def estimators(
-    scenario: Scenario = Path("scenarios/estimators"),
+    scenario: Scenario = Path("estimators"),
     variant: Variants = None,
     seeds: Annotated[int, typer.Option(help="Runs of a condition without draws of wrong parameters")] = 8,
     workers: Annotated[int, typer.Option(help="Processes; only the cost per step depends on it")] = 2,

@@ -16,7 +16,7 @@ from gapsense.report import plot
 from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, line
 from gapsense.report.table import add_row, table
 from gapsense.studies.estimators.contenders import CONTENDERS, Contender
-from gapsense.studies.estimators.measures import estimate, learnt, lined_up, signals
+from gapsense.studies.estimators.measures import estimate, learnt, lined_up, signals, truth
 
 Runs = Mapping[str, npt.NDArray[np.float64]]  # values by `component.number`, one per run
 Found = Mapping[str | None, Runs]  # by variant; None is the scenario itself
@@ -61,6 +61,14 @@ SUMMED_UP = (  # title, number, variant, factor, digits
     ("cold coil", "flux_linkage", "cold", 1e6, 0),
     ("R / mOhm, warm coil", "resistance", "warm", 1e3, 0),
 )
+MEANT = (  # signal, label and factor
+    ("sensor.voltage_measured", "voltage / V", 1.0),
+    ("sensor.current_measured", "current / mA", 1e3),
+    ("actuator.position", "true position\n/ mm", 1e3),
+    ("actuator.flux_linkage", "true flux linkage\n/ mWb", 1e3),
+)
+ERRORS = {"position": "error of the\nposition / µm", "flux_linkage": "error of the flux\nlinkage / µWb"}
+HUES = (FIRST, SECOND, THIRD, "#8250df", "#bf8700")
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
 SPACING, WIDTH = 0.11, 0.85  # between the estimators of a condition, and of all of them at most
 COLORS = (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83")
@@ -212,28 +220,45 @@ def bands(axis: Any, title: str, count: int) -> None:
 
 
 def run_figure(result: Result) -> Figure:
-    """The second cycle of a run: voltage, current, positions and flux linkages of all estimators against the truth."""
+    """The second cycle of a run: voltage, current and the truth, then the errors of a few estimators per row."""
     plot.recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
+    groups, seen = families(), (result.times >= learnt(result)) & (result.times < 2.0 * learnt(result))
     title = f"{result.run.scenario}: {result.run.title}"
-    labels = ["voltage / V", "current / A", "position / mm", "flux linkage / mWb"]
-    figure, axes = plot.stack(title, labels, [1.4, 1.4, 3.0, 3.0])
-    line(axes[0], result.times, result["sensor.voltage_measured"], TRUE)
-    line(axes[1], result.times, result["sensor.current_measured"], TRUE)
-    for axis, quantity in zip(axes[2:], PANELS):
-        estimates(axis, result, quantity)
-        plot.legend(axis)
-    axes[3].set_ylim(-3.0, 1.4e3 * float(np.max(result["actuator.flux_linkage"])))
-    axes[3].set_xlim(1e3 * learnt(result), 2e3 * learnt(result))
+    size = (14.0, 2.5 + 1.9 * len(groups))
+    figure, axes = plot.panels(title, 2 + len(groups), 2, size=size, sharex=True)
+    for axis, (name, label, factor) in zip(axes[:2].flat, MEANT):
+        line(axis, result.times[seen], factor * result[name][seen], TRUE)
+        axis.set_ylabel(label)
+    for row, group in zip(axes[2:], groups):
+        for axis, (quantity, label) in zip(row, ERRORS.items()):
+            shown = [error(result, contender, quantity)[seen] for contender in group]
+            for contender, color, values in zip(group, HUES, shown):
+                line(axis, result.times[seen], values, color, contender.label)
+            axis.set_ylabel(label)
+            axis.set_visible(not np.all(np.isnan(shown)))
+        plot.legend(row[-1])
+    for axis in axes[-1]:
+        axis.set_xlabel("time / ms")
+    figure.align_ylabels()
     return figure
 
 
-def estimates(axis: Any, result: Result, quantity: str) -> None:
-    """What the estimators say of one quantity, each estimate at the sample that it is about."""
-    line(axis, result.times, 1e3 * result[f"actuator.{quantity}"], TRUE, "true", linewidth=2.5, alpha=0.35)
-    for contender in CONTENDERS:
-        found = estimate(result, contender, quantity)
-        if found is not None:
-            came, about = lined_up(result, contender)
-            known = np.full(result.times.size, np.nan)
-            known[about] = found[came]
-            line(axis, result.times, 1e3 * known, look(contender)[0], contender.label)
+def families(most: int = plot.MOST) -> list[list[Contender]]:
+    """The contenders that share an FMU together, small families side by side."""
+    groups: list[list[Contender]] = []
+    for fmu in dict.fromkeys(c.fmu for c in CONTENDERS):
+        family = [c for c in CONTENDERS if c.fmu == fmu]
+        if groups and len(groups[-1]) + len(family) <= most:
+            groups[-1] += family
+        else:
+            groups += [family[k : k + most] for k in range(0, len(family), most)]
+    return groups
+
+
+def error(result: Result, contender: Contender, quantity: str) -> npt.NDArray[np.float64]:
+    """Error in micro-units at each row that an estimate is about; nan where there is none."""
+    found, errors = estimate(result, contender, quantity), np.full(result.times.size, np.nan)
+    if found is not None:
+        came, about = lined_up(result, contender)
+        errors[about] = 1e6 * (found[came] - truth(result, quantity)[about])
+    return errors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.cli.common import FigureFile, show, study, written
+from gapsense.cli.common import FigureFile, bar, show, study, written
 
 
 @study("observability-rts")
@@ -15,6 +15,7 @@ def observability_rts(to: FigureFile = Path("results/observability_rts.png")) ->
     from gapsense.studies.observability_rts.show import counts, figure
 
     plot.check_file(to)
-    observed = along_reference_cycle()
+    with bar("samples") as progress:
+        observed = along_reference_cycle(progress=progress)
     show(*counts(observed))
     written(plot.save(figure(observed), to))

@@ -19,6 +19,7 @@ from gapsense.estimators.rts import Floats
 from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
+from gapsense.workers import Progress
 
 TOLERANCE = 1e-12
 OTHERS = (1e-9, 1e-10, 1e-11, 1e-13, 1e-14)  # tolerances to compare with
@@ -46,14 +47,19 @@ class Observed(NamedTuple):
     needed: dict[float, Floats]  # (N,) each
 
 
-def along_reference_cycle(tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS)) -> Observed:
+def along_reference_cycle(
+    tolerances: tuple[float, ...] = (TOLERANCE, *OTHERS), progress: Progress = lambda done, total: None
+) -> Observed:
     """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
     m = nominal()
     full = sampled(soft_landing()[-1], m.T_s)
     x = reference_states(full, unvaried(m), m)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period
-    found = {t: samples_needed(states[:-1], s.current, s.voltage, s.mode, m, t) for t in tolerances}
+    found = {}
+    for k, t in enumerate(tolerances):
+        progress(k, len(tolerances))
+        found[t] = samples_needed(states[:-1], s.current, s.voltage, s.mode, m, t)
     return Observed(s, found)
 
 

@@ -20,7 +20,7 @@ Variants = Annotated[
 
 @study("profiles")
 def profiles(
-    scenario: Scenario = Path("scenarios/profiles"),
+    scenario: Scenario = Path("profiles"),
     variant: Variants = None,
     workers: Workers = 2,
     fmus: Fmus = None,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import show, study
+from gapsense.cli.common import bar, show, study
 
 
 @study("reduced-fit")
@@ -34,5 +34,6 @@ def reduced_fit(
     from gapsense.studies.reduced_fit.show import cores
 
     par = parameters_of("ekf", parameters)
-    fits = of_record(record, par, held) if record else of_reference_cycle(par)
+    with bar("fitting") as progress:
+        fits = of_record(record, par, held) if record else of_reference_cycle(par, progress)
     show(*cores(fits, is_reference=record is None))

@@ -16,6 +16,7 @@ from gapsense.estimators.rts import Floats
 from gapsense.files import read_columns
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
+from gapsense.workers import Progress
 
 FEWEST = 10  # samples
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II
@@ -52,13 +53,14 @@ class Fitted(NamedTuple):
     published_rms: float
 
 
-def of_reference_cycle(par: Any) -> list[Fitted]:
+def of_reference_cycle(par: Any, progress: Progress = lambda done, total: None) -> list[Fitted]:
     """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
     m, found = normalised(par), []
     for title, changes in SIMPLER.items():
         s = sampled(soft_landing(RTS_VALVE._replace(**changes))[-1], par.sample_time)
         chosen = s.mode == MOVING if "motion" in title else np.full(s.mode.shape, True)
         found.append(_fitted(title, s.position[chosen], s.flux_linkage[chosen], s.current[chosen], m))
+        progress(len(found), len(SIMPLER))
     return found
 
 

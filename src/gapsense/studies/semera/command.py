@@ -9,9 +9,7 @@ from gapsense.cli.common import APART, Fmus, Scenario, Variant, show, stop_if_in
 
 
 @study("observability")
-def observability(
-    scenario: Scenario = Path("scenarios/semera_valve"), variant: Variant = None, fmus: Fmus = None
-) -> None:
+def observability(scenario: Scenario = Path("semera_valve"), variant: Variant = None, fmus: Fmus = None) -> None:
     """Observability of the SEMERA filter along a scenario: ranks (31)-(35), (39) and the count per sample."""
     from gapsense.studies.semera.show import run_tables
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import FigureFile, command, show, study, written
+from gapsense.cli.common import FigureFile, bar, command, show, study, written
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
@@ -36,11 +36,12 @@ def soft_landing(
 
     device = parameters_of("reluctance_actuator", parameters)
     motions = making_start, making_duration, breaking_start, breaking_duration
-    cycles = cycle.soft_landing(
-        device, Trajectory(period, *motions, hold_voltage, lead), highest_voltage=highest_voltage
-    )
+    wanted = Trajectory(period, *motions, hold_voltage, lead)
+    with bar("finding the voltage") as progress:
+        cycles = cycle.soft_landing(device, wanted, highest_voltage=highest_voltage, progress=progress)
     times, voltages = table.voltage_table(cycles)
-    deviation = table.deviation(cycles, *table.played(device, times, voltages))
+    with bar("playing it") as progress:
+        deviation = table.deviation(cycles, *table.played(device, times, voltages, progress=progress))
     table.write(to, times, voltages)
     show(
         phases(cycles[-1]),
@@ -59,6 +60,7 @@ def reference_cycle(parameters: File = None, to: FigureFile = Path("results/refe
     from gapsense.studies.soft_landing.show import figure, phases
 
     plot.check_file(to)
-    cycle = soft_landing(parameters_of("reluctance_actuator", parameters))[-1]
+    with bar("finding the voltage") as progress:
+        cycle = soft_landing(parameters_of("reluctance_actuator", parameters), progress=progress)[-1]
     show(phases(cycle))
     written(plot.save(figure(cycle), to))

@@ -8,6 +8,7 @@ model (`inverse_actuator`).  After the making the hold voltage is applied, after
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,9 @@ from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.inverse import Cycle, SoftLandingError, Vector
 from gapsense.studies.soft_landing.phases import Setup, balancing_voltage, move, rest
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory
+from gapsense.workers import Progress
 
+PARTS = 7  # of a cycle
 INSTANT = 1e-12  # [s]; times that are closer are the same
 
 
@@ -40,6 +43,7 @@ def soft_landing(
     step: float = 2e-6,
     cycles: int = 2,
     highest_voltage: float = 200.0,
+    progress: Progress = lambda done, total: None,
 ) -> list[Cycle]:
     """Cycles of making and breaking without impact, from a core that was never magnetized.
 
@@ -55,6 +59,8 @@ def soft_landing(
         Number of cycles; the remanence of the core repeats from the second one on.
     highest_voltage : float
         Beyond it, and beyond its negative, the drive cannot go [V].
+    progress : callable, optional
+        Called after each part of a cycle with parts done and parts in all.
 
     Raises
     ------
@@ -66,8 +72,8 @@ def soft_landing(
     fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
     state = State(0.0, 0.0, actuator.stop_upper, 0.0, OPEN, 0.0, 0.0, 0.0, 0.0)
     found = []
-    for _ in range(cycles):
-        cycle, state = _cycle(fixed, trajectory, state)
+    for k in range(cycles):
+        cycle, state = _cycle(fixed, trajectory, state, _after(progress, PARTS * k, PARTS * cycles))
         found.append(cycle)
     return found
 
@@ -111,7 +117,12 @@ def sampled(cycle: Cycle, sample_time: float = 20e-6) -> Samples:
     return Samples(**{**columns, "time": time, "mode": cycle.mode[np.where(lands, after, k)]})
 
 
-def _cycle(run: Setup, c: Trajectory, state: State) -> tuple[Cycle, State]:
+def _after(progress: Progress, before: int, total: int) -> Callable[[int], None]:
+    """What is told of a cycle, with the parts before it counted."""
+    return lambda part: progress(before + part, total)
+
+
+def _cycle(run: Setup, c: Trajectory, state: State, done: Callable[[int], None]) -> tuple[Cycle, State]:
     """One cycle: rest, lead and motion, for the making and for the breaking."""
     upper, lower = run.par.stop_upper, run.par.stop_lower
     making = Motion(c.making_start, c.making_duration, upper, lower)
@@ -122,5 +133,7 @@ def _cycle(run: Setup, c: Trajectory, state: State) -> tuple[Cycle, State]:
         lead, state = rest(run, state, m.start - c.lead, m.start, balancing_voltage(run, state, m, c.lead))
         moving, state = move(run, state, m)
         parts += [waiting, lead, moving]
+        done(len(parts))
     waiting, state = rest(run, state, breaking.start + breaking.duration, c.period, 0.0)
+    done(PARTS)
     return Cycle(*(np.concatenate(columns) for columns in zip(*parts, waiting))), state

@@ -12,8 +12,10 @@ from gapsense.actuators.reluctance_actuator import Inputs, Parameters
 from gapsense.files import write_atomically
 from gapsense.studies.soft_landing.inverse import Cycle, Vector
 from gapsense.studies.soft_landing.phases import KERNEL, parts
+from gapsense.workers import Progress
 
 PIECES = 100  # per motion
+TOLD = 1000  # steps between two reports of progress
 
 
 def voltage_table(cycles: Sequence[Cycle], pieces: int = PIECES) -> tuple[Vector, Vector]:
@@ -42,13 +44,21 @@ def write(path: Path, times: Vector, voltages: Vector) -> Path:
     return path
 
 
-def played(actuator: Parameters, times: Vector, voltages: Vector, step: float = 1e-6) -> tuple[Vector, Vector]:
+def played(
+    actuator: Parameters,
+    times: Vector,
+    voltages: Vector,
+    step: float = 1e-6,
+    progress: Progress = lambda done, total: None,
+) -> tuple[Vector, Vector]:
     """Times k `step` and the positions there [m], of the actuator under the mean of the table over each step."""
     points = step * np.arange(round(times[-1] / step) + 1)
     means = np.diff(_integral(times, voltages, points)) / step
     state, _ = KERNEL.initial(Inputs(0.0, 0.0, 0.0), actuator)
     positions = [state.position]
-    for t, mean in zip(points[1:].tolist(), means.tolist()):
+    for k, (t, mean) in enumerate(zip(points[1:].tolist(), means.tolist())):
+        if k % TOLD == 0:
+            progress(k, means.size)
         state, _ = KERNEL.step(state, Inputs(t, step, mean), actuator)
         positions.append(state.position)
     return points, np.array(positions)

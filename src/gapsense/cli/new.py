@@ -1,0 +1,58 @@
+"""The command that writes a scenario to start from."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense.cli.common import command, show
+from gapsense.problems import InputError, suggest
+from gapsense.shipped import example, examples
+
+MINIMAL = Path(__file__).with_suffix(".toml")
+
+
+@command("new")
+def new(
+    folder: Annotated[Path, typer.Argument(help="Folder to make", show_default=False)],
+    like: Annotated[
+        str | None, typer.Option(help="Example to copy, see `gapsense list`", show_default="a minimal scenario")
+    ] = None,
+) -> None:
+    """Write a scenario to start from: a drive, a valve, a sensor and an estimator, or the copy of an example."""
+    source = None if like is None else example(like)
+    if like is not None and source is None:
+        raise InputError([f"--like: there is no example `{like}`. {suggest(like, examples())}"])
+    if folder.exists():
+        raise InputError([f"`{folder}` exists already. Choose another name, or remove it."])
+    partial = folder.with_name(f".{folder.name}.part")
+    try:
+        partial.mkdir(parents=True)
+        (copy if source else write)(partial, source or folder)
+        partial.rename(folder)
+    finally:  # complete or absent
+        shutil.rmtree(partial, ignore_errors=True)
+    show(f"{folder / 'scenario.toml'} written. Go on with `gapsense run {folder}`.")
+
+
+def write(to: Path, called: Path) -> None:
+    """The minimal scenario, with a title."""
+    text = MINIMAL.read_text(encoding="utf-8").replace('"TITLE"', json.dumps(called.name, ensure_ascii=False))
+    (to / "scenario.toml").write_text(text, encoding="utf-8")
+
+
+def copy(to: Path, source: Path) -> None:
+    """The files of an example, and those of other examples that it names."""
+    shutil.copytree(source, to, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results"))
+    file = to / "scenario.toml"
+    text = file.read_text(encoding="utf-8")
+    for name in dict.fromkeys(re.findall(r'"(\.\./.+?)"', text)):
+        own = f"parameters/{Path(name).parts[1]}_{Path(name).name}"
+        shutil.copy2(source / name, to / own)
+        text = text.replace(f'"{name}"', f'"{own}"')
+    file.write_text(text, encoding="utf-8")

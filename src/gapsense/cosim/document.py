@@ -1,0 +1,88 @@
+"""What a scenario says before it is read: a file, or the same tables made by a program, and values laid over it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from gapsense.problems import suggest
+from gapsense.shipped import example
+from gapsense.tables import merged, read_toml
+
+
+@dataclass(frozen=True)
+class Document:
+    """Tables of a scenario; `path` is its file, or, of one that has none, its name in the folder of its other files."""
+
+    path: Path
+    data: Mapping[str, Any]
+    changes: Mapping[str, Any] = field(default_factory=dict)  # values by `component.variable`, over all others
+    is_file: bool = False  # as it stands in `path`
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario: that of its file's folder, or its own."""
+        path = self.path.resolve()
+        return path.parent.name if self.is_file or path.suffix == ".toml" else path.name
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """Hashes of what stands in no file."""
+        parts = {"changes": self.changes, "content": {} if self.is_file else self.data}
+        return {
+            part: hashlib.sha256(json.dumps(tables).encode()).hexdigest() for part, tables in parts.items() if tables
+        }
+
+    def with_variant(self, variant: str | None, problems: list[str]) -> Document | None:
+        """The document with one of its variants laid over it, or None after noting that there is none."""
+        if variant is None:
+            return self
+        variants = self.data.get("variants")
+        if not isinstance(variants, dict) or not isinstance(variants.get(variant), dict):
+            known = variants if isinstance(variants, dict) else {}
+            problems.append(f"{self.path.name}: there is no variant `{variant}`. {suggest(variant, known)}")
+            return None
+        base = {key: value for key, value in self.data.items() if key != "variants"}
+        return replace(self, data=merged(base, variants[variant]) | {"variants": variants})
+
+
+Source = str | Path | Document  # of a scenario: its file or folder, or its content
+
+
+def scenario_file(source: Source) -> Path:
+    """The scenario file itself, also if its folder, its content, or the name of an example is given.
+
+    An example counts where there is no such file.
+    """
+    if isinstance(source, Document):
+        return source.path
+    path = Path(source)
+    file = path / "scenario.toml" if path.is_dir() else path
+    folder = None if file.exists() else example(path)
+    return folder / "scenario.toml" if folder else file
+
+
+def read_document(source: Source, problems: list[str]) -> Document | None:
+    """Content of a scenario file, or None after noting why it cannot be read."""
+    if isinstance(source, Document):
+        return source
+    path = scenario_file(source)
+    data = read_toml(path, problems)
+    return None if data is None else Document(path, data, is_file=True)
+
+
+def packed(source: Source) -> str | dict[str, Any]:
+    """A scenario as JSON takes it, for another process that works in another folder."""
+    if isinstance(source, Document):
+        facts = {"data": source.data, "changes": source.changes, "is_file": source.is_file}
+        return {"path": str(source.path.resolve()), **facts}
+    return str(scenario_file(source).resolve())
+
+
+def unpacked(source: str | Mapping[str, Any]) -> Source:
+    """The scenario that was `packed`."""
+    return source if isinstance(source, str) else Document(**{**source, "path": Path(source["path"])})

@@ -1,0 +1,95 @@
+"""One instance of an FMU of FMI 3.0; everything but the differences to FMI 2.0 is in `instance.py`."""
+
+from __future__ import annotations
+
+import ctypes
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.instance import ENDS, WARNING, Instance, Message
+from gapsense.cosim.variables import Variable
+from gapsense.tables import Value
+
+NEW = {
+    "fmi2GetFMUstate": "fmi3GetFMUState",
+    "fmi2SetFMUstate": "fmi3SetFMUState",
+    "fmi2FreeFMUstate": "fmi3FreeFMUState",
+}
+C_TYPES: Mapping[str, Any] = {
+    "Float64": ctypes.c_double,
+    "Float32": ctypes.c_float,
+    **{f"{s}Int{n}": getattr(ctypes, f"c_{s.lower()}int{n}") for s in ("", "U") for n in (8, 16, 32, 64)},
+    "Enumeration": ctypes.c_int64,
+    "Boolean": ctypes.c_bool,
+    "String": ctypes.c_char_p,
+}
+
+
+def instance_of(name: str, description: Description, folder: Path) -> Instance:
+    """An FMU of either version, loaded as `name` from its unpacked `folder`."""
+    return (Instance3 if description.fmi == 3 else Instance)(name, description, folder)
+
+
+def collector(messages: deque[Message]) -> Callable[..., None]:
+    """Function for the logger of an FMU that keeps its messages."""
+
+    def log(_: Any, status: int, category: bytes | None, text: bytes | None) -> None:
+        messages.append(Message(status, (text or b"").decode("utf-8", "replace")))
+
+    return log
+
+
+class Instance3(Instance):
+    """An FMU of FMI 3.0, without event mode, early return, clocks and arrays."""
+
+    def instantiated(self, folder: Path) -> Any:
+        """What fmpy makes of the library."""
+        from fmpy import fmi3  # here, so that what loads no FMU starts fast
+
+        slave = fmi3.FMU3Slave(
+            guid=self.description.guid,
+            modelIdentifier=self.description.identifier,
+            unzipDirectory=str(folder),
+            instanceName=self.name,
+        )
+        slave.instantiate(loggingOn=True, logMessage=collector(self.messages))
+        return slave
+
+    def entry(self, function: str) -> str:
+        """Name that FMI 3.0 has for an entry point or a status of FMI 2.0."""
+        return function.replace("fmi2", "fmi3", 1).replace("FMUstate", "FMUState").replace("DeSer", "Deser")
+
+    def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Everything before and at the start of the initialization mode."""
+        yes, no, none = ctypes.c_bool(True), ctypes.c_bool(False), ctypes.c_double(0.0)
+        self.set_all(values)
+        self.call("fmi2EnterInitializationMode", no, none, ctypes.c_double(start), yes, ctypes.c_double(stop))
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return C_TYPES[variable.size or variable.type]
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type, as FMI 2.0 might call it."""
+        return f"fmi2{action}{'Int64' if variable.type == 'Enumeration' else variable.size or variable.type}"
+
+    def after(self, count: int) -> tuple[Any, ...]:
+        """Arguments of an accessor after the values: their number, as there may be arrays."""
+        return (ctypes.c_size_t(count),)
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status, or ENDS."""
+        entry, pointer, time, keep = self.function("fmi2DoStep"), self.pointer, ctypes.c_double(), ctypes.c_bool(True)
+        step, last = ctypes.c_double(duration), ctypes.c_double()
+        event, ends, early = (ctypes.c_bool() for _ in range(3))
+        answers = tuple(ctypes.byref(answer) for answer in (event, ends, early, last))
+
+        def do(start: float) -> int:
+            time.value = start
+            status = entry(pointer, time, step, keep, *answers)
+            return ENDS if ends.value and status <= WARNING else status
+
+        return do

@@ -1,0 +1,335 @@
+"""Every key of a scenario file as data: what the loader asks for, and what its documentation is made of."""
+
+from __future__ import annotations
+
+from gapsense import tables as kinds
+from gapsense.cosim.metrics import KINDS
+from gapsense.cosim.played import INTERPOLATIONS
+from gapsense.cosim.scenario import ISOLATIONS, METHODS, STEP_LIMIT, Tolerance
+from gapsense.parameters import is_file
+from gapsense.tables import Key, Section
+
+NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component: its signals are written `component.variable`
+
+
+def always(name: str, text: str) -> bool:
+    """True: the text is a path."""
+    return True
+
+
+def is_fmu(name: str, text: str) -> bool:
+    """True for the path of an FMU; without its ending it is the name of one."""
+    return text.endswith(".fmu")
+
+
+EXPERIMENT = Section(
+    "[experiment]",
+    "Time grid `start + k * base_step`, and how values are exchanged on it. A whole number of base steps fits between "
+    "start and stop.",
+    (
+        Key("start", kinds.NUMBER, "Start of the run [s]", "-1e-3", default=0.0),
+        Key("stop", kinds.NUMBER, "End of the run [s]", "20e-3", required=True),
+        Key("base_step", kinds.POSITIVE, "Step of the grid [s]", "25e-6", required=True),
+        Key(
+            "method",
+            kinds.TEXT,
+            "Components step one after the other, or all with the values of the step before",
+            '"jacobi"',
+            default=METHODS[0],
+            choices=METHODS,
+        ),
+        Key("pace", kinds.POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
+        Key(
+            "isolation",
+            kinds.TEXT,
+            "`process`: the run has a process of its own, from Python too; the command line always does that",
+            '"process"',
+            default=ISOLATIONS[0],
+            choices=ISOLATIONS,
+        ),
+        Key(
+            "step_limit",
+            kinds.POSITIVE,
+            "Wall time [s] that one step of one component may take in another process, and each call of its start",
+            "10.0",
+            default=STEP_LIMIT,
+        ),
+    ),
+)
+SET = Section(
+    "[components.<component>.set]",
+    "Parameters of this component, over those of its parameter sets; it may name only what the FMU has. A parameter "
+    "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
+    free=Key(
+        "<parameter>",
+        kinds.SCALAR,
+        "Value of the parameter, in its unit",
+        "damping = 0.4",
+        is_dotted=True,
+        is_path=is_file,
+    ),
+    at="[components.valve.set]",
+)
+COMPONENT = Section(
+    "[components.<component>]",
+    "One FMU instance. Its name is letters, digits and `_`, not starting with a digit.",
+    (
+        Key(
+            "fmu",
+            kinds.TEXT,
+            "FMU by name, from the folder of FMUs, or the path of any FMU file (`.fmu`), relative to this file",
+            '"SolenoidValve"',
+            required=True,
+            is_path=is_fmu,
+        ),
+        Key("step", kinds.COUNT, "Base steps per step of this component", "2", default=1),
+        Key("offset", kinds.INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
+        Key(
+            "isolation",
+            kinds.TEXT,
+            "`process`: this component has a process of its own",
+            '"process"',
+            default=ISOLATIONS[0],
+            choices=ISOLATIONS,
+        ),
+        Key(
+            "parameters",
+            kinds.TEXTS,
+            "Parameter-set files relative to this file; a later one wins",
+            '["valve.toml"]',
+            default=[],
+            is_path=always,
+        ),
+        Key("set", kinds.TABLE, "Parameters of this component", otherwise="none", section=SET),
+    ),
+    at="[components.valve]",
+)
+COMPONENTS = Section(
+    "[components]",
+    "The FMU instances by name.",
+    free=Key("<component>", kinds.TABLE, "A component", section=COMPONENT, pattern=NAME),
+)
+CONNECT = Section(
+    "[connect]",
+    "Where inputs come from: target on the left, source on the right, of the same unit.",
+    free=Key(
+        "<component>.<input>",
+        kinds.TEXT,
+        "Output `component.variable` that drives the input",
+        '"sensor.voltage" = "drive.voltage"',
+        is_dotted=True,
+    ),
+)
+CONNECTION = Section(
+    "[[connections]]",
+    "A connection that converts: the input becomes `factor * source + bias`.",
+    (
+        Key("from", kinds.TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
+        Key("to", kinds.TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
+        Key("factor", kinds.NUMBER, "Factor", "0.5", otherwise="1"),
+        Key("bias", kinds.NUMBER, "Added to that", "5.0", otherwise="0"),
+        Key(
+            "unit",
+            kinds.TEXT,
+            "Unit after the conversion; it must be that of the input",
+            '"V"',
+            otherwise="not checked",
+        ),
+    ),
+)
+FROM_FILE, FROM_LISTS = "`file` and `column`", "`times` and `values`"
+SIGNAL = Section(
+    "[inputs.<component>.<input>]",
+    "A signal that an input follows, from a CSV file or from two lists. At each base step it gets the value at the "
+    "time of that step, as from a component that steps before all others. Its times rise and cover the run; an input "
+    "that is not Real takes whole numbers that hold.",
+    (
+        Key(
+            "file",
+            kinds.TEXT,
+            "CSV file with a column `time [s]`, relative to this file",
+            '"record.csv"',
+            otherwise=FROM_LISTS,
+            is_path=always,
+        ),
+        Key("column", kinds.TEXT, "Column of the file", '"reference [V]"', otherwise=FROM_LISTS),
+        Key("times", kinds.NUMBERS, "Times [s]", "[0.0, 20e-3]", otherwise=FROM_FILE, is_other=True),
+        Key("values", kinds.NUMBERS, "Values at these times", "[0.0, 24.0]", otherwise=FROM_FILE, is_other=True),
+        Key(
+            "interpolation",
+            kinds.TEXT,
+            "Straight lines between the samples, or each holds until the next",
+            '"hold"',
+            default=INTERPOLATIONS[0],
+            choices=INTERPOLATIONS,
+        ),
+    ),
+    at="[inputs.drive.reference]",
+)
+INPUTS = Section(
+    "[inputs]",
+    "Inputs that no output drives: constants, and signals. Every input is connected or listed here, or in the `set` of "
+    "its component.",
+    free=Key(
+        "<component>.<input>",
+        kinds.SCALAR,
+        "Value, in its unit; of an enumeration the number or the name of an item",
+        '"drive.enable" = 1.0',
+        section=SIGNAL,
+        is_dotted=True,
+    ),
+)
+SEEDS = Section(
+    "[seeds]",
+    "Seeds of the random components: those with an Integer parameter `seed`. Run i of a sweep adds i.",
+    free=Key("<component>", kinds.INDEX, "Value of its parameter `seed`", "sensor = 1"),
+)
+SWEEP = Section(
+    "[sweep]",
+    "Values that `gapsense sweep` goes through, every one with every other.",
+    (
+        Key(
+            "rows",
+            kinds.TEXT,
+            "CSV file of values that belong together, a column per parameter, a row per run; relative to this file",
+            '"rows.csv"',
+            otherwise="none",
+            is_path=always,
+        ),
+    ),
+    free=Key(
+        "<component>.<parameter>",
+        kinds.LIST,
+        "Values of the parameter, each once",
+        '"valve.damping" = [0.2, 0.4, 0.8]',
+        is_dotted=True,
+        is_path=is_file,
+    ),
+)
+RECORD = Section(
+    "[record]",
+    "What is written at which steps.",
+    (
+        Key(
+            "signals",
+            kinds.TEXTS,
+            "Signals `component.variable`, or patterns: `*` any characters, `?` one, `[ab]` one of these",
+            '["valve.*", "sensor.current_measured"]',
+            default=["*"],
+        ),
+        Key("decimation", kinds.COUNT, "Every which base step", "10", default=1),
+    ),
+)
+METRIC = Section(
+    "[metrics.<metric>]",
+    "One number computed from the samples of a recorded signal: the rows at which its component has just stepped.",
+    (
+        Key("kind", kinds.TEXT, "What is computed, see below", '"rmse"', required=True, choices=tuple(KINDS)),
+        Key("signal", kinds.TEXT, "Recorded signal", '"sensor.current_measured"', required=True),
+        Key(
+            "reference",
+            kinds.NUMBER_OR_TEXT,
+            "What is subtracted: a recorded signal, a parameter `component.parameter`, or a number",
+            '"valve.current"',
+            otherwise="none",
+        ),
+        Key("after", kinds.NUMBER, "Only samples after this time [s]", "1e-3", otherwise="from the start"),
+        Key("before", kinds.NUMBER, "Only samples before this time [s]", "9e-3", otherwise="to the end"),
+        Key("where", kinds.TEXT, "Only samples at which this signal is not 0", '"valve.contact"', otherwise="all"),
+        Key(
+            "time",
+            kinds.TEXT,
+            "Signal with the time [s] that a sample is about, for what is published later",
+            '"offline.published_time"',
+            otherwise="that of its row",
+        ),
+        Key(
+            "bounds",
+            kinds.BOUNDS,
+            "Where it must lie; `gapsense test` and `run` fail outside",
+            "[0.0, 2e-3]",
+            otherwise="any",
+        ),
+        Key("description", kinds.TEXT, "What it tells", '"Noise of the current"', default=""),
+        Key("published", kinds.NUMBER, "Published value, shown beside it and not tested", "1e-3", otherwise="none"),
+        Key("table", kinds.TEXT, "Title of the table in which it is shown", '"Noise"', default=""),
+        Key("label", kinds.TEXT, "Its name there", '"current"', otherwise="that of the metric"),
+    ),
+    at="[metrics.current_noise]",
+)
+METRICS = Section("[metrics]", "The metrics by name.", free=Key("<metric>", kinds.TABLE, "A metric", section=METRIC))
+RTOL = Key("rtol", kinds.NOT_NEGATIVE, "Share of the nominal value", "1e-6", default=Tolerance().rtol)
+ATOL = Key("atol", kinds.NOT_NEGATIVE, "In the unit of the signal", "1e-9", default=Tolerance().atol)
+TOLERANCE = Section(
+    "[baseline.tolerances.<pattern>]",
+    "Another tolerance for the signals that match a pattern.",
+    tuple(key._replace(default=None, otherwise="that of `[baseline]`") for key in (RTOL, ATOL)),
+    at='[baseline.tolerances."valve.*"]',
+)
+TOLERANCES = Section(
+    "[baseline.tolerances]",
+    "Tolerances by pattern.",
+    free=Key("<pattern>", kinds.TABLE, "A tolerance", section=TOLERANCE),
+)
+BASELINE = Section(
+    "[baseline]",
+    "Reference trajectory that `gapsense test` compares with: allowed is `atol + rtol * nominal`. "
+    "`gapsense baseline --write` makes it.",
+    (
+        Key(
+            "file",
+            kinds.TEXT,
+            "CSV file, relative to this file",
+            '"baseline.csv"',
+            otherwise="`baseline.csv`, of a variant `baseline.<variant>.csv`",
+            is_path=always,
+        ),
+        Key("signals", kinds.TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
+        Key("decimation", kinds.COUNT, "Every which recorded row", "8", default=1),
+        RTOL,
+        ATOL,
+        Key("tolerances", kinds.TABLE, "Exceptions", otherwise="none", section=TOLERANCES),
+    ),
+)
+VARIANT = Section(
+    "[variants.<variant>]",
+    "Changes that `--variant` lays over the file: tables are merged key by key, anything else is replaced. All "
+    "sections of the file may be given, as `[variants.<variant>.components.valve.set]`.",
+    (Key("description", kinds.TEXT, "What is different", '"Cold coil"', default=""),),
+    at="[variants.cold]",
+)
+VARIANTS = Section(
+    "[variants]", "The variants by name.", free=Key("<variant>", kinds.TABLE, "A variant", section=VARIANT)
+)
+FILE = Section(
+    "",
+    "Before the first table.",
+    (
+        Key("title", kinds.TEXT, "Title of tables and figures", '"My valve"', required=True),
+        Key("description", kinds.TEXT, "More about it", '"30 V, square wave"', default=""),
+        Key(
+            "figure",
+            kinds.TEXT,
+            "Figure that shows a run: `overview`, all signals by unit, or that of a study",
+            '"overview"',
+            default="overview",
+        ),
+        Key("experiment", kinds.TABLE, "Time grid", required=True, section=EXPERIMENT),
+        Key("components", kinds.TABLE, "FMU instances", required=True, section=COMPONENTS),
+        Key("connect", kinds.TABLE, "Wiring", section=CONNECT),
+        Key("connections", kinds.TABLES, "Wiring that converts", section=CONNECTION),
+        Key("inputs", kinds.TABLE, "Inputs that no output drives", section=INPUTS),
+        Key("seeds", kinds.TABLE, "Seeds", section=SEEDS),
+        Key("sweep", kinds.TABLE, "Sweep", section=SWEEP),
+        Key("record", kinds.TABLE, "Recording", section=RECORD),
+        Key("metrics", kinds.TABLE, "Metrics", section=METRICS),
+        Key("baseline", kinds.TABLE, "Baseline", section=BASELINE),
+        Key("variants", kinds.TABLE, "Variants", section=VARIANTS),
+    ),
+)
+
+
+def key_of(section: Section, name: str) -> Key | None:
+    """The key of that name in a section; a variant may have all that a file has."""
+    own = {key.name: key for key in (*(FILE.keys if section is VARIANT else ()), *section.keys)}
+    return own.get(name, section.free)

@@ -1,0 +1,27 @@
+"""What comes with the package, in a checkout beside it and in an installed one inside: components, FMUs, examples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+INSTALLED = PACKAGE / "_shipped"  # which setup.py makes in the wheel, laid out like a checkout
+ROOT = INSTALLED if INSTALLED.is_dir() else PACKAGE.parents[1]
+FMU_FOLDER = Path("build", "fmus")
+COMPONENTS, FMUS, SCENARIOS = ROOT / "fmus", ROOT / FMU_FOLDER, ROOT / "scenarios"
+
+
+def example(name: str | Path) -> Path | None:
+    """Folder of the example scenario of that name, where there is one."""
+    folder = SCENARIOS / name
+    return folder if Path(name).name == str(name) and (folder / "scenario.toml").is_file() else None
+
+
+def examples() -> list[str]:
+    """Names of the example scenarios."""
+    return sorted(file.parent.name for file in SCENARIOS.glob("*/scenario.toml"))
+
+
+def is_installed(path: Path) -> bool:
+    """True for what lies inside the installed package, which must stay as it is."""
+    return path.resolve().is_relative_to(INSTALLED)

@@ -1,0 +1,104 @@
+"""The wheel, built from the source archive and installed into an empty environment, works in any folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+from sources import ROOT
+
+pytestmark = pytest.mark.slow
+BUILD = "import sys; from setuptools import build_meta; print(getattr(build_meta, sys.argv[1])(sys.argv[2]))"
+
+
+def call(*words: object, cwd: Path) -> str:
+    """Output of a command that knows nothing of this checkout."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "COLUMNS")}
+    done = subprocess.run([str(w) for w in words], cwd=cwd, env=kept, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory) -> tuple[Path, Path]:
+    """The source archive, and the wheel that is made of it."""
+    dist = tmp_path_factory.mktemp("dist")
+    source = dist / call(sys.executable, "-c", BUILD, "build_sdist", dist, cwd=ROOT).split()[-1]
+    with tarfile.open(source) as archive:
+        archive.extractall(dist, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
+    unpacked = dist / source.name.removesuffix(".tar.gz")
+    return source, dist / call(sys.executable, "-c", BUILD, "build_wheel", dist, cwd=unpacked).split()[-1]
+
+
+@pytest.fixture(scope="module")
+def gapsense(archives, tmp_path_factory):
+    """The command of an environment that has the wheel; the packages that it needs are those of the tests."""
+    home = tmp_path_factory.mktemp("environment")
+    venv.create(home, symlinks=os.name != "nt")
+    python = home / ("Scripts" if os.name == "nt" else "bin") / "python"
+    target = call(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=home).strip()
+    call(sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", archives[1], cwd=home)
+    others = [p for p in sys.path if Path(p).name == "site-packages"]
+    Path(target, "others.pth").write_text("\n".join(others), encoding="utf-8")
+    work = tmp_path_factory.mktemp("work")
+    installed = Path(target, "gapsense")
+    before = state(installed)
+    yield lambda *words: call(python.with_name("gapsense"), *words, cwd=work), work, python
+    assert state(installed) == before  # nothing was written into the package
+
+
+def state(folder: Path) -> dict[Path, tuple[int, int]]:
+    """Size and time of all files but those that Python compiled."""
+    files = (p for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc")
+    return {p: (p.stat().st_size, p.stat().st_mtime_ns) for p in files}
+
+
+def test_wheel_holds_components_examples_and_the_same_fmus(archives, fmus):
+    with zipfile.ZipFile(archives[1]) as wheel:
+        names = {name.partition("_shipped/")[2]: name for name in wheel.namelist()}
+        folders = [ROOT / "fmus", ROOT / "scenarios"]
+        mine = {p for f in folders for p in f.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
+        assert {p.relative_to(ROOT).as_posix() for p in mine} <= set(names)
+        for fmu in fmus.glob("*.fmu"):
+            assert wheel.read(names[f"build/fmus/{fmu.name}"]) == fmu.read_bytes(), fmu.name
+        assert not [name for name in names if "__pycache__" in name or name.startswith("tests")]
+
+
+def test_installed_package_is_the_one_that_runs_and_has_the_sources_of_the_checkout(gapsense):
+    _, work, python = gapsense
+    show = "from gapsense import ledger, shipped; print(shipped.ROOT, ledger.fingerprint(ledger.sources()))"
+    (root, theirs), (_, ours) = (
+        call(python, "-c", show, cwd=work).split(),
+        call(sys.executable, "-c", show, cwd=ROOT / "src").split(),
+    )
+    assert root.endswith("_shipped") and theirs == ours
+
+
+def test_everything_works_in_any_folder(gapsense):
+    run, work, _ = gapsense
+    assert "semera_valve" in run("list")
+    assert "real-time factor" in run("run", "semera_valve")
+    run("new", "my_valve")
+    assert "no problems" in run("check", "my_valve")
+    assert "2 passed, 0 failed" in run("test", "my_valve")
+    run("sweep", "my_valve")
+    run("figure", "my_valve")
+    assert "linear (33)-(35)" in run("study", "observability")
+    assert "Table II" in run("study", "reduced-fit")
+    assert {p.name for p in work.iterdir()} == {"my_valve", "results"}
+
+
+def test_built_fmus_of_the_working_folder_come_first(gapsense, fmus):
+    run, work, _ = gapsense
+    run("build", "sensor", "--out", "mine")
+    assert (work / "mine" / "Sensor.fmu").read_bytes() == (fmus / "Sensor.fmu").read_bytes()
+    (work / "record.csv").write_text(
+        "time [s],voltage [V],current [A]\n" + "".join(f"{k * 5e-5:g},0,0\n" for k in range(80))
+    )
+    assert "Semera" in run("estimate", "record.csv", "--estimator", "semera")
