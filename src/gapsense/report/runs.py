@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from gapsense.cosim import Outcome, Result, Scenario, Sweep
+from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+from gapsense.cosim.sensitivity import PERTURBATION
 from gapsense.fmi.ports import Component
 from gapsense.report.table import add_row, quantity, table
 
@@ -69,6 +70,13 @@ def scenarios(root: Path, found: Sequence[tuple[Path, Scenario]]) -> Table:
     """Scenarios and their variants."""
     rows = ((str(folder.relative_to(root)), ", ".join(s.variants) or "-", s.title) for folder, s in found)
     return table("Scenarios", ("folder", "variants", "what it is"), rows, texts=3)
+
+
+def growths(found: Sequence[Growth]) -> Table:
+    """How a small change grows in the signals of a baseline, the most sensitive ones first."""
+    rows = ((g.signal, f"{g.amplification:.3g}", f"{g.change:.3g}", f"{g.allowed:.3g}", g.unit) for g in found)
+    heads = ("signal", "amplification", "change", "allowed", "unit")
+    return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
 
 
 def outcome(tested: Outcome) -> str:
