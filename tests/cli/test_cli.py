@@ -360,6 +360,21 @@ def test_wrong_scenario_fails_the_test_with_its_problems(gapsense, write, fmus):
     assert "sensor.stepp: unknown key" in done.stdout
 
 
+def test_sensitivity_of_a_baseline_is_shown_and_nothing_written(gapsense, write, fmus):
+    baseline = '[baseline]\nrtol = {}\nsignals = ["valve.*"]\n[seeds]'
+    sound = gapsense("baseline", write(("[seeds]", baseline.format("1e-6"))), "--fmus", fmus, "--sensitivity")
+    assert (sound.exit_code, sound.stderr) == (0, "")
+    for word in ("amplification", "valve.current", "valve.flux_linkage", "allowed"):
+        assert word in sound.stdout
+    folder = write(("[seeds]", baseline.format("1e-12")))
+    beyond = gapsense("baseline", folder, "--fmus", fmus, "--sensitivity")
+    assert beyond.exit_code == 1
+    assert re.search(
+        r"valve.current: it changes by \S+ A, allowed are \S+ A, first at t = \S+ s\. Leave", beyond.stderr
+    )
+    assert [p.name for p in folder.iterdir()] == ["scenario.toml"]
+
+
 def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
     folder = write()
     shown = gapsense("baseline", folder, "--fmus", fmus)

@@ -14,6 +14,8 @@ from gapsense.cosim.document import scenario_file
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
+REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `[baseline.tolerances]`."
+
 
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
@@ -161,8 +163,21 @@ def baseline(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
+    sensitive: Annotated[
+        bool, typer.Option("--sensitivity", help="Show instead how changes of 1e-9 grow in its signals")
+    ] = False,
 ) -> None:
-    """Show what a new baseline of a scenario would change, and write it only with --write."""
+    """Show what a new baseline of a scenario would change, and write it only with --write.
+
+    With --sensitivity all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
+    four runs. A signal that then leaves its tolerance tells more of rounding than of the scenario: exit code 1.
+    """
+    if sensitive:
+        found = cosim.sensitivity(scenario, variant, fmus)
+        cli.show(runs.growths(found))
+        for growth in [g for g in found if g.is_beyond]:
+            cli.problem(f"{growth}. {REMEDY}")
+        raise typer.Exit(cli.FAILED if any(g.is_beyond for g in found) else 0)
     if write and is_installed(scenario_file(scenario)):
         raise cosim.ScenarioError(
             [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]

@@ -16,6 +16,7 @@ from gapsense.cosim.record import FmuError, Result, read_result
 from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
 from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sensitivity import Growth, sensitivity
 from gapsense.cosim.sidecar import own_file, refuse_other, relative, result_file
 from gapsense.cosim.sweep import Sweep, sweep
 from gapsense.problems import ScenarioError
@@ -23,6 +24,7 @@ from gapsense.problems import ScenarioError
 __all__ = [
     "Checkpoint",
     "FmuError",
+    "Growth",
     "Master",
     "Measured",
     "Outcome",
@@ -44,6 +46,7 @@ __all__ = [
     "result_file",
     "run",
     "run_once",
+    "sensitivity",
     "sweep",
     "test_scenario",
     "test_scenarios",
