@@ -277,7 +277,7 @@ def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
     assert "Gain &amp; &lt;offset&gt;" in page and "Factor &lt; 3" in page and "1.2.3" in page
     assert "<code>voltage</code>" in page and "<h2>Outputs</h2>" in page
     for port in component.ports:
-        assert f"<code>{port.name}</code>" in page
+        assert f"<code>{port.name}</code>" in page.replace("<wbr>", "")
 
 
 # What an author may get wrong: one sentence with file and line, no traceback ------------------------------------------

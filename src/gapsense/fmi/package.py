@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from pythonfmu import FmuBuilder
 
 import gapsense
-from gapsense.fmi import describe, page, shim
+from gapsense.fmi import describe, page, picture, shim
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
@@ -176,7 +176,8 @@ def _complete(members: dict[str, bytes], component: Component, folder: Path, gui
     members[f"binaries/linux64/{shim.WRAPPER}"] = members[binary]
     members[binary] = shim.BINARY.read_bytes()
     members["model.png"] = (HERE / "icon.png").read_bytes()
-    text = page.html(component, (folder / "page.md").read_text(encoding="utf-8"), gapsense.__version__)
+    markdown, drawing = (folder / "page.md").read_text(encoding="utf-8"), picture.figure(component, folder)
+    text = page.html(component, markdown, gapsense.__version__, drawing)
     members["documentation/index.html"] = text.encode()
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
 

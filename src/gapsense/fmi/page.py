@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
+from typing import Any
 
 from markdown_it import MarkdownIt
 
 from gapsense.fmi import wiring
 from gapsense.fmi.ports import Component, Port
 
-STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1f24}
-table{border-collapse:collapse;width:100%;margin:.5rem 0 1.5rem}
-td,th{border-bottom:1px solid #d0d7de;padding:.3rem .6rem;text-align:left;vertical-align:top}th{background:#f6f8fa}
-code,pre{background:#f6f8fa;padding:.1rem .3rem;border-radius:4px}pre{padding:.8rem;overflow:auto}
-h1 small{font-weight:normal;color:#57606a;font-size:.6em}"""
+TITLES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
+STYLE = """:root{color-scheme:light dark;--text:#1b1f24;--back:#fff;--faint:#57606a;--line:#d0d7de;--box:#f6f8fa;
+--c0:#0969da;--c1:#bc4c00;--c2:#1a7f37}
+@media(prefers-color-scheme:dark){:root{--text:#e6edf3;--back:#0d1117;--faint:#9198a1;--line:#3d444d;--box:#161b22;
+--c0:#4493f8;--c1:#f0883e;--c2:#3fb950}}
+body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:var(--text);
+background:var(--back);overflow-wrap:break-word}
+a{color:var(--c0)}h1 small{font-weight:normal;color:var(--faint);font-size:.6em}
+.wide{overflow-x:auto;margin:.5rem 0 1.5rem}table{border-collapse:collapse;width:100%}
+td,th{border-bottom:1px solid var(--line);padding:.3rem .6rem;text-align:left;vertical-align:top}
+th{background:var(--box)}.number,td code{white-space:nowrap}.name code{white-space:normal}.meaning{min-width:12rem}
+code,pre{background:var(--box);padding:.1rem .3rem;border-radius:4px}pre{padding:.8rem;overflow-x:auto}
+figure{margin:1.5rem 0}figcaption{color:var(--faint);font-size:.9em}svg{display:block;width:100%;max-width:44rem}
+svg text{font:12px system-ui,sans-serif;fill:var(--text)}.mid{text-anchor:middle}.end{text-anchor:end}
+.grid{stroke:var(--line);fill:none}polyline{fill:none;stroke-width:1.5;stroke-linejoin:round}
+polyline.c0{stroke:var(--c0)}polyline.c1{stroke:var(--c1)}polyline.c2{stroke:var(--c2)}
+@media(max-width:40rem){td,th{padding:.3rem}}
+svg text.c0{fill:var(--c0)}svg text.c1{fill:var(--c1)}svg text.c2{fill:var(--c2)}"""
 
 RUN = """## How to run
 
@@ -28,35 +43,61 @@ Profile: FMI 2.0 co-simulation, variable communication step, several instances, 
 """
 
 
-def html(component: Component, markdown: str, version: str) -> str:
-    """The page: what it does, tables of its ports, how to run it."""
-    render = MarkdownIt("commonmark").enable("table").render
-    tables = "".join(_table(c, component.of(c)) for c in ("input", "output", "parameter"))
+def html(component: Component, markdown: str, version: str, picture: str = "") -> str:
+    """The page: what it does, a picture, tables of its ports, how to run it."""
+    renderer = MarkdownIt("commonmark").enable("table")
+    text, said = parted(markdown)
+
+    def render(text: str) -> str:
+        return boxed(str(renderer.render(text)))
+
+    tables = "".join(
+        f"<h2>{title}</h2>\n{render(said.get(title, ''))}{_table(component.of(causality))}"
+        for causality, title in TITLES.items()
+    )
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{component.name}</title>'
-        f"<style>{STYLE}</style></head>"
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
-        f"{render(markdown)}\n{render(wiring.chapter(component))}\n{tables}\n{render(RUN.format(step=component.step_size))}</body></html>\n"
+        f"{picture}{render(text)}\n{render(wiring.chapter(component))}\n{tables}\n"
+        f"{render(RUN.format(step=component.step_size))}</body></html>\n"
     )
 
 
-def _table(causality: str, ports: tuple[Port, ...]) -> str:
-    title = f"<h2>{causality.capitalize()}s</h2>"
+def parted(markdown: str) -> tuple[str, dict[str, str]]:
+    """The text of a page, and what it says under the headings of the tables of ports, which stands there then."""
+    first, *sections = re.split(r"^(?=## )", markdown, flags=re.MULTILINE)
+    said = {}
+    for title in TITLES.values():
+        for section in [s for s in sections if s.partition("\n")[0] == f"## {title}"]:
+            said[title] = section.partition("\n")[2]
+            sections.remove(section)
+    return first + "".join(sections), said
+
+
+def boxed(text: str) -> str:
+    """Tables that are too wide for the window scroll in a box of their own."""
+    return text.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
+
+
+def _table(ports: tuple[Port, ...]) -> str:
     if not ports:
-        return f"{title}<p>None.</p>"
-    details = ("follows at once",) if causality == "output" else ("start", "min", "max")
+        return "<p>None.</p>\n"
+    details = ("follows at once",) if ports[0].causality == "output" else ("start", "min", "max")
     head = "".join(f"<th>{h}</th>" for h in ("name", "unit", *details, "meaning"))
-    rows = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in _cells(p)) + "</tr>\n" for p in ports)
-    return f"{title}\n<table><tr>{head}</tr>\n{rows}</table>\n"
+    rows = "".join(f"<tr>{_cells(p)}</tr>\n" for p in ports)
+    return boxed(f"<table><tr>{head}</tr>\n{rows}</table>\n")
 
 
-def _cells(port: Port) -> list[str]:
-    name, meaning = f"<code>{port.name}</code>", escape(port.description)
+def _cells(port: Port) -> str:
     if port.causality == "output":
-        return [name, port.unit, ", ".join(port.feedthrough) or "nothing", meaning]
-    start = f"{port.start:g}" if isinstance(port.start, float) else escape(str(port.start))
-    return [name, port.unit, start, _bound(port.min), _bound(port.max), meaning]
+        details = f"<td>{', '.join(port.feedthrough) or 'nothing'}</td>"
+    else:
+        details = "".join(f'<td class="number">{_value(v)}</td>' for v in (port.start, port.min, port.max))
+    named = re.sub(r"([._])", r"\1<wbr>", port.name)
+    name, unit = f'<td class="name"><code>{named}</code></td>', f'<td class="number">{port.unit}</td>'
+    return f'{name}{unit}{details}<td class="meaning">{escape(port.description)}</td>'
 
 
-def _bound(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
+def _value(value: Any) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else escape(str(value))
