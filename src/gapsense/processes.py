@@ -27,8 +27,8 @@ from typing import Any, TextIO, TypeAlias
 from gapsense.importable import importable_name, imported, root
 from gapsense.locks import temporary_folder
 from gapsense.problems import ScenarioError
+from gapsense.shipped import PACKAGE
 
-PACKAGE = Path(__file__).resolve().parent
 FOLDER = "GAPSENSE_PROCESS"  # variable of the environment: the folder of the process, which is its own
 MARKS = 8
 PATIENCE = 1.0  # seconds that a process may take to end by itself

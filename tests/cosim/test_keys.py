@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -12,7 +13,7 @@ from gapsense.cosim.load import read_draft
 from gapsense.parameters import PARAMETER_SET, read_parameters
 from gapsense.tables import TABLES, Key, Section, Table
 
-if __import__("sys").version_info >= (3, 11):
+if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib

@@ -6,13 +6,17 @@ import gc
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 import gapsense
 from gapsense import Scenario
 from gapsense.cosim import FmuError, ScenarioError, check, read_result, run
+from gapsense.cosim.content import plain
 from gapsense.cosim.instance import Instance
 from gapsense.problems import InputError
 
@@ -55,6 +59,24 @@ def test_saved_scenario_is_the_same_model(ramp, tmp_path, fmus):
     results = (ramp.run(), loaded.run(), run(file, fmus=fmus))
     assert len({result["lag.y"].tobytes() for result in results}) == 1
     assert [r.metrics["end"].value for r in results] == 3 * [results[0]["lag.y"][-1]]
+
+
+VALUES = st.floats(allow_nan=False) | st.integers(-(2**60), 2**60) | st.booleans() | st.text()
+
+
+@example({"description": "a\r\nb\r"})
+@given(st.dictionaries(st.text(), VALUES | st.lists(VALUES) | st.dictionaries(st.text(), VALUES)))
+def test_whatever_is_in_it_is_written_exactly(content):
+    with TemporaryDirectory() as folder:
+        scenario = Scenario(folder=folder)
+        scenario.data |= {"title": "t", **content}
+        assert Scenario.load(scenario.save(folder)).data == plain(scenario.data)
+
+
+def test_numpy_values_and_paths_are_those_of_toml(ramp, tmp_path):
+    ramp.data["record"] = {"signals": ("lag.y",), "decimation": np.int64(2)}
+    assert Scenario.load(ramp.save(tmp_path)).data["record"] == {"signals": ["lag.y"], "decimation": 2}
+    assert list(ramp.run().signals) == ["lag.y"]
 
 
 def test_relative_paths_stay_valid_where_it_is_saved(ramp, tmp_path, fmus):
@@ -104,6 +126,21 @@ def test_added_component_and_another_wire_load_anew(ramp, loads):
     assert "second.y" in ramp.run().signals and len(loads) == 7
     ramp.connect("source.y", "second.u")
     assert np.array_equal((result := ramp.run())["second.u"], result["source.y"]) and len(loads) == 11
+
+
+def test_object_runs_in_another_process_where_it_says_so(ramp, loads):
+    here = ramp.run()
+    ramp.data["experiment"]["isolation"] = "process"
+    away = ramp.run()
+    assert away["lag.y"].tobytes() == here["lag.y"].tobytes() and len(loads) == 3
+    ramp.data["experiment"]["isolation"] = "none"
+    ramp.components["lag"]["isolation"] = "process"
+    assert ramp.run()["lag.y"].tobytes() == here["lag.y"].tobytes() and sorted(loads)[1:] == [
+        "gain",
+        "lag",
+        "source",
+        "source",
+    ]
 
 
 def test_set_knows_where_a_value_belongs(ramp, fmus):

@@ -1,9 +1,9 @@
 """Every code block of the pages for users runs, page by page, from top to bottom, in a folder of its own.
 
-A block of TOML is loaded (one without a title is laid over the last whole scenario), Python runs in one namespace per
-page, lines after `$` of a console block are commands. What they print must be what the block, or the text block after
-Python, says; `...` stands for anything. Before a block, `<!-- file: NAME -->` writes it first of all, and
-`<!-- skip: REASON -->` leaves it out.
+A block of TOML is checked; one without a title is laid over the last whole scenario, on the page or made by a command.
+Python runs in one namespace per page, lines after `$` of a console block are commands. What they print must be what
+the block, or the text block after Python, says; `...` stands for anything. Before a block, `<!-- file: NAME -->`
+writes it first of all, `<!-- exit: CODE -->` tells how its commands end, `<!-- skip: REASON -->` leaves it out.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ import doctest
 import io
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from sources import ROOT
 from typer.testing import CliRunner
 
+from gapsense import Scenario
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.document import Document
@@ -33,8 +37,10 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PAGES = [ROOT / "docs" / name for name in ("scenario-file.md", "python.md")]
+PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "scenario-file.md", "python.md")]
+REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+APART = {("pythonfmu", "build"), ("gapsense", "build")}  # not in a process that has run FMUs made with pythonfmu
 SAME = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -60,16 +66,16 @@ class Reader:
     """Does what a reader of a page would do with its blocks."""
 
     def __init__(self) -> None:
-        self.whole: dict = {}
+        self.file, self.whole = Path("scenario.toml"), {}
         self.names: dict = {"__name__": "page"}
         self.printed = ""
 
     def toml(self, block: Block) -> None:
         data = tomllib.loads(block.text)
-        is_whole = "title" in data and "components" in data
-        self.whole = data if is_whole else self.whole
-        document = Document(Path(block.place), merged(self.whole, data))
-        problems = check(document) if is_whole else read_draft(document).problems
+        if "title" in data and "components" in data:
+            self.file, self.whole = Path(block.about if block.note == "file" else "scenario.toml"), data
+        document = Document(self.file, merged(self.whole, data))
+        problems = read_draft(document).problems if block.place.startswith(REFERENCE) else check(document)
         assert not problems, (block.place, problems)
 
     def python(self, block: Block) -> None:
@@ -84,8 +90,15 @@ class Reader:
     def console(self, block: Block) -> None:
         for command, expected in re.findall(r"^\$ (.+)\n((?:[^$\n].*\n|\n)*)", block.text, re.MULTILINE):
             program, *arguments = shlex.split(command, comments=True)
+            if (program, arguments[0]) in APART:
+                module = {"gapsense": "gapsense.cli"}.get(program, program)
+                subprocess.run([sys.executable, "-m", module, *arguments], check=True, capture_output=True)
+                continue
             assert program == "gapsense", block.place
             done = CliRunner().invoke(app, arguments)
+            if arguments[0] == "new":
+                self.file = Path(arguments[1], "scenario.toml")
+                self.whole = tomllib.loads(self.file.read_text(encoding="utf-8"))
             assert done.exit_code == (int(block.about) if block.note == "exit" else 0), (block.place, done.output)
             if expected.strip():
                 same(expected, done.output, block.place)
@@ -114,6 +127,34 @@ def test_blocks_of_a_page_run_in_order(page, folder):
     for block in every:
         if block.note != "skip" and (block.note != "file" or "title =" in block.text):
             getattr(reader, block.kind)(block)
+
+
+def record(file: Path, volts: float, seed: int) -> None:
+    """Voltage and current of a valve, measured from rest on, as one would record them."""
+    with Scenario("record", stop=80e-3, base_step=25e-6) as s:
+        s.add("drive", "DriveVoltage", {"square.amplitude": volts, "square.delay": 2e-3}, enable=1.0, reference=0.0)
+        s.add("valve", "SolenoidValve").add("sensor", "Sensor", seed=seed, step=2)
+        s.connect("drive.voltage_mean", "valve.voltage", "sensor.voltage").connect("valve", "sensor")
+        result = s.record("sensor.*_measured", decimation=2).run()
+    columns = (result.times, result["sensor.voltage_measured"], result["sensor.current_measured"])
+    head = "time [s],voltage [V],current [A]"
+    np.savetxt(file, np.stack(columns, axis=1), delimiter=",", header=head, comments="")
+
+
+@pytest.mark.slow
+def test_commands_of_the_readme_run(folder):
+    """But for what CI runs anyway: make, pip and pytest, the 200 seeds of `make demo`, the test of all scenarios."""
+    shutil.copytree(ROOT / "scenarios", folder / "scenarios")
+    record(folder / "valve.csv", 30.0, 1)
+    record(folder / "other.csv", 26.0, 2)
+    lines = re.findall(r"^ {4}(gapsense .*)$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    commands = [part.strip() for line in lines for part in line.split("&&")]
+    commands = [c for c in commands if not c.startswith(("gapsense test", "gapsense sweep"))]
+    assert len(commands) > 8
+    for command in commands:
+        done = CliRunner().invoke(app, shlex.split(command)[1:])
+        assert done.exit_code == 0, (command, done.output)
+    assert (folder / "build" / "mine" / "Semera.fmu").is_file()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

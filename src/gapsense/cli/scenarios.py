@@ -57,11 +57,11 @@ def run(
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
-        on = " `--resume` goes on from the checkpoint." if checkpoint and saved.is_file() else ""
+        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
         cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
         raise typer.Exit(cli.INTERRUPTED)
     if checkpoint:
-        saved.unlink(missing_ok=True)  # nothing is left to go on with
+        checkpoint.file.unlink(missing_ok=True)  # nothing is left to go on with
     failures = [m for m in result.metrics.values() if not m.passed]
     for measured in failures:
         cli.problem(f"outside its bounds: {measured}")
@@ -117,7 +117,7 @@ def figure(
     from gapsense.studies.figures import drawer
 
     if scenario.suffix == ".csv":
-        result, file = saved_result(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
         plot.check_file(file)
     else:
         source = cosim.changed(scenario, settings or ())
@@ -130,7 +130,7 @@ def figure(
     cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
 
 
-def saved_result(file: Path, *options: object) -> cosim.Result:
+def read_saved(file: Path, *options: object) -> cosim.Result:
     """A saved result, of which nothing can be chosen any more."""
     if any(options):
         raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")

@@ -43,7 +43,7 @@ class Content:
         **experiment: float | str,
     ) -> None:
         self.data: dict[str, Any] = {"title": title, "experiment": plain(experiment), "components": {}}
-        self.path, self.fmus = Path(folder) / (UNFIT.sub("_", title) or "scenario"), fmus
+        self.path, self.fmus = Path(folder).resolve() / (UNFIT.sub("_", title) or "scenario"), fmus
 
     @classmethod
     def load(cls: type[Self], source: str | Path, fmus: str | Path | None = None) -> Self:
@@ -53,7 +53,7 @@ class Content:
         if document is None:
             raise ScenarioError(problems)
         made = cls(fmus=fmus)
-        made.data, made.path = dict(document.data), scenario_file(source)
+        made.data, made.path = dict(document.data), scenario_file(source).resolve()
         return made
 
     def save(self, path: str | Path) -> Path:
@@ -77,7 +77,7 @@ class Content:
     @property
     def document(self) -> Document:
         """What `cosim.run`, `check` and `sweep` take."""
-        return Document(self.path, self.data)
+        return Document(self.path, plain(self.data))
 
     def add(
         self: Self, name: str, fmu: str | PathLike[str], values: Mapping[str, Any] | None = None, **more: Any

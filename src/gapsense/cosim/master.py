@@ -239,16 +239,16 @@ class Master:
         return following(done), rest
 
 
-def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
-    """Rows and columns of a whole run."""
-    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
-
-
 def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    return list(bare.items()), hashes, scenario.connections
+    return list(bare.items()), hashes, scenario.connections, scenario.experiment.step_limit
+
+
+def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
+    """Rows and columns of a whole run."""
+    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
 
 
 def pacer(experiment: Experiment, recording: Recording, done: int) -> BaseStep:

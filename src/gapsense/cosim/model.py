@@ -11,7 +11,7 @@ from gapsense.cosim import show
 from gapsense.cosim.content import Content, plain
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.record import Measure, Result
-from gapsense.cosim.run import check, prepare, run_once
+from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.sweep import Sweep, sweep
 
 Self = TypeVar("Self", bound="Scenario")
@@ -43,6 +43,8 @@ class Scenario(Content):
         Result
         """
         read, descriptions = prepare(self.document, variant, self.fmus)
+        if read.experiment.isolation == "process":
+            return run(self.document, variant, self.fmus, seed_shift, progress)
         if self.master is None or not self.master.adopt(read, descriptions):
             self.close()
             self.master = Master(read, descriptions)

@@ -19,7 +19,7 @@ def write_document(document: Document, path: Path) -> None:
 
     path.parent.mkdir(parents=True, exist_ok=True)
     data = moved(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())
-    text = tomli_w.dumps(data, multiline_strings=True)
+    text = tomli_w.dumps(data, multiline_strings="\\r" not in repr(data))  # over several lines TOML drops these
     write_atomically(path, lambda file: print(text, end="", file=file))
 
 

@@ -146,7 +146,7 @@ def block(*sections: Section) -> str:
 def parameter_set() -> str:
     """The chapter of the other kind of file."""
     both = (PARAMETER_SET, VALUES)
-    return f"## Parameter sets\n\n{VALUES.what}\n\n{table(*both)}\n<!-- file: valve.toml -->\n{block(*both)}"
+    return f"## Parameter sets\n\n{VALUES.what}\n\n{table(*both)}\n<!-- file: my_valve/valve.toml -->\n{block(*both)}"
 
 
 def row(key: Key) -> str:
