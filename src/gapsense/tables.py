@@ -17,6 +17,9 @@ else:
 
 Value = float | int | bool | str
 INFINITE = (-math.inf, math.inf)
+LARGEST = sys.float_info.max
+MOST = 2**53  # of what is counted
+LONGEST = 100  # characters of a value in a message
 
 
 class Kind(NamedTuple):
@@ -57,12 +60,17 @@ class Section(NamedTuple):
 
 def is_number(value: Any) -> bool:
     """True for a finite integer or float; TOML's `inf` and `nan` are none, nor are truth values."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
 def is_integer(value: Any) -> bool:
     """True for an integer that is no truth value."""
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_count(value: Any, least: int) -> bool:
+    """True for an integer of at least that, and not so large that a number loses its last digit."""
+    return is_integer(value) and bool(least <= value <= MOST)
 
 
 def is_scalar(value: Any) -> bool:
@@ -85,8 +93,8 @@ OF_SCALARS = {"type": ["number", "boolean", "string"]}
 NUMBER = Kind("a finite number", is_number, {"type": "number"})
 POSITIVE = Kind("a positive number", lambda v: is_number(v) and v > 0, {"type": "number", "exclusiveMinimum": 0})
 NOT_NEGATIVE = Kind("a number not below 0", lambda v: is_number(v) and v >= 0, {"type": "number", "minimum": 0})
-COUNT = Kind("a whole number of at least 1", lambda v: is_integer(v) and v >= 1, {"type": "integer", "minimum": 1})
-INDEX = Kind("a whole number of at least 0", lambda v: is_integer(v) and v >= 0, {"type": "integer", "minimum": 0})
+COUNT = Kind("a whole number of at least 1", lambda v: is_count(v, 1), {"type": "integer", "minimum": 1})
+INDEX = Kind("a whole number of at least 0", lambda v: is_count(v, 0), {"type": "integer", "minimum": 0})
 TEXT = Kind("a text", lambda value: isinstance(value, str), {"type": "string"})
 TABLE = Kind("a table", lambda value: isinstance(value, dict), {"type": "object"})
 TABLES = Kind("an array of tables", lambda value: is_list(value, TABLE.accepts), {"type": "array"})
@@ -124,6 +132,8 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
         problems.append(f"{path}: cannot be read: {error.strerror}.")
     except tomllib.TOMLDecodeError as error:
         problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables without end
+        problems.append(f"{path}: cannot be read: {error}. Correct the file.")
     return None
 
 
@@ -131,7 +141,7 @@ def parsed_value(text: str) -> Any:
     """What a text means as the value of a key; one that TOML does not take as a value means itself."""
     try:
         read = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
     return read["value"] if len(read) == 1 else text
 
@@ -246,4 +256,7 @@ def found(value: Any) -> str:
         return "a table" if isinstance(value, dict) else "a list"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
-    return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"
+    if is_integer(value) and abs(value) > LARGEST:
+        return "a number of more than 308 digits"
+    text = f'"{value}"' if isinstance(value, str) else f"{value}"
+    return f"`{text}`" if len(text) <= LONGEST else f"`{text[:LONGEST]}...`"

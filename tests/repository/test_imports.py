@@ -28,7 +28,7 @@ MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
-    "cosim": GENERAL | {"cosim"},
+    "cosim": GENERAL | {"cosim", "fmi"},
     "report": NUMBERS | {"report"},
     "cli": NUMBERS | {"report", "studies", "cli"},
     "studies": NUMBERS | {"report", "studies"},
@@ -88,6 +88,12 @@ def test_what_travels_in_an_fmu_needs_only_the_standard_library_and_pythonfmu(na
     relative = {n.removeprefix("gapsense.fmi.").partition(".")[0] for n, _ in imports(path) if n[:8] == "gapsense"}
     assert relative <= TRAVELLERS
     assert all(n.level == 1 for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom) and n.module in TRAVELLERS)
+
+
+def test_cosim_takes_of_fmi_only_what_says_and_judges_the_values_of_parameters():
+    found = [name for path in (SRC / "cosim").rglob("*.py") for name, _ in imports(path)]
+    names = {name.split(".")[2] for name in found if name.startswith("gapsense.fmi")}
+    assert names == {"ports", "values"}
 
 
 def test_list_of_travellers_is_that_of_the_packager():

@@ -5,19 +5,34 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import chain
+from math import prod
 from pathlib import Path
+from typing import TypeVar
 
 from gapsense.cosim.archive import UnusableError
 from gapsense.cosim.check_inputs import check_signal, check_span
 from gapsense.cosim.check_record import check_record
-from gapsense.cosim.check_values import check_grid, check_seeds, check_sets, check_swept, check_values, misfit
+from gapsense.cosim.check_values import (
+    check_grid,
+    check_seeds,
+    check_sets,
+    check_swept,
+    check_values,
+    misfit,
+    value_problem,
+)
 from gapsense.cosim.check_wires import check_types, check_units
 from gapsense.cosim.descriptions import Description, Descriptions, describe, find_fmu
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.rules import broken_rules
+from gapsense.cosim.scenario import Points, Port, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.problems import suggest
+from gapsense.tables import Value
 
+MOST_POINTS = 10**6  # of a sweep
+MOST_JUDGED = 1000  # combinations for a component; the FMU tells the others
+T = TypeVar("T")
 OWN = "Build the FMUs with `gapsense build`."  # remedies for an FMU that is missing
 FOREIGN = "Correct the path; it is relative to the scenario."
 
@@ -76,6 +91,17 @@ def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: froze
     return problems
 
 
+def own_points(scenario: Scenario, component: str) -> Iterator[dict[str, Value]]:
+    """Combinations of the values that a sweep gives a component, the first ones if there are many; one without any."""
+
+    def own(values: Mapping[Port, T]) -> dict[Port, T]:
+        return {port: value for port, value in values.items() if port.component == component}
+
+    points = Points([*map(own, scenario.rows)] or ({},), own(scenario.grid))
+    for index in range(min(len(points), MOST_JUDGED)):
+        yield {port.variable: value for port, value in points[index].items()}
+
+
 class Checker:
     """The checks of one scenario; each yields its problems."""
 
@@ -86,7 +112,7 @@ class Checker:
         """All problems, in the order of the file."""
         sets = check_sets(self.scenario.components, self.descriptions)
         wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
-        for problem in chain(self.singles(), sets, self.values(), *wiring, self.seeds(), self.grid()):
+        for problem in chain(self.singles(), sets, self.values(), self.rules(), *wiring, self.seeds(), self.grid()):
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
@@ -108,6 +134,16 @@ class Checker:
             if "experiment" not in self.broken:
                 yield from check_grid(component, description, self.scenario.experiment)
 
+    def rules(self) -> Iterator[str]:
+        """Parameters: what an FMU states beyond FMI, also for the combinations of a sweep."""
+        for name, description in self.descriptions.items():
+            values = self.scenario.components[name].values
+            for swept in own_points(self.scenario, name):
+                place = f"sweep, components.{name}" if swept else f"components.{name}"
+                given = {n: v for n, v in {**values, **swept}.items() if not value_problem(n, v, description)}
+                problems = [] if description.rules is None else broken_rules(description.rules, given)
+                yield from (f"{place}: {problem.rstrip('.')}. Correct the parameters." for problem in problems)
+
     def seeds(self) -> Iterator[str]:
         """Seeds: of components that have one, stated once."""
         for name, seed in self.scenario.seeds.items():
@@ -117,7 +153,11 @@ class Checker:
                 yield from check_seeds(self.scenario.components[name], self.descriptions[name], seed)
 
     def grid(self) -> Iterator[str]:
-        """Values of a sweep: of known parameters, of the right type, within their limits, and no seeds."""
+        """Values of a sweep: not too many, of known parameters, of the right type and in their limits, no seeds."""
+        lengths = [len(self.scenario.rows) or 1, *map(len, self.scenario.grid.values())]
+        if prod(lengths) > MOST_POINTS:
+            found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
+            yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
         for port, values in self.scenario.swept.items():
             if port.component not in self.scenario.components:
                 yield f"sweep.{port}: {self.no_component(port.component)}"

@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 
+from gapsense.cosim.check_window import check_window
 from gapsense.cosim.descriptions import Descriptions, Variable
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Metric, Scenario
 from gapsense.cosim.signals import matching, recorded_signals, signals
 from gapsense.problems import suggest
 
+UNKNOWN = 4e9  # bytes, of a machine that does not tell
+
 
 def check_record(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Problems with what is recorded and with what is made of it; all components must have a description."""
     recorded = recorded_signals(scenario, descriptions)
     yield from unmatched(scenario.record.signals, signals(descriptions), "record.signals")
+    yield from check_size(scenario, len(recorded), memory())
     for metric in scenario.metrics:
         yield from metric_problems(metric, recorded, descriptions)
+        yield from check_window(metric, scenario)
     yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
     yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
+
+
+def check_size(scenario: Scenario, signals: int, most: float) -> Iterator[str]:
+    """Problem of a record that does not fit into the memory."""
+    rows = scenario.experiment.count // scenario.record.decimation + 1
+    size = 8.0 * rows * (signals + 1)
+    if size > most:
+        found = f"{rows} rows of {signals} signals are {size / 1e9:.3g} GB, at most {most / 1e9:.3g} GB are kept"
+        yield f"record: {found}, half the memory. Record fewer signals, or raise `decimation`."
+
+
+def memory() -> float:
+    """Half of the memory of this machine, where it can be asked [bytes]."""
+    try:
+        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return UNKNOWN
 
 
 def unmatched(patterns: Iterable[str], names: Iterable[str], place: str) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -12,8 +12,10 @@ from typing import Any
 
 from gapsense.cosim.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.cosim.model_xml import mended
+from gapsense.cosim.rules import read_rules
 from gapsense.cosim.variables import Variable, variable
 from gapsense.files import sha256
+from gapsense.fmi.ports import Component
 
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
@@ -35,6 +37,7 @@ class Description:
     is_single: bool = False  # a process can hold only one instance
     can_save: bool = False  # get, set and serialise its state
     fmi: int = 2  # version
+    rules: Component | None = None  # that it states for its parameters
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -73,16 +76,17 @@ def describe(path: Path) -> Description:
     """
     data, members = read_description(path)
     try:
-        _, text = mended(data)
+        root, text = mended(data)
         model = read_model(text)
-        variables = [variable(v) for v in model.modelVariables if is_scalar(v)]
+        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
+        rules = read_rules(root, variables)
     except UnusableError:
         raise
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
         why = shortened(" ".join(str(error).split()))
         raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
     refuse_unusable(model, members)
-    refuse_shared(variables)
+    refuse_shared(variables.values())
     return Description(
         path=path,
         sha256=sha256(path),
@@ -90,11 +94,12 @@ def describe(path: Path) -> Description:
         guid=model.guid,
         identifier=model.coSimulation.modelIdentifier,
         version=model.version or "",
-        variables={v.name: v for v in variables},
+        variables=variables,
         feedthrough=feedthrough(model),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
         fmi=int(model.fmiVersion[0]),
+        rules=rules,
     )
 
 
@@ -129,7 +134,7 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
         raise UnusableError(f"it has no library `{folder}{library}` for this platform; {has}. Ask for one that does.")
 
 
-def refuse_shared(variables: list[Variable]) -> None:
+def refuse_shared(variables: Iterable[Variable]) -> None:
     """Raise if two variables that can be set are one to the FMU, or two have one name."""
     first: dict[tuple[str, int], str] = {}
     for v in variables:

@@ -20,6 +20,7 @@ from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, SCALAR, Table, Value
 
 T = TypeVar("T")
+MOST_STEPS = 10**10  # of a run: hours for the smallest
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
 
@@ -202,14 +203,15 @@ class Reader:
 
 
 def grid(table: Table, start: float, stop: float, base: float, method: str, pace: float | None) -> Experiment | None:
-    """The time grid, or None if the run is not a whole number of base steps."""
-    count = round((stop - start) / base)
+    """The time grid, or None if the run is not a whole number of base steps, or one that nobody waits for."""
+    steps = (stop - start) / base
+    said = f"the run from {start:.9g} s to {stop:.9g} s is {steps:.9g} steps of {base:.9g} s"
+    if not abs(steps) <= MOST_STEPS:
+        table.note("", f"{said}, and at most {MOST_STEPS:.9g} are done. Change `stop` or `base_step`.")
+        return None
+    count = round(steps)
     slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
     if count >= 1 and abs(start + count * base - stop) <= slack:
         return Experiment(start, stop, base, count, method, pace)
-    table.note(
-        "",
-        f"the run from {start:.9g} s to {stop:.9g} s is {(stop - start) / base:.9g} steps of {base:.9g} s, "
-        "and must be a whole number of at least 1. Change `stop` or `base_step`.",
-    )
+    table.note("", f"{said}, and must be a whole number of at least 1. Change `stop` or `base_step`.")
     return None

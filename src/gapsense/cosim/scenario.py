@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
@@ -146,6 +146,24 @@ class RowsColumn(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Points(Sequence[dict[Port, Value]]):
+    """Every row with every combination of the values of a grid; each is made when it is asked for."""
+
+    rows: Sequence[Mapping[Port, Value]]
+    grid: Mapping[Port, Sequence[Value]]
+
+    def __len__(self) -> int:
+        return len(self.rows) * prod(map(len, self.grid.values()))
+
+    def __getitem__(self, index: int) -> dict[Port, Value]:  # type: ignore[override]  # no slices
+        left, chosen = range(len(self))[index], dict[Port, Value]()
+        for port, values in reversed([*self.grid.items()]):
+            left, place = divmod(left, len(values))
+            chosen[port] = values[place]
+        return {**self.rows[left], **dict(reversed([*chosen.items()]))}
+
+
+@dataclass(frozen=True)
 class Scenario:
     """A co-simulation as its file describes it, with one variant applied."""
 
@@ -177,10 +195,9 @@ class Scenario:
         """What it is called, with the variant in brackets."""
         return f"{self.called}[{self.variant}]" if self.variant else self.called
 
-    def points(self) -> list[dict[Port, Value]]:
+    def points(self) -> Points:
         """All combinations of a sweep, in the order of the file, the last parameter fastest; one without a sweep."""
-        grid = [dict(zip(self.grid, values)) for values in product(*self.grid.values())]
-        return [{**row, **values} for row in self.rows or ({},) for values in grid]
+        return Points(self.rows or ({},), self.grid)
 
     @property
     def swept(self) -> dict[Port, tuple[Value, ...]]:

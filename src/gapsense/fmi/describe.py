@@ -8,6 +8,7 @@ from gapsense.fmi.ports import Component, Port
 from gapsense.problems import suggest
 from gapsense.units import UNITS, base_exponents
 
+TOOL = "Gapsense"  # by which our annotations are known
 IDENTITY = {
     "generationTool": "Gapsense with pythonfmu",
     "variableNamingConvention": "flat",
@@ -24,6 +25,7 @@ def complete(root: Element, component: Component, guid: str, version: str) -> El
     times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
     _insert(root, "LogCategories", _units(component))
     _insert(root, "ModelVariables", Element("DefaultExperiment", times))
+    _insert(root, "ModelVariables", _rules(component))
     for variable, port in zip(root.iterfind("ModelVariables/ScalarVariable"), component.ports):
         if variable.get("name") != port.name:
             raise ValueError(f"{component.name}: variable {variable.get('name')} where {port.name} was expected.")
@@ -53,6 +55,24 @@ def _units(component: Component) -> Element:
         if display := UNITS[name].display:
             SubElement(unit, "DisplayUnit", name=display.name, factor=repr(display.factor))
     return definitions
+
+
+def _rules(component: Component) -> Element:
+    """What FMI has no words for: choices, columns of tables, parameters that belong together; see `cosim/rules.py`."""
+    annotations = Element("VendorAnnotations")
+    rules = SubElement(SubElement(annotations, "Tool", name=TOOL), "Rules")
+    for port in component.of("parameter"):
+        for tag, texts in (("Choices", port.choices), ("Table", port.columns)):
+            parent = SubElement(rules, tag, variable=port.name) if texts else None
+            for text in texts:
+                SubElement(parent, "Item").text = text  # type: ignore[arg-type]  # there is one where there are texts
+    for lower, upper in component.rising:
+        SubElement(rules, "Rising", lower=lower, upper=upper)
+    for limit in component.limits:
+        element = SubElement(rules, "Limit", below=repr(float(limit.below)), reason=limit.reason)
+        for name, power in limit.powers:
+            SubElement(element, "Factor", variable=name, power=str(power))
+    return annotations
 
 
 def _complete_variable(variable: Element, port: Port) -> None:

@@ -40,8 +40,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        while self.resources and sys.path.count(self.resources) > 1:
-            sys.path.remove(self.resources)  # the wrapper adds it at each instantiation
+        while "visible" in kwargs and self.resources in sys.path:  # the wrapper, unlike the builder, never removes it
+            sys.path.remove(self.resources)  # all imports are done
         component = self.component
         self.modelName, self.description = component.name, component.description
         self.inputs = len(component.of("input"))

@@ -38,7 +38,6 @@ SHIM = Library(
     source=SOURCE,
     binary=BINARY,
     exports=exported(),
-    options=("-Wl,-z,nodelete",),
     libraries=("-ldl", "-lpthread"),  # part of libc since glibc 2.34
     headers=headers,
 )

@@ -10,9 +10,11 @@
  *   resources    any file URI is understood, not only %20 (local_path)
  *   failures     an instance that answered fmi2Fatal is never touched again (leave)
  *   end          the wrapper is told before the process takes it apart (at_exit)
+ *   memory       copies of one FMU, unpacked anew for each run, share one wrapper (open_shared)
  *
- * Linked with -z nodelete: dlclose leaves everything in place, because neither Python nor extension modules such as
- * NumPy can be loaded a second time. Rebuild with `python -m gapsense.fmi.shim.build`.
+ * What stays in memory after dlclose is the wrapper, because neither Python nor extension modules such as NumPy can be
+ * loaded a second time, and the copy of this library that opened it or that the wrapper may still call (pin). Rebuild
+ * with `python -m gapsense.fmi.shim.build`.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -22,6 +24,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "fmi2Functions.h"
@@ -39,13 +42,16 @@ FMI2_Export const char gapsense_shim_fingerprint[] = "gapsense-shim:" SHIM_FINGE
 /* One lock for the whole process, not one per FMU: each FMU brings its own copy of this library, and two copies must
  * not start Python at the same time. The dynamic linker gives all copies the same address for a symbol of type
  * gnu_unique_object, even under RTLD_LOCAL. C has no syntax for that, hence assembler. All zero is unlocked. */
-__asm__(".pushsection .bss.gapsense_shim_lock, \"aw\", %nobits\n"
-        ".balign 16\n"
-        ".globl gapsense_shim_lock\n"
-        ".type gapsense_shim_lock, %gnu_unique_object\n"
-        ".size gapsense_shim_lock, 64\n"
-        "gapsense_shim_lock: .zero 64\n"
-        ".popsection\n");
+#define ONE_IN_THE_PROCESS(name)                         \
+    __asm__(".pushsection .bss." #name ", \"aw\", %nobits\n" \
+            ".balign 16\n"                               \
+            ".globl " #name "\n"                         \
+            ".type " #name ", %gnu_unique_object\n"      \
+            ".size " #name ", 64\n"                      \
+            #name ": .zero 64\n"                         \
+            ".popsection\n")
+ONE_IN_THE_PROCESS(gapsense_shim_lock);
+ONE_IN_THE_PROCESS(gapsense_shim_wrappers);
 extern pthread_mutex_t gapsense_shim_lock;
 _Static_assert(sizeof(pthread_mutex_t) <= 64, "enlarge gapsense_shim_lock");
 
@@ -59,7 +65,7 @@ typedef struct {
     int dead;                      /* answered fmi2Fatal */
 } Instance;
 
-static struct {
+typedef struct {
     void *library; /* NULL until everything is loaded */
     fmi2InstantiateTYPE *fmi2Instantiate;
     fmi2FreeInstanceTYPE *fmi2FreeInstance;
@@ -67,11 +73,23 @@ static struct {
 #define CALL(name, parameters, arguments) name##TYPE *name;
 #include "calls.h"
 #undef CALL
-} wrapper;
+} Wrapper;
+
+static Wrapper wrapper;
+
+/* A wrapper that one copy of this library has opened, for the other copies: those with the same key. What comes after
+ * the key may differ from one version of this library to the next, so the key tells the version too. */
+typedef struct Shared {
+    struct Shared *next;
+    char key[512]; /* fingerprint of this library, name of the FMU's module (which has a hash), size of the wrapper */
+    Wrapper wrapper;
+} Shared;
+extern Shared *gapsense_shim_wrappers;
 
 /* --- Loading the wrapper --- */
 
 static char own_folder[PATH_MAX]; /* with a slash at the end */
+static char own_path[PATH_MAX];   /* as the dynamic linker knows it */
 
 /* Done while the library is being loaded: the path may be relative, and later the host may change its directory. */
 __attribute__((constructor)) static void remember_own_folder(void)
@@ -80,9 +98,16 @@ __attribute__((constructor)) static void remember_own_folder(void)
     char path[PATH_MAX];
     if (!dladdr(own_folder, &self) || !realpath(self.dli_fname, path))
         return;
+    snprintf(own_path, sizeof own_path, "%s", self.dli_fname);
     char *slash = strrchr(path, '/');
     slash[1] = '\0';
     strcpy(own_folder, path);
+}
+
+/* Keeps this copy of the library in memory for good: its functions may be called after the host has closed it. */
+static void pin(void)
+{
+    dlopen(own_path, RTLD_NOW | RTLD_LOCAL | RTLD_NOLOAD | RTLD_NODELETE);
 }
 
 /* Left to itself, the wrapper destroys a static object and then assigns to it: the heap is damaged at exit, visibly or
@@ -113,16 +138,59 @@ static int open_wrapper(Reason *why)
         ;
     if (!ok)
         return 0;
+    pin();
     atexit(at_exit);
     wrapper.library = library;
     return 1;
 }
 
+static int make_key(const char *resources, char *key, size_t size)
+{
+    char path[PATH_MAX + sizeof WRAPPER_FILE + 32], module[256] = "";
+    snprintf(path, sizeof path, "%s" WRAPPER_FILE, own_folder);
+    struct stat about;
+    if (stat(path, &about))
+        return 0;
+    snprintf(path, sizeof path, "%s/slavemodule.txt", resources);
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return 0;
+    int found = fgets(module, sizeof module, file) != NULL;
+    fclose(file);
+    module[strcspn(module, "\n")] = '\0';
+    int length = snprintf(key, size, "%s:%s:%lld", gapsense_shim_fingerprint, module, (long long)about.st_size);
+    return found && (size_t)length < size;
+}
+
+/* Some hosts unpack an FMU anew for each run, and a wrapper takes 0.3 MB that are never given back. */
+static int open_shared(const char *resources, Reason *why)
+{
+    Shared *shared = calloc(1, sizeof *shared);
+    if (!shared || !make_key(resources, shared->key, sizeof shared->key)) {
+        free(shared);
+        return open_wrapper(why);
+    }
+    for (Shared *other = gapsense_shim_wrappers; other; other = other->next)
+        if (strcmp(other->key, shared->key) == 0) {
+            wrapper = other->wrapper;
+            free(shared);
+            return 1;
+        }
+    if (!open_wrapper(why)) {
+        free(shared);
+        return 0;
+    }
+    shared->wrapper = wrapper;
+    shared->next = gapsense_shim_wrappers;
+    gapsense_shim_wrappers = shared;
+    return 1;
+}
+
 /* A failure is not remembered: the user may put it right and try again in the same process. */
-static int load(Reason *why)
+static int load(const char *resources, Reason *why)
 {
     pthread_mutex_lock(&gapsense_shim_lock);
-    int ok = wrapper.library || (ensure_python(why) && open_wrapper(why));
+    int ok = wrapper.library || (ensure_python(why) && open_shared(resources, why));
     pthread_mutex_unlock(&gapsense_shim_lock);
     return ok;
 }
@@ -235,8 +303,10 @@ static Instance *enter(fmi2Component component)
  * latest in fmi2FreeInstance. So from here on this library answers alone, and the instance stays in memory. */
 static fmi2Status leave(Instance *instance, fmi2Status status)
 {
-    if (status == fmi2Fatal)
+    if (status == fmi2Fatal && !instance->dead) {
         instance->dead = 1;
+        pin();
+    }
     return status;
 }
 
@@ -284,7 +354,7 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
     if (!instance)
         return NULL;
     name = name ? name : "";
-    if (!local_path(location, resources, sizeof resources, &why) || !load(&why)) {
+    if (!local_path(location, resources, sizeof resources, &why) || !load(resources, &why)) {
         /* Also with logging off: the host gets no other sign. */
         tell(&instance->host, name, fmi2Fatal, "logStatusFatal", why.text);
         free(instance);
@@ -294,8 +364,10 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
     instance->quiet = !logging; /* the reason of a failure, for example a missing package, is told in any case */
     instance->inner = wrapper.fmi2Instantiate(name, type, guid, resources, &instance->relayed, visible, fmi2True);
     instance->quiet = 0;
-    if (!instance->inner)
+    if (!instance->inner) {
+        pin();
         return NULL; /* `instance` is left in memory: parts of the failed one may still point to it */
+    }
     if (!logging)
         wrapper.fmi2SetDebugLogging(instance->inner, fmi2False, 0, NULL);
     return instance;
