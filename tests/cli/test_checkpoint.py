@@ -42,7 +42,7 @@ def test_checkpoint_of_another_run_is_refused_and_kept(gapsense, write, saved, f
     write(("sensor = 1\n", "sensor = 2\n"))
     done = gapsense("run", saved, "--fmus", fmus, "--resume")
     assert done.exit_code == 2 and FILE.is_file()
-    for what in ("files of the scenario", "seeds"):
+    for what in ("a scenario", "seeds"):
         assert f"{FILE}: it was saved with {what} other than now. Start without `--resume`." in done.output
 
 

@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from gapsense.cosim import FmuError, check, run
+from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
 
 OWN = 'isolation = "process"\n'
 FAULTY = """
@@ -120,3 +120,45 @@ def test_fmu_for_one_instance_per_process_is_used_twice(write, single):
     result = run(write(TWO.replace("ISOLATION", OWN)), fmus=single)
     assert result["two.u"].tolist()[1:] == result["one.y"].tolist()[1:]
     assert result["two.y"][-1] > 0.0
+
+
+TYPES = """
+title = "Types"
+[experiment]
+stop = 0.5
+base_step = 0.1
+[components.a]
+fmu = "Types2"
+set = { gain = 3.0, label = "a", shift = 2, law = "On", level = 4.0 }
+ISOLATION
+[components.b]
+fmu = "Types3"
+set = { label = "b", law = 3, on = true }
+ISOLATION
+[connect]
+"b.u" = "a.flag_out"
+"b.flag" = "a.flag_out"
+"b.text" = "a.text_out"
+"b.mode" = "a.mode_out"
+"b.single" = "a.y"
+WIRES
+[inputs]
+"a.u" = 2.0
+"a.flag" = false
+"a.text" = "é"
+"a.mode" = "Auto"
+"a.n" = 5
+"""
+WIRES = "".join(f'"b.n{sign}Int{bits}" = "a.n_out"\n' for bits in (8, 16, 32, 64) for sign in ("", "U"))
+
+
+def test_variables_of_all_types_and_both_versions_of_fmi_are_moved(write, foreign):
+    results, texts = [], []
+    for isolation in (OWN, ""):
+        path = write(TYPES.replace("ISOLATION", isolation).replace("WIRES", WIRES))
+        with Master(*prepare(path, None, foreign)) as master:
+            results.append(run_once(master))
+            texts.append(dict(master.texts))
+    apart, here = results
+    assert all(np.array_equal(apart[name], here[name]) for name in here.signals) and here.signals
+    assert apart.parameters == here.parameters and texts[0] == texts[1] and any(texts[0].values())

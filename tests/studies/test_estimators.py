@@ -166,7 +166,7 @@ def test_a_contender_that_joins_is_one_entry(monkeypatch, fmus, tmp_path):
     assert read.components["another"].values["noise.current"] == 0.02
     assert "another.mover.mass" in map(str, read.rows[0])
     benchmark.require(recorded_signals(*prepare(folder, None, fmus)), "made")
-    assert "| another | " in plain_text(*drawn.tables({None: runs(), "warm": runs()}))
+    assert "| another | " in drawn.markdown({None: runs(), "warm": runs()})
     assert len({(str(color), marker) for color, marker in map(drawn.look, drawn.CONTENDERS)}) == len(CONTENDERS) + 1
     assert imread(figures.save(drawn.conditions({None: runs()}), tmp_path / "conditions.png")).std() > 0.01
 
@@ -325,17 +325,18 @@ def test_tables_show_median_worst_and_misses():
     lines = [line for line in text.splitlines() if line.startswith("  Ekf ")]
     assert "20.0 (30.0)" in lines[0] and lines[0].endswith("1 of 10")
     assert "30.0 (50.0)" in lines[1] and " - " in lines[1]
-    held_out = plain_text(*drawn.tables({None: plain, "volts_27": plain, "all_wrong": wrong})).partition(
-        "| z / um | 27 V"
-    )[2]
+    held_out = drawn.markdown({None: plain, "volts_27": plain, "all_wrong": wrong}).partition("| z / um | 27 V")[2]
     assert held_out.startswith(" | all wrong | missed |") and "| Ekf | 20 | 30 (50) | 3 of 20 |" in held_out
     assert "| Semera |" not in held_out
-    row = next(line for line in text.splitlines() if line.startswith("| Ekf "))
+    page = drawn.markdown({None: plain, "wrong_5": wrong})
+    row = next(line for line in page.splitlines() if line.startswith("| Ekf "))
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[:3] == ["Ekf", "20.0", "30 (50)"] and "3 of 20" in cells
     assert next(line for line in text.splitlines() if line.startswith("  Semera ")).endswith(" -")
-    head = next(line for line in text.splitlines() if line.startswith("|  |"))
-    assert all(line.count("|") == head.count("|") for line in text.splitlines() if line.startswith("| "))
+    head = next(line for line in page.splitlines() if line.startswith("|  |"))
+    assert all(line.count("|") == head.count("|") for line in page.splitlines() if line.startswith("| "))
+    narrow = plain_text(*drawn.tables({None: plain, "wrong_5": wrong, "all_wrong": wrong}), width=80)
+    assert max(len(line) for line in narrow.splitlines() if " published completely " not in line) <= 80
 
 
 def test_figure_of_the_conditions(tmp_path):
@@ -357,6 +358,7 @@ def test_the_whole_family(fmus, tmp_path, monkeypatch):
     arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
     done = CliRunner().invoke(app, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
-    assert sum(" runs: root mean square errors" in line for line in done.stdout.splitlines()) == len(drawn.TITLES)
+    assert " ".join(done.stdout.split()).count(" runs: root mean square errors") == len(drawn.TITLES)
+    assert (tmp_path / "estimators.md").read_text("utf-8").count("| Mhe |") == 2
     assert all(imread(tmp_path / name).std() > 0.01 for name in ("estimators.png", "estimators_held_out.png"))
     assert set(load(FOLDER).variants) == {c for c in drawn.TITLES if c}

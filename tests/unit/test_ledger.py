@@ -47,6 +47,21 @@ def test_what_is_no_source_leaves_the_key(package, name):
     assert ledger.key("facts") == before
 
 
+def test_examples_inside_an_installed_package_and_packages_beside_it_leave_the_key(package, monkeypatch):
+    monkeypatch.setattr(ledger, "INSTALLED", package / "_shipped")
+    before = ledger.key("facts")
+    for folder in (package / "_shipped" / "scenarios", package.parent / "another_package"):
+        folder.mkdir(parents=True)
+        (folder / "more.py").write_text("x = 1\n")
+    assert ledger.key("facts") == before
+
+
+def test_components_change_the_key(package, monkeypatch, tmp_path_factory):
+    before = ledger.key("facts")
+    monkeypatch.setattr(ledger, "COMPONENTS", tmp_path_factory.mktemp("fmus"))
+    assert ledger.key("facts") != before
+
+
 def test_other_numpy_changes_the_key(package, monkeypatch):
     before = ledger.key("facts")
     monkeypatch.setattr(np, "__version__", "0.0")

@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 
 from __future__ import annotations
 
+import errno
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from gapsense import cosim, interrupts
 from gapsense.report import table
 from gapsense.trace import TraceError
 
+ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
 
@@ -120,7 +122,8 @@ def reported() -> Iterator[None]:
     except (OSError, ValueError, TraceError) as error:
         sentences = getattr(error, "problems", [str(error)])
         if isinstance(error, OSError) and error.filename:
-            sentences = [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]
+            advice = ADVICE.get(error.errno or 0, "Correct the path")
+            sentences = [f"`{error.filename}`: {error.strerror}. {advice}, or choose another folder."]
         for sentence in sentences:
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
@@ -147,9 +150,4 @@ def bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 def stem(result: cosim.Result) -> str:
     """File name of a result, without its ending."""
-    return file_name(result.run.scenario)
-
-
-def file_name(scenario: str) -> str:
-    """File name, without ending, of what belongs to a scenario, or to one of its variants."""
-    return scenario.replace("[", "_").rstrip("]")
+    return result.run.scenario.replace("[", "_").rstrip("]")

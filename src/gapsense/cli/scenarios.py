@@ -14,6 +14,8 @@ from gapsense.cosim.document import scenario_file
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
+REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `[baseline.tolerances]`."
+
 
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
@@ -40,21 +42,18 @@ def run(
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus, settings)
-    source = cosim.changed(scenario, settings or ())
-    checkpoint = None
-    if resume or every is not None:
-        checkpoint = cosim.Checkpoint(
-            to / f"{cli.file_name(cosim.load(source, variant).name)}.checkpoint", every, resume
-        )
+    source, file = cosim.changed(scenario, settings or ()), cosim.result_file(to, scenario, variant)
+    saved = file.with_suffix(".checkpoint")
+    checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
         with cli.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
-            file = error.result.save(to / f"{cli.stem(error.result)}.csv")
+            error.result.save(file)
             cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
-    file = result.save(to / f"{cli.stem(result)}.csv")
+    result.save(file)
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
@@ -117,18 +116,18 @@ def figure(
     from gapsense.report import plot
     from gapsense.studies.figures import drawer
 
-    if to is not None:
-        plot.check_file(to)
     if scenario.suffix == ".csv":
-        result = read_saved(scenario, variant, fmus, settings)
+        result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        plot.check_file(file)
     else:
         source = cosim.changed(scenario, settings or ())
+        file = to or plot.figure_file(Path("results"), scenario, variant)
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
+        plot.check_file(file)
         with cli.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
         cli.stop_if_interrupted(result)
-    default = Path("results") / f"{cli.stem(result)}.png"
-    cli.written(plot.save(drawer(result.run.figure)(result), to or default))
+    cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
 
 
 def read_saved(file: Path, *options: object) -> cosim.Result:
@@ -164,8 +163,21 @@ def baseline(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
+    sensitive: Annotated[
+        bool, typer.Option("--sensitivity", help="Show instead how changes of 1e-9 grow in its signals")
+    ] = False,
 ) -> None:
-    """Show what a new baseline of a scenario would change, and write it only with --write."""
+    """Show what a new baseline of a scenario would change, and write it only with --write.
+
+    With --sensitivity all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
+    four runs. A signal that then leaves its tolerance tells more of rounding than of the scenario: exit code 1.
+    """
+    if sensitive:
+        found = cosim.sensitivity(scenario, variant, fmus)
+        cli.show(runs.growths(found))
+        for growth in [g for g in found if g.is_beyond]:
+            cli.problem(f"{growth}. {REMEDY}")
+        raise typer.Exit(cli.FAILED if any(g.is_beyond for g in found) else 0)
     if write and is_installed(scenario_file(scenario)):
         raise cosim.ScenarioError(
             [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]

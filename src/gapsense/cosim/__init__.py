@@ -16,12 +16,15 @@ from gapsense.cosim.record import FmuError, Result, read_result
 from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
 from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sensitivity import Growth, sensitivity
+from gapsense.cosim.sidecar import own_file, refuse_other, relative, result_file
 from gapsense.cosim.sweep import Sweep, sweep
 from gapsense.problems import ScenarioError
 
 __all__ = [
     "Checkpoint",
     "FmuError",
+    "Growth",
     "Master",
     "Measured",
     "Outcome",
@@ -35,10 +38,15 @@ __all__ = [
     "compare",
     "find_scenarios",
     "load",
+    "own_file",
     "prepare",
     "read_result",
+    "refuse_other",
+    "relative",
+    "result_file",
     "run",
     "run_once",
+    "sensitivity",
     "sweep",
     "test_scenario",
     "test_scenarios",

@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.scenario import Port, Scenario
-from gapsense.files import sha256, write_atomically
+from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError
 
 FORMAT = "gapsense checkpoint 1"
@@ -67,7 +68,7 @@ class Keeper(NamedTuple):
             part.instance.restore(arrays[f"state_{part.component.name}"].tobytes())
             part.instance.messages.clear()  # of the initialization, which are in the checkpoint already
         master.view[:] = arrays["buffer"]
-        master.texts.update((Port(component, variable), text) for component, variable, text in about["texts"])
+        master.texts.update((Port(*port), text) for *port, text in about["texts"])
         saved = about["recording"]
         recording.rows = saved["rows"]
         recording.data[: recording.rows] = arrays["data"]
@@ -130,8 +131,7 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
 def run_facts(scenario: Scenario, descriptions: Descriptions, take: Take) -> Facts:
     """What two runs must have in common for one to go on where the other was saved; of JSON."""
     facts = {
-        "files of the scenario": [sha256(file) for file in scenario.files],
-        "a variant": scenario.variant,
+        "a scenario": deciding(scenario),
         "FMUs": {name: description.sha256 for name, description in descriptions.items()},
         "signals to record": take.columns,
         "seeds": dict(take.seeds),

@@ -35,9 +35,9 @@ class Description:
     variables: Mapping[str, Variable]
     feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
     is_single: bool = False  # a process can hold only one instance
+    can_save: bool = False  # get, set and serialise its state
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
-    can_save: bool = False  # get, set and serialise its state
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -97,9 +97,9 @@ def describe(path: Path) -> Description:
         variables=variables,
         feedthrough=feedthrough(model),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
+        can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
-        can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
     )
 
 

@@ -30,12 +30,7 @@ C_TYPES: Mapping[str, Any] = {
 
 def instance_of(name: str, description: Description, folder: Path) -> Instance:
     """An FMU of either version, loaded as `name` from its unpacked `folder`."""
-    return kind_of(description)(name, description, folder)
-
-
-def kind_of(description: Description) -> type[Instance]:
-    """What an FMU is loaded as."""
-    return Instance3 if description.fmi == 3 else Instance
+    return (Instance3 if description.fmi == 3 else Instance)(name, description, folder)
 
 
 def collector(messages: deque[Message]) -> Callable[..., None]:
@@ -65,7 +60,7 @@ class Instance3(Instance):
 
     def entry(self, function: str) -> str:
         """Name that FMI 3.0 has for an entry point or a status of FMI 2.0."""
-        return function.replace("fmi2", "fmi3", 1).replace("FMUstate", "FMUState").replace("DeS", "Des")
+        return function.replace("fmi2", "fmi3", 1).replace("FMUstate", "FMUState").replace("DeSer", "Deser")
 
     def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
         """Everything before and at the start of the initialization mode."""

@@ -82,11 +82,10 @@ class Reader:
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
         table = self.table
-        about = table.read(keys.FILE)
-        experiment = self.section("experiment", self.experiment)
+        about, experiment = table.read(keys.FILE), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
-        grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
+        grid, rows, columns = self.section("sweep", self.sweep)
         self.changes.finish(components)
         return Scenario(
             path=self.path,
@@ -108,9 +107,14 @@ class Reader:
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
+            rows_columns=columns,
             played=played,
             hashes=self.document.hashes,
         )
+
+    def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
+        """Values that a sweep goes through."""
+        return sections.read_sweep(table, self.path.parent, self.files)
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import re
+import math
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,13 +14,12 @@ from gapsense.cosim import keys
 from gapsense.cosim.load_sections import by_port
 from gapsense.cosim.played import Played, Vector
 from gapsense.cosim.scenario import Port
+from gapsense.files import SHOWN, Sheet, number, read_sheet, split_header
 from gapsense.problems import suggest
 from gapsense.tables import SCALAR, Table, Value, flattened
 
 KEYS = tuple(key.name for key in keys.SIGNAL.keys)
-HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
 TIME = "time"
-SHOWN = 3  # problems of one kind that are told one by one
 
 
 def read_inputs(table: Table, folder: Path, files: list[Path]) -> tuple[dict[Port, Value], dict[Port, Played]]:
@@ -93,56 +91,38 @@ def in_order(table: Table, played: Played, lines: list[int] | None) -> Played | 
 
 def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, tuple[Vector, Vector]] | None:
     """Lines, unit and samples of a column of a CSV file, or None after noting what is wrong."""
+    problems: list[str] = []
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, row) for row in reader if row]
+        sheet = read_sheet(path, problems)
     except OSError as error:
         table.note("file", f"`{path}` cannot be read: {error.strerror}. Correct the path.")
         return None
-    except (UnicodeDecodeError, csv.Error) as error:
-        table.note("file", f"`{path}` is not a CSV file in UTF-8 ({error}). Save it as one.")
+    places = [place_of(sheet, *split_header(name), problems) for name in (f"{TIME} [s]", column)]
+    found = [k for k in places if k is not None]
+    cells = [[(i, k, row[k]) for i, row in enumerate(sheet.rows)] for k in found]
+    bad = [(sheet.place(i, k), text) for own in cells for i, k, text in own if not is_finite(text)]
+    problems += [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
+    for problem in problems:
+        table.note("file", problem)
+    if problems:
         return None
-    heads = [split_header(cell) for cell in rows[0][1]] if rows else []
-    places = [place_of(heads, *split_header(name), path, table) for name in (f"{TIME} [s]", column)]
-    if None in places:
+    times, values = (np.array([float(text) for *_, text in own], dtype=np.float64) for own in cells)
+    return sheet.lines, sheet.units[found[1]], (times, values)
+
+
+def place_of(sheet: Sheet, name: str, unit: str, problems: list[str]) -> int | None:
+    """Where a column is, or None after noting that it is missing or in another unit."""
+    if name not in sheet.names:
+        problems.append(f"{sheet.path}, line 1: column `{name}` is missing. {suggest(name, sheet.names)}")
         return None
-    cells = [[numbers(row, place or 0) for _, row in rows[1:]] for place in places]
-    bad = [(n, row) for (n, row), *pair in zip(rows[1:], *cells) if None in pair]
-    for n, row in bad[:SHOWN]:
-        table.note("file", f"{path}, line {n}: `{','.join(row)[:60]}` found, finite numbers expected. Correct it.")
-    if bad:
-        return None
-    times, values = (np.array(column, dtype=np.float64) for column in cells)
-    return [n for n, _ in rows[1:]], heads[places[1] or 0][1], (times, values)
+    place = sheet.names.index(name)
+    if unit and sheet.units[place] not in ("", unit):
+        said = f"{sheet.path}, line 1: `{name}` is in `{sheet.units[place]}`, `{unit}` is expected"
+        problems.append(f"{said}, and nothing is converted. Convert the column or correct the unit.")
+    return place
 
 
-def split_header(cell: str) -> tuple[str, str]:
-    """Name and unit that the head of a column says; the unit is empty where there is none."""
-    found = HEADER.fullmatch(cell.strip())
-    return (found[1], found[2]) if found else (cell.strip(), "")
-
-
-def place_of(heads: list[tuple[str, str]], name: str, unit: str, path: Path, table: Table) -> int | None:
-    """Where a column is, or None after noting that it is missing, there twice, or in another unit."""
-    places = [k for k, (other, _) in enumerate(heads) if other == name]
-    if not places:
-        hint = suggest(name, [other for other, _ in heads])
-        table.note("file", f"{path}, line 1: column `{name}` is missing. {hint}")
-    elif len(places) > 1:
-        table.note("file", f"{path}, line 1: {len(places)} columns are called `{name}`. Rename or remove one.")
-    elif unit and heads[places[0]][1] not in ("", unit):
-        found = f"{path}, line 1: `{name}` is in `{heads[places[0]][1]}`, `{unit}` is expected"
-        table.note("file", f"{found}, and nothing is converted. Convert the column or correct the unit.")
-    else:
-        return places[0]
-    return None
-
-
-def numbers(row: list[str], place: int) -> float | None:
-    """Finite number in a row, or None."""
-    try:
-        value = float(row[place])
-    except (ValueError, IndexError):
-        return None
-    return value if np.isfinite(value) else None
+def is_finite(text: str) -> bool:
+    """True for the text of a finite number."""
+    value = number(text)
+    return value is not None and math.isfinite(value)

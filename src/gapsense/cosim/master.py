@@ -6,7 +6,6 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter, sleep
 from typing import TYPE_CHECKING, TypeVar
 
@@ -63,13 +62,27 @@ class Master:
     def load(self) -> None:
         """Instantiate the components in execution order, wire them."""
         for name in self.each(LOADING, self.order.names):
-            instance = self.instance(name, unpacked(self.descriptions[name]))
-            component = self.scenario.components[name]
+            component, instance = self.scenario.components[name], self.instance(name)
             self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
         for part in self.parts:
             for connection in self.scenario.connections:
                 if connection.target.component == part.component.name:
                     part.connect(connection)
+
+    def instance(self, name: str) -> Instance:
+        """Instance of a component, in a process of its own if the scenario wants that."""
+        description = self.descriptions[name]
+        if self.scenario.components[name].isolation == "process":
+            return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+        return instance_of(name, description, unpacked(description))
+
+    def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
+        """What there is of every component in execution order, with marks that say which one is touched, and why."""
+        self.marks[PHASE] = phase
+        for number, item in enumerate(items, start=1):
+            self.marks[COMPONENT] = number
+            yield item
+        self.marks[COMPONENT] = MASTER
 
     def adopt(self, scenario: Scenario, descriptions: Descriptions) -> bool:
         """Run another scenario from now on, if that has the same FMUs, wired in the same way; else say no."""
@@ -79,21 +92,6 @@ class Master:
         for part in self.parts:
             part.component = scenario.components[part.component.name]
         return True
-
-    def instance(self, name: str, folder: Path) -> Instance:
-        """Instance of a component, in a process of its own if the scenario wants that."""
-        description = self.descriptions[name]
-        if self.scenario.components[name].isolation == "process":
-            return RemoteInstance(name, description, folder, self.scenario.experiment.step_limit)
-        return instance_of(name, description, folder)
-
-    def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
-        """What there is of every component in execution order, with marks that say which one is touched, and why."""
-        self.marks[PHASE] = phase
-        for number, item in enumerate(items, start=1):
-            self.marks[COMPONENT] = number
-            yield item
-        self.marks[COMPONENT] = MASTER
 
     def __enter__(self) -> Master:
         return self
@@ -152,8 +150,8 @@ class Master:
         """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
         experiment = self.scenario.experiment
         self.view[:] = 0.0
-        self.texts.update(dict.fromkeys(self.places.texts, ""))
         self.marks[ROWS] = self.marks[STEP] = 0
+        self.texts.update(dict.fromkeys(self.places.texts, ""))
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component = part.component

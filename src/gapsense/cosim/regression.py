@@ -10,7 +10,7 @@ from time import perf_counter
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.load import load, read_draft
-from gapsense.cosim.record import FmuError, Result
+from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario
 from gapsense.files import write_atomically, write_columns
@@ -104,11 +104,11 @@ def test_scenarios(
         In the order run; it ends early after a Ctrl-C.
     """
     outcomes: list[Outcome] = []
-    due = [pending(path, variant) for path in find_scenarios(folder) for variant in variants(path)]
+    due = [pending(path, variant, folder) for path in find_scenarios(folder) for variant in variants(path)]
     report = report or (lambda known, new: None)
     report(due, None)
     for k, outcome in enumerate(due, start=1):
-        outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation))
+        outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation, outcome.scenario))
         report([*outcomes, *due[k:]], outcomes[-1])
         if outcomes[-1].interrupted:
             break
@@ -124,24 +124,33 @@ def variants(path: Path) -> tuple[str | None, ...]:
     return (None, *(scenario.tested if scenario else ()))
 
 
-def pending(path: Path, variant: str | None) -> Outcome:
+def pending(path: Path, variant: str | None, folder: str | Path) -> Outcome:
     """A test that has not ended: a failure, in case it never does."""
     check = Check("run", "not tested: `test` ended before that.")
-    return Outcome(title(path, variant), path, variant, (check,), 0.0)
+    return Outcome(titled(name_in(path, Path(folder)), variant), path, variant, (check,), 0.0)
 
 
-def title(path: Path, variant: str | None) -> str:
-    """Name of a test."""
-    folder = path.resolve().parent.name
-    return f"{folder}[{variant}]" if variant else folder
+def titled(name: str, variant: str | None) -> str:
+    """Name of a test of a scenario."""
+    return f"{name}[{variant}]" if variant else name
+
+
+def name_in(path: Path, folder: Path) -> str:
+    """What a scenario is called among those of a folder: the path of its own from there, for two may have one name."""
+    inner = path.resolve().parent.relative_to(folder.resolve()).as_posix() if folder.is_dir() else "."
+    return path.resolve().parent.name if inner == "." else inner
 
 
 def test_scenario(
-    path: str | Path, variant: str | None = None, fmus: str | Path | None = None, isolation: str | None = None
+    path: str | Path,
+    variant: str | None = None,
+    fmus: str | Path | None = None,
+    isolation: str | None = None,
+    name: str = "",
 ) -> Outcome:
-    """Run one scenario and check it; whatever goes wrong is in the outcome, nothing is raised."""
+    """Run one scenario, known under a name, and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
-    name = title(path, variant)
+    name = name or titled(path.resolve().parent.name, variant)
     try:
         scenario = load(path, variant)
         result = run(path, variant, fmus, isolation=isolation)
@@ -194,5 +203,5 @@ def update_baseline(
     changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline)
     if write and changes:
         columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
-        write_atomically(baseline.file, lambda file: write_columns(file, columns))
+        write_atomically(baseline.file, lambda file: write_columns(file, columns, {**TIME, **result.units}))
     return Update(baseline.file, tuple(changes), write and bool(changes))

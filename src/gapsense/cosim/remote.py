@@ -18,9 +18,9 @@ from typing import Any
 from gapsense.cosim import remote_child
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.instance import FATAL, KEPT, WARNING, Instance, Message
-from gapsense.cosim.instance3 import kind_of
+from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
-from gapsense.cosim.remote_child import DO, GET, MOVE_IN, MOVE_OUT, SET, STEP, packed, plain
+from gapsense.cosim.remote_child import GET, SET, STEP
 from gapsense.cosim.variables import Variable
 from gapsense.processes import Died, Process
 from gapsense.tables import Value
@@ -30,9 +30,11 @@ class RemoteInstance(Instance):
     """An FMU loaded as `name` from its extracted `folder` elsewhere; `limit` [s] is for each answer from there."""
 
     is_near = False
+    kind: type[Instance]
 
     def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
         self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
+        self.kind = Instance3 if description.fmi == 3 else Instance
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
@@ -98,34 +100,31 @@ class RemoteInstance(Instance):
 
     def entry(self, function: str) -> str:
         """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
-        return kind_of(self.description).entry(self, function)
+        return self.kind.entry(self, function)
 
     def c_type(self, variable: Variable) -> Any:
         """Type of C that a variable has."""
-        return kind_of(self.description).c_type(self, variable)
+        return self.kind.c_type(self, variable)
 
     def accessor(self, action: str, variable: Variable) -> str:
         """Entry point that gets or sets values of this variable's type."""
-        return kind_of(self.description).accessor(self, action, variable)
+        return self.kind.accessor(self, action, variable)
 
     def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
         """Function that gets or sets the values of variables of one type, an array, and returns the status."""
         names = [variable.name for variable in variables]
 
-        def set_values() -> int:
-            return self.request(MOVE_IN, [names, plain(values)])[0]
-
-        def get_values() -> int:
-            status, answer = self.request(MOVE_OUT, [names, []])
-            if answer is not None:
-                values[:] = packed(type(values), answer)[:]
+        def move() -> int:
+            status, answer = self.request("move", [action, names, remote_child.plain(values)])
+            if status <= WARNING and action == "Get":
+                values[:] = remote_child.raw(answer)
             return status
 
-        return set_values if action == MOVE_IN else get_values
+        return move
 
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that does a step and returns the status."""
-        return lambda start: self.request(DO, [start, duration])[0]
+        return lambda start: self.request("do", [start, duration])[0]
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""

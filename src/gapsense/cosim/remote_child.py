@@ -7,7 +7,7 @@ import ctypes
 import mmap
 import pickle
 from base64 import b64decode, b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,6 @@ from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
 
 GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
-MOVE_IN, MOVE_OUT, DO = "Set", "Get", "do"  # the same for variables of one type, and for a step alone
 Request = tuple[str, Any, bool]  # verb, its arguments, whether the inputs are new
 Answer = tuple[int, str, Any, list[Message]]  # status, entry point that gave it, value, new messages
 
@@ -48,16 +47,16 @@ def references(description: Description, causality: str) -> list[int]:
 
 
 def plain(values: Any) -> list[Any]:
-    """Values of an array of ctypes as JSON takes them."""
+    """Values of an array of ctypes, as JSON takes them."""
     return [value.decode("utf-8", "replace") if isinstance(value, bytes) else value for value in values]
 
 
-def packed(kind: Any, values: list[Any]) -> Any:
-    """The opposite; empty where nothing is given."""
-    return kind(*(value.encode("utf-8") if isinstance(value, str) else value for value in values))
+def raw(values: Sequence[Any]) -> list[Any]:
+    """The same, as an array of ctypes takes them."""
+    return [value.encode("utf-8") if isinstance(value, str) else value for value in values]
 
 
-class Served(Instance):
+class Noting(Instance):
     """An instance that remembers which call failed."""
 
     failed, status = "", 0
@@ -68,8 +67,8 @@ class Served(Instance):
         return super().failure(function, status, time, step)
 
 
-class Served3(Served, Instance3):
-    """The same for FMI 3.0."""
+class Noting3(Noting, Instance3):
+    """The same of FMI 3.0."""
 
 
 def prepare(folder: str) -> Callable[[Request], Answer]:
@@ -82,11 +81,11 @@ def prepare(folder: str) -> Callable[[Request], Answer]:
 class Server:
     """The instance, once it is loaded, and what may be asked of it."""
 
-    instance: Served
+    instance: Noting
 
     def __init__(self, folder: Path) -> None:
-        name, self.description, self.extracted = pickle.loads((folder / "plan").read_bytes())
-        self.name: str = name
+        plan: tuple[str, Description, Path] = pickle.loads((folder / "plan").read_bytes())
+        self.name, self.description, self.extracted = plan
         self.memory = memory(folder, self.description)
         self.last: Message | None = None  # that was passed on
         self.inputs, self.outputs = (self.arguments(c, v) for c, v in zip(("input", "output"), self.memory))
@@ -113,7 +112,7 @@ class Server:
     def load(self) -> Answer:
         """Load the FMU; the entry point in the answer is the whole cause if that fails."""
         try:
-            kind = Served3 if self.description.fmi == 3 else Served
+            kind = Noting3 if self.description.fmi == 3 else Noting
             self.instance = kind(self.name, self.description, self.extracted)
         except FmuError as error:
             return ERROR, error.cause, None, []
@@ -127,35 +126,35 @@ class Server:
             instance.call(STEP, *map(ctypes.c_double, arguments), ctypes.c_int(1))
         if verb in (STEP, GET):
             return instance.call(GET, *self.outputs) if len(self.memory.outputs) else None
+        if verb == "move":
+            return self.move(*arguments)
         if verb == "get":
             return instance.get(variables[arguments])
         if verb == "state":
             return b64encode(instance.state()).decode()
-        others: dict[str, Callable[[], Any]] = {
+        others: dict[str, Callable[[], None]] = {
             "call": lambda: instance.call(arguments),
-            DO: lambda: self.step(*arguments),
-            MOVE_IN: lambda: self.move(MOVE_IN, *arguments),
-            MOVE_OUT: lambda: self.move(MOVE_OUT, *arguments),
+            "do": lambda: self.step(*arguments),
             "initialize": lambda: instance.initialize(*arguments),
             "set": lambda: instance.set(variables[arguments[0]], arguments[1]),
             "restore": lambda: instance.restore(b64decode(arguments)),
         }
         return others[verb]()
 
+    def move(self, action: str, names: list[str], values: list[Any]) -> list[Any] | None:
+        """Set values of variables of one type, or get them."""
+        variables = [self.description.variables[name] for name in names]
+        array = (self.instance.c_type(variables[0]) * len(variables))(*raw(values))
+        status = self.instance.mover(action, variables, array)()
+        if status > WARNING:
+            raise self.instance.failure(self.instance.accessor(action, variables[0]), status)
+        return plain(array) if action == "Get" else None
+
     def step(self, start: float, duration: float) -> None:
         """Do a step, and nothing else."""
         status = self.instance.doer(duration)(start)
         if status > WARNING:
             raise self.instance.failure(STEP, status)
-
-    def move(self, action: str, names: list[str], given: list[Any]) -> list[Any]:
-        """Set variables of one type to what is given, or get them."""
-        variables = [self.description.variables[name] for name in names]
-        values = packed(self.instance.c_type(variables[0]) * len(names), given)
-        status = self.instance.mover(action, variables, values)()
-        if status > WARNING:
-            raise self.instance.failure(self.instance.accessor(action, variables[0]), status)
-        return plain(values)
 
     def said(self) -> list[Message]:
         """Messages since the last answer."""

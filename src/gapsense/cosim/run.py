@@ -239,6 +239,7 @@ def about(scenario: Scenario, descriptions: Descriptions, take: Take, recording:
         versions=versions(),
         overruns=recording.overruns,
         lag=recording.lag,
+        source=str(scenario.path.resolve()),
         figure=scenario.figure,
     )
 

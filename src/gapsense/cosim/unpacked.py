@@ -14,19 +14,13 @@ import zipfile
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import IO
 
+from gapsense import locks
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.record import FmuError
 from gapsense.files import sha256
 
-try:
-    import fcntl
-except ImportError:  # Windows, where files in use cannot be removed anyway
-    fcntl = None  # type: ignore[assignment]
-
 PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
-PREFIX, LOCK = "gapsense-", "lock"
 
 
 def unpacked(description: Description) -> Path:
@@ -52,43 +46,21 @@ def unpacked(description: Description) -> Path:
 def home(process: int) -> Path:
     """Folder for what this process unpacks; it is removed with it, or else by the next one."""
     folder = temporary_folder()
-    remove_orphans(folder.parent)
-    lock = locked(folder)
-    atexit.register(remove, folder, process, lock)
+    atexit.register(remove, folder, process)
     return folder
 
 
 def temporary_folder() -> Path:
     """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
-    for base in (None, "/tmp", "."):
-        folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=base)).resolve()
+    for base in (None, Path("/tmp"), Path()):
+        folder = locks.temporary_folder(base).resolve()
         if PLAIN.fullmatch(str(folder)):
             return folder
-        folder.rmdir()
+        shutil.rmtree(folder)
     raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
 
 
-def locked(folder: Path) -> IO[str] | None:
-    """A file that is locked as long as this process lives; it has its name only then, or others would take the lock."""
-    if fcntl is None:
-        return None
-    file = (folder / f"{LOCK}.new").open("w")
-    fcntl.flock(file, fcntl.LOCK_EX)
-    (folder / f"{LOCK}.new").rename(folder / LOCK)
-    return file
-
-
-def remove(folder: Path, process: int, _: object = None) -> None:
+def remove(folder: Path, process: int) -> None:
     """Remove the folder of a process, unless this one was forked from it."""
     if os.getpid() == process:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def remove_orphans(base: Path) -> None:
-    """Remove the folders of processes that were killed: those whose lock can be had."""
-    if fcntl is None:
-        return
-    for path in base.glob(f"{PREFIX}*/{LOCK}"):
-        with suppress(OSError), path.open("r+") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(path.parent, ignore_errors=True)

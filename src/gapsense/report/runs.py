@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
-from gapsense.cosim import Outcome, Result, Scenario, Sweep
+from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+from gapsense.cosim.sensitivity import PERTURBATION
 from gapsense.fmi.ports import Component
 from gapsense.report.table import add_row, quantity, table
 
@@ -70,6 +71,13 @@ def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:
     """Scenarios by what one types to run them, and their variants; None is one that cannot be read."""
     rows = [(name, s.title, ", ".join(s.variants) or "-") if s else (name, UNREAD, "") for name, s in found.items()]
     return table(title, ("name", "what it is", "variants"), rows, texts=3)
+
+
+def growths(found: Sequence[Growth]) -> Table:
+    """How a small change grows in the signals of a baseline, the most sensitive ones first."""
+    rows = ((g.signal, f"{g.amplification:.3g}", f"{g.change:.3g}", f"{g.allowed:.3g}", g.unit) for g in found)
+    heads = ("signal", "amplification", "change", "allowed", "unit")
+    return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
 
 
 def outcome(tested: Outcome) -> str:

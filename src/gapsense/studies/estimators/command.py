@@ -32,14 +32,17 @@ def estimators(
 
     Errors, missed landings, latency, cost per step, and what each needs. It goes on after an interruption.
     """
+    from gapsense.files import write_atomically
     from gapsense.report import plot
-    from gapsense.studies.estimators.show import CONDITIONS, HOLD_OUTS, TITLES, conditions, of, tables
+    from gapsense.studies.estimators.show import CONDITIONS, HOLD_OUTS, TITLES, conditions, markdown, of, tables
 
     chosen = [None, *(variant or filter(None, TITLES))]
     found = {name: one(scenario, name, seeds, workers, fmus, to).metrics for name in chosen}
     show(*tables(found))
     drawn = {"estimators": of(found, CONDITIONS), "estimators_held_out": of(found, HOLD_OUTS)}
-    written(*(plot.save(conditions(runs), to / f"{name}.png") for name, runs in drawn.items() if runs))
+    pictures = [plot.save(conditions(runs), to / f"{name}.png") for name, runs in drawn.items() if runs]
+    write_atomically(to / "estimators.md", lambda file: print(markdown(found), end="", file=file))
+    written(*pictures, to / "estimators.md")
 
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:

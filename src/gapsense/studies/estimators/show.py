@@ -1,4 +1,4 @@
-"""The benchmark of all estimators: a table for each condition, one that sums it up, as Markdown, and the figures."""
+"""The benchmark of all estimators: a table for each condition, one that sums it up, also as Markdown, and figures."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ MARKERS = "ospD^v<PX*>dH8h"
 
 
 def tables(found: Found) -> list[Table | str]:
-    """Tables of the conditions that were run, then the summary.
+    """Tables of the conditions that were run, then what sums them up.
 
     Parameters
     ----------
@@ -84,9 +84,17 @@ def tables(found: Found) -> list[Table | str]:
         By variant, the plain scenario first, the metrics of its runs that `measures.measure` gives.
     """
     first = next(iter(found.values()))
-    known, new = of(found, CONDITIONS), of(found, HOLD_OUTS)
-    summed_up = [*([summary(known)] if known else []), *([held_out(new)] if new else [])]
-    return [*(condition(v, found[v]) for v in TITLES if v in found), *summed_up, *waits(first)]
+    short = [table(title, head, rows) for title, (head, *rows) in summaries(found).items()]
+    return [*(condition(v, found[v]) for v in TITLES if v in found), *short, *waits(first)]
+
+
+def summaries(found: Found) -> dict[str, list[list[str]]]:
+    """By title the rows, headings first, of the tables that sum up all conditions that were run."""
+    made = {
+        "Summed up, medians (worst)": summary(of(found, CONDITIONS)),
+        "Conditions that nobody tuned on, medians (worst)": held_out(of(found, HOLD_OUTS)),
+    }
+    return {title: rows for title, rows in made.items() if rows}
 
 
 def of(found: Found, chosen: Mapping[Any, str]) -> Found:
@@ -126,15 +134,19 @@ def misses(found: Sequence[Runs], contender: Contender) -> str:
     return "-" if np.isnan(lost) else f"{lost:.0f} of {landings:.0f}"
 
 
-def summary(found: Found) -> str:
+def summary(found: Found) -> list[list[str]]:
     """The table of the README: medians (worst) of the runs; latency of the plain scenario, least cost of all runs."""
+    if not found:
+        return []
     titles = [title for title, _, variant, _, _ in SUMMED_UP if variant in found]
     head = ["", *titles, "missed", "latency / ms", "us per step", "needs beside u, i"]
-    return markdown([head, ["---"] * len(head), *(summed_up(c, found) for c in CONTENDERS)])
+    return [head, *(summed_up(c, found) for c in CONTENDERS)]
 
 
-def held_out(found: Found) -> str:
+def held_out(found: Found) -> list[list[str]]:
     """Errors of the position [um] under the conditions that nobody tuned on, medians (worst) of the runs."""
+    if not found:
+        return []
     head = ["z / um", *(HOLD_OUTS[variant] for variant in found), "missed"]
     giving = [c for c in CONTENDERS if "position" in c.gives]
     rows = [
@@ -145,12 +157,13 @@ def held_out(found: Found) -> str:
         ]
         for c in giving
     ]
-    return markdown([head, ["---"] * len(head), *rows])
+    return [head, *rows]
 
 
-def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
+def markdown(found: Found) -> str:
+    """What sums up the conditions, for a page: tables in Markdown."""
+    ruled = ([head, ["---"] * len(head), *rows] for head, *rows in summaries(found).values())
+    return "\n".join("".join(f"| {' | '.join(row)} |\n" for row in rows) for rows in ruled)
 
 
 def typical(variant: str | None, runs: Runs, contender: Contender, number: str, factor: float, digits: int) -> str:
