@@ -22,7 +22,11 @@ def metric(name, kind, signal, more=""):
 
 
 def test_result_reads_back_bit_for_bit(write, chain, fmus, tmp_path):
-    text = chain + metric("a", "mean", "lag.y", "after = 5.0") + metric("b", "final", "lag.y", "bounds = [-inf, 1]")
+    text = (
+        chain
+        + metric("a", "mean", "lag.y", 'where = "gain.mode"')
+        + metric("b", "final", "lag.y", "bounds = [-inf, 1]")
+    )
     result = run(write(text), fmus=fmus)
     path = result.save(tmp_path / "deep" / "folder" / "run.csv")
     again = read_result(path)
