@@ -31,8 +31,8 @@ COMPONENT = Component(
         fixed("coil.turns", "1", "Number of turns N", 1200.0, min=1e-9),
         table(
             "gap.file",
-            "Gap reluctance: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H m)]",
-            ("gap", "reluctance", "slope"),
+            "Gap reluctance: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H.m)]",
+            ("gap [m]", "reluctance [1/H]", "slope [1/(H.m)]"),
             "fringing_19.csv",
         ),
         parameter("core.reluctance", "1/H", "Reluctance of the core without flux k_1", 3.25e6, min=1e-9),

@@ -31,7 +31,7 @@ COMPONENT = Component(
         table(
             "table.file",
             "Table: CSV file with the columns time [s], voltage [V]; a repeated time is a jump, the ends are held",
-            ("time", "voltage", "integral:voltage"),
+            ("time [s]", "voltage [V]", "integral:voltage"),
             "voltage.csv",
         ),
         fixed("table.period", "s", "Period with which the table repeats; 0: it does not", 0.0, min=0.0),
@@ -48,7 +48,7 @@ COMPONENT = Component(
         table(
             "soft_landing.file",
             "Voltage of soft-landing cycles, a table like table.file; `gapsense soft-landing` makes others",
-            ("time", "voltage", "integral:voltage"),
+            ("time [s]", "voltage [V]", "integral:voltage"),
             "soft_landing.csv",
         ),
         fixed("soft_landing.period", "s", "Period of the cycles", 20e-3, min=0.0),

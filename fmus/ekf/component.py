@@ -88,7 +88,7 @@ COMPONENT = Component(
         table(
             "gap.file",
             "Table: CSV file with the columns gap [m], reluctance [1/H], both rising; interpolated by a cubic spline",
-            ("rising:gap", "rising:reluctance", "spline:reluctance"),
+            ("rising:gap [m]", "rising:reluctance [1/H]", "spline:reluctance"),
             "fringing_29.csv",
         ),
         parameter("gap.tilt", "1/(H.m)", "Slope added around the middle of the stroke", 0.0),

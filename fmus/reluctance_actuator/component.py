@@ -58,7 +58,7 @@ COMPONENT = Component(
         table(
             "gap.file",
             "Table: CSV file with the columns gap [m], reluctance [1/H], both rising; interpolated by a cubic spline",
-            ("rising:gap", "rising:reluctance", "spline:reluctance"),
+            ("rising:gap [m]", "rising:reluctance [1/H]", "spline:reluctance"),
             "fringing_29.csv",
         ),
         fixed("mover.mass", "kg", "Mass of the mover m", 1.6e-3, min=1e-9),

@@ -29,8 +29,8 @@ COMPONENT = Component(
         fixed("gap.window", "m", "Fringing law: height of the winding window G", 10e-3, min=1e-9),
         table(
             "gap.file",
-            "Table: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H m)]",
-            ("gap", "reluctance", "slope"),
+            "Table: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H.m)]",
+            ("gap [m]", "reluctance [1/H]", "slope [1/(H.m)]"),
             "fringing_19.csv",
         ),
         fixed("core.reluctance", "1/H", "Reluctance of the core without flux, R_iron0", 3.25e6, min=1e-9),

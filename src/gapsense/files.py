@@ -4,36 +4,102 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
 import os
+import re
+import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.locks import held, remove_abandoned
+from gapsense.problems import InputError
+
 Columns = Mapping[str, npt.NDArray[Any]]
+Write = Callable[[TextIO], None]
+HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
+PART = ".gapsense-part"
+SHOWN = 3  # cells and lines that are named for each kind of problem
 
 
-def write_atomically(path: Path, write: Callable[[TextIO], None]) -> None:
+def write_atomically(path: Path, write: Write) -> None:
     """Write to a temporary name in the same folder, then rename; a failure leaves the old file as it was."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    with prepared(path, write) as part:
+        rename(part, path)
+
+
+@contextmanager
+def prepared(path: Path, write: Write) -> Iterator[Path]:
+    """A file beside `path` with what is to be there, for `rename`; it is removed if that does not happen."""
+    clean(path.parent.resolve())
+    with naming(path):
+        mine = held(lambda: new_part(path))
+    part = Path(mine.name)
     os.umask(mask := os.umask(0))  # which temporary files do not follow by themselves
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+        with naming(path), part.open("w", encoding="utf-8", newline="\n") as file:
             write(file)
-        Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
+        part.chmod(0o666 & ~mask)
+        if sys.platform == "win32":  # which renames no open file
+            mine.close()
+        yield part
+    finally:
+        mine.close()
+        part.unlink(missing_ok=True)
+
+
+def new_part(path: Path) -> Path:
+    """An empty file beside `path` with a name of its own."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
+    os.close(handle)
+    return Path(name)
+
+
+@cache
+def clean(folder: Path) -> None:
+    """Remove what writers that were killed left in a folder; once in each process."""
+    for part in folder.glob(f".*{PART}"):
+        remove_abandoned(part, Path.unlink)
+
+
+def rename(part: Path, path: Path) -> None:
+    """Put a prepared file in its place."""
+    with naming(path):
+        part.replace(path)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Tell which file an error of the operating system is about; that of a full disk does not say."""
+    try:
+        yield
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
         raise
 
 
-def write_columns(file: TextIO, columns: Columns) -> None:
-    """CSV with quoted names and texts and the shortest numbers that read back to the same bits."""
-    file.write(",".join(f'"{name}"' for name in columns) + "\n")
+def header(name: str, unit: str = "") -> str:
+    """Head of a column: `name [unit]`, or the name alone where there is no unit."""
+    return f"{name} [{unit}]" if unit else name
+
+
+def split_header(cell: str) -> tuple[str, str]:
+    """Name and unit that the head of a column says; the unit is empty where there is none."""
+    found = HEADER.fullmatch(cell.strip())
+    return (found[1], found[2]) if found else (cell.strip(), "")
+
+
+def write_columns(file: TextIO, columns: Columns, units: Mapping[str, str] | None = None) -> None:
+    """CSV with quoted heads `name [unit]`, quoted texts, and the shortest numbers that read back to the same bits."""
+    heads = (header(name, (units or {}).get(name, "")) for name in columns)
+    file.write(",".join(map(cell, heads)) + "\n")
     for row in zip(*(column.tolist() for column in columns.values())):
         file.write(",".join(map(cell, row)) + "\n")
 
@@ -43,17 +109,104 @@ def cell(value: Any) -> str:
     return '"{}"'.format(value.replace('"', '""')) if isinstance(value, str) else repr(value)
 
 
-def read_columns(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    """Columns of a CSV file by name."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = csv.reader(file)
-        names = next(rows, [])
-        data = [[float(value) for value in row] for row in rows]
-    ragged = next((index for index, row in enumerate(data, start=2) if len(row) != len(names)), None)
-    if ragged is not None:
-        raise ValueError(f"{path}, line {ragged}: {len(data[ragged - 2])} values found, {len(names)} expected.")
-    table = np.array(data, dtype=np.float64).reshape(len(data), len(names))
-    return {name: np.ascontiguousarray(table[:, index]) for index, name in enumerate(names)}
+class Sheet(NamedTuple):
+    """Cells of a CSV file: its path, names and units from the first line, then rows with the lines they are in."""
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    lines: list[int]
+    rows: list[list[str]]
+
+    def place(self, row: int, column: int) -> str:
+        """Where a cell is, as messages name it."""
+        return f"{self.path}, line {self.lines[row]}, column {column + 1} (`{self.names[column]}`)"
+
+
+def read_sheet(path: Path, problems: list[str], content: bytes | None = None) -> Sheet:
+    """Cells of a CSV file, or of its `content` if that was read; `problems` takes what is wrong with its form.
+
+    Lines with more or fewer cells than there are columns are left out.
+    """
+    try:
+        text = (path.read_bytes() if content is None else content).decode("utf-8-sig")
+        reader = csv.reader(io.StringIO(text, newline=""))
+        lines = [(reader.line_num, row) for row in reader if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        problems.append(f"{path}: not a CSV file in UTF-8 ({error}). Save it as one.")
+        lines = []
+    names, units = zip(*map(split_header, lines[0][1])) if lines else ((), ())
+    good = [(n, row) for n, row in lines[1:] if len(row) == len(names)]
+    problems += [*twice(path, names), *ragged(path, len(names), lines[1:])]
+    return Sheet(path, names, units, [n for n, _ in good], [row for _, row in good])
+
+
+def twice(path: Path, names: Sequence[str]) -> list[str]:
+    """Sentences on names that several columns have."""
+    places = {name: [k for k, other in enumerate(names, 1) if other == name] for name in names}
+    return [
+        f"{path}, line 1: columns {' and '.join(map(str, at))} are both called `{name}`. Rename or remove one."
+        for name, at in places.items()
+        if len(at) > 1
+    ]
+
+
+def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> list[str]:
+    """Sentences on the first lines with more or fewer cells than there are columns."""
+    wrong = [(n, len(row)) for n, row in lines if len(row) != width]
+    told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
+    return told + more(path, len(wrong), "lines have another number of values")
+
+
+def more(path: Path, count: int, what: str) -> list[str]:
+    """A sentence on the problems of one kind that were not told one by one, if there are any."""
+    return [f"{path}: {count - SHOWN} more {what}."] if count > SHOWN else []
+
+
+def read_columns(
+    path: Path, units: Mapping[str, str] | None = None, content: bytes | None = None
+) -> dict[str, npt.NDArray[np.float64]]:
+    """Columns of a CSV file by name, without the units in its heads; an InputError has all that is wrong with it.
+
+    A column with another unit than that in `units` is refused, nothing is converted; one without a unit is taken.
+    """
+    problems: list[str] = []
+    sheet = read_sheet(path, problems, content)
+    problems += other_units(sheet, units or {})
+    try:
+        table = np.array([[float(text) for text in row] for row in sheet.rows], dtype=np.float64)
+    except ValueError:
+        problems += no_numbers(sheet)
+    if problems:
+        raise InputError(problems)
+    table = table.reshape(len(sheet.rows), len(sheet.names))
+    return {name: np.ascontiguousarray(table[:, index]) for index, name in enumerate(sheet.names)}
+
+
+def other_units(sheet: Sheet, units: Mapping[str, str]) -> list[str]:
+    """Sentences on columns with another unit than they must have."""
+    pairs = [(name, unit, units.get(name, unit)) for name, unit in zip(sheet.names, sheet.units) if unit]
+    return [
+        f"{sheet.path}, line 1: `{name}` is in `{unit}`, `{expected or '1'}` is expected, and nothing is converted. "
+        f"Convert the column and write `{header(name, expected)}`."
+        for name, unit, expected in pairs
+        if unit != expected
+    ]
+
+
+def no_numbers(sheet: Sheet) -> list[str]:
+    """Sentences on the first cells that hold no number, and how many more there are."""
+    cells = [(i, j, text) for i, row in enumerate(sheet.rows) for j, text in enumerate(row) if number(text) is None]
+    told = [f"{sheet.place(i, j)}: `{text}` found, a number expected. Correct it." for i, j, text in cells[:SHOWN]]
+    return told + more(sheet.path, len(cells), "cells hold no number")
+
+
+def number(text: str) -> float | None:
+    """Number that a cell holds, or None."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def write_json(file: TextIO, data: Any) -> None:

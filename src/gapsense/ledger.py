@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from time import sleep
+from typing import IO, Any
 
 import numpy as np
 
-from gapsense.files import sha256
+from gapsense.files import naming, sha256
+from gapsense.locks import lock
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
 
 Entry = dict[str, Any]
+LOG = logging.getLogger(__name__)
+PAUSE = 0.1  # seconds between two looks whether a file is free
 SOURCES = (".py", ".c", ".h", ".csv")
 
 
@@ -42,36 +49,66 @@ def fingerprint(facts: Any) -> str:
 
 
 class Ledger:
-    """Entries of one sweep in a file that may hold those of others too; a file of None keeps nothing."""
+    """Entries of one sweep in a file that may hold those of others too; a file of None keeps nothing.
 
-    def __init__(self, file: Path | None, key: str) -> None:
+    `source` is what they are of, for people and for those who would not mix them with others.
+    """
+
+    def __init__(self, file: Path | None, key: str, source: str = "") -> None:
         self.file, self.key = file, key
+        self.about = {"key": key, **({"source": source} if source else {})}
 
     @property
     def folder(self) -> Path | None:
         """Where what belongs to the entries with this key may be kept, and to no others."""
         return None if self.file is None else self.file.with_suffix("") / self.key[:16]
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until no other process works with this file, and keep others waiting; a kill ends that too."""
+        if self.file is None:
+            return (yield)
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        with naming(self.file):
+            mine = self.file.open("ab")
+        with mine:
+            if not is_locked(mine):
+                LOG.warning("%s: another process is at work on it; waiting for its end.", self.file)
+                while not is_locked(mine):
+                    sleep(PAUSE)
+            yield
+
     def read(self) -> dict[int, Entry]:
         """Entries with this key by run index; a line torn by a kill is skipped."""
+        return {entry["index"]: entry for entry in self.entries() if entry.get("key") == self.key}
+
+    def entries(self) -> list[Entry]:
+        """All entries of the file, also those with other keys."""
         if self.file is None or not self.file.is_file():
-            return {}
+            return []
         lines = self.file.read_text(encoding="utf-8", errors="replace").splitlines()
-        entries = [entry for entry in map(parsed, lines) if entry.get("key") == self.key]
-        return {entry["index"]: entry for entry in entries}
+        return [entry for entry in map(parsed, lines) if entry]
 
     def append(self, entry: Entry) -> None:
         """Add one entry and see it on the disk."""
         if self.file is None:
             return
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        line = json.dumps({"key": self.key, **entry})
-        with self.file.open("ab+") as file:
+        line = json.dumps({**self.about, **entry})
+        with naming(self.file), self.file.open("ab+") as file:
             file.seek(max(file.tell() - 1, 0))
             is_torn = file.read(1) not in (b"", b"\n")
             file.write((b"\n" if is_torn else b"") + line.encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
+
+
+def is_locked(file: IO[bytes]) -> bool:
+    """True if the file is locked by us now, or cannot be locked where it is."""
+    try:
+        return lock(file)
+    except OSError:
+        return True
 
 
 def kept(folder: Path, index: int) -> Path:

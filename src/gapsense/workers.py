@@ -10,9 +10,9 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import shutil
 import subprocess
 import sys
-import tempfile
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, TextIO
 
 from gapsense.files import sha256
 from gapsense.ledger import Entry, Ledger
+from gapsense.locks import temporary_folder
 from gapsense.problems import ScenarioError
 from gapsense.shipped import PACKAGE
 
@@ -88,11 +89,11 @@ class Worker:
 
     def __init__(self, job: Job) -> None:
         self.job = job
-        self.folder = tempfile.TemporaryDirectory(prefix="gapsense-worker-", ignore_cleanup_errors=True)
-        self.log = Path(self.folder.name, "errors.txt")
+        self.folder = temporary_folder()
+        self.log = self.folder / "errors.txt"
         roots = [PACKAGE.parent, *([root(job.guest)] if job.guest else [])]
         paths = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-        temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self.folder.name)
+        temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self.folder))
         with self.log.open("wb") as errors:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "gapsense.workers"],
@@ -129,13 +130,14 @@ class Worker:
 
     def close(self) -> None:
         """End the process, in the middle of a run if need be, and remove its temporary files."""
-        with self.folder, self.process:
+        with self.process:
             try:
                 if self.process.stdin:
                     self.process.stdin.close()
                 self.process.wait(timeout=PATIENCE)
             except (OSError, subprocess.TimeoutExpired):
                 self.process.kill()
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def importable_name(function: Callable[..., Any]) -> str:

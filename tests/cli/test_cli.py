@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -181,10 +182,37 @@ def test_run_writes_csv_and_json_and_prints_tables(gapsense, write, fmus):
     for word in ("Errors", "current [mA]", "1 mA", "this run", "real-time factor", "sensor", "us per step"):
         assert word in done.stdout, word
     header, *rows = Path("results", "short.csv").read_text("utf-8").splitlines()
-    assert header.startswith('"time","drive.voltage"') and len(rows) == 81
+    assert header.startswith('"time [s]","drive.voltage [V]"') and len(rows) == 81
     side = json.loads(Path("results", "short.json").read_text("utf-8"))
     assert side["rows"] == 81 and not side["interrupted"] and side["metrics"]["current_error"]["unit"] == "A"
     assert sorted(p.name for p in Path("results").iterdir()) == ["short.csv", "short.json"]
+
+
+LIMITED = """
+import resource, sys
+size = int(sys.argv.pop(1))
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+from gapsense.cli import app
+app()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no limit of file sizes")
+@pytest.mark.parametrize(
+    ("size", "command", "file"),
+    [
+        (1000, ["run"], "gapsense-"),  # an FMU cannot be extracted
+        (500_000, ["run"], "results/short.csv"),
+        (500_000, ["sweep", "--seeds", 2, "--signals"], "00000.csv"),
+    ],
+)
+def test_file_that_cannot_be_written_is_named(process, write, fmus, size, command, file):
+    path = write(("stop = 2e-3", "stop = 100e-3"))
+    done = process(LIMITED, size, command[0], path, *command[1:], "--fmus", fmus)
+    _, err = done.communicate(timeout=60)
+    assert done.returncode == (2 if command[0] == "run" else 3), err
+    assert re.search(rf"{file}[^ ]*`: File too large", err) and "Traceback" not in err
+    assert command[0] == "sweep" or "(`ulimit -f`), or choose another folder" in err
 
 
 def test_run_with_check_does_not_run(gapsense, write, fmus):
@@ -363,3 +391,71 @@ def test_observability_needs_a_current_and_samples(gapsense, write, fmus):
     assert "no `current`" in problems(gapsense("study", "observability", without, "--fmus", fmus))[0]
     brief = write(("stop = 2e-3", "stop = 1e-4"))
     assert "at least 4" in problems(gapsense("study", "observability", brief, "--fmus", fmus))[0]
+
+
+# Names ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def same(write, tmp_path):
+    """Two scenarios in folders of one name; the second drives with another voltage."""
+    louder = ('waveform = "square" }', 'waveform = "square", "square.amplitude" = 40.0 }')
+    return write(folder="A/same"), write(louder, folder="B/same")
+
+
+OTHER = "it is of the scenario `../A/same/scenario.toml`, this one is `../B/same/scenario.toml`. Choose another place"
+
+
+@pytest.mark.parametrize(
+    ("command", "files"),
+    [
+        (["run"], ["same.csv", "same.json"]),
+        (["sweep", "--seeds", 1, "--workers", 1], ["same_sweep.csv", "same_sweep.jsonl"]),
+        (["figure"], ["same.png"]),
+    ],
+)
+def test_scenarios_of_one_name_do_not_overwrite_one_another(gapsense, same, fmus, command, files):
+    word, *options = command
+    assert gapsense(word, same[0], *options, "--fmus", fmus).exit_code == 0
+    before = {name: Path("results", name).read_bytes() for name in files}
+    done = gapsense(word, same[1], *options, "--fmus", fmus)
+    assert done.exit_code == 2 and not done.stdout and OTHER in done.stderr, done.output
+    assert {p.name: p.read_bytes() for p in Path("results").iterdir()} == before
+    assert gapsense(word, same[0], *options, "--fmus", fmus).exit_code == 0
+    elsewhere = "other/same.png" if word == "figure" else "other"
+    assert gapsense(word, same[1], *options, "--fmus", fmus, "--out", elsewhere).exit_code == 0
+
+
+def test_results_that_moved_with_their_scenario_are_its_own(gapsense, write, fmus, tmp_path, monkeypatch):
+    write(folder="first/place/same")
+    monkeypatch.chdir(tmp_path / "first")
+    assert gapsense("run", "place/same", "--fmus", fmus).exit_code == 0
+    monkeypatch.chdir(tmp_path)
+    Path("first").rename("second")
+    monkeypatch.chdir(tmp_path / "second")
+    assert gapsense("run", "place/same", "--fmus", fmus).exit_code == 0
+
+
+@pytest.mark.parametrize("ending", ["csv", "json"])
+def test_file_that_is_no_result_is_not_overwritten(gapsense, write, fmus, ending):
+    Path(f"short.{ending}").write_text("{}")
+    done = gapsense("run", write(), "--fmus", fmus, "--out", ".")
+    assert done.exit_code == 2 and "short.csv: there is a file that is no result of a run. Remove it" in done.stderr
+    assert Path(f"short.{ending}").read_text() == "{}"
+
+
+def test_variant_is_no_other_scenario_of_that_name(gapsense, write, fmus):
+    variant = ("[seeds]", "[variants.loud]\n[seeds]")
+    assert gapsense("run", write(variant), "--variant", "loud", "--fmus", fmus).exit_code == 0
+    done = gapsense("run", write(folder="short_loud"), "--fmus", fmus)
+    assert (
+        done.exit_code == 2 and "results/short_loud.csv: it is of the scenario `../short/scenario.toml`" in done.stderr
+    )
+
+
+def test_scenarios_of_one_name_are_told_apart_in_tests(gapsense, same, fmus, tmp_path):
+    done = gapsense("test", ".", "--fmus", fmus, "--junit", "junit.xml")
+    assert re.findall(r"passed  (\S+)", done.stdout) == ["A/same", "B/same"]
+    suites = ElementTree.parse("junit.xml").getroot().findall("testsuite")
+    assert [suite.get("name") for suite in suites] == ["A/same", "B/same"]
+    assert "passed  same  " in gapsense("test", same[0], "--fmus", fmus).stdout

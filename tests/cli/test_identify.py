@@ -17,6 +17,7 @@ import pytest
 from gapsense.cosim import run
 from gapsense.files import read_columns
 from gapsense.studies.devices import VALVE
+from gapsense.studies.identification.checks import read_record
 from gapsense.studies.identification.model import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,6 +98,8 @@ def test_estimators_run_on_the_record(identified, data, gapsense, fmus, monkeypa
     assert (done.exit_code, done.stderr) == (0, "")
     found = read_columns(data / "e.csv")
     assert found["time"].size == REST + PERIODS * SAMPLES + 1
+    assert '"voltage [V]","current [A]"' in (data / "e.csv").read_text("utf-8").partition("\n")[0]
+    assert read_record(data / "e.csv").current.tolist() == found["current"].tolist()
     assert found["Semera.resistance"][-1] == pytest.approx(76.0, abs=0.5)
     assert found["Ekf.position"].min() < 0.05e-3 and found["Ekf.position"].max() > 0.85e-3
     assert (data / "e.png").read_bytes().startswith(b"\x89PNG")

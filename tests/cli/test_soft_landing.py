@@ -26,12 +26,19 @@ def refused(done) -> list[str]:
 def test_voltage_table_is_written_and_its_use_told(gapsense):
     done = gapsense("soft-landing", "--out", "new/drive.csv", "--making-duration", 5e-3, "--breaking-start", 12e-3)
     assert (done.exit_code, done.stderr) == (0, "")
-    times, voltages = read_table(Path("new/drive.csv"), ("time", "voltage"))
+    times, voltages = read_table(Path("new/drive.csv"), ("time [s]", "voltage [V]"))
+    assert Path("new/drive.csv").read_text("utf-8").startswith("time [s],voltage [V]\n")
     assert (times[0], times[-1], voltages[0], voltages[-1]) == (0.0, 0.04, 0.0, 0.0)
     assert 20.0 in voltages
     assert re.search(r"^  moving +1 +6 ", done.stdout, re.MULTILINE)
     for words in ("soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
         assert words in done.stdout
+
+
+def test_heads_of_the_table_are_those_of_a_record(gapsense):
+    gapsense("soft-landing", "--out", "drive.csv")
+    found = [line for line in refused(gapsense("identify", "drive.csv")) if "row 1" in line]
+    assert len(found) == 1 and "column `current` is missing; there are `time`, `voltage`." in found[0]
 
 
 def test_parameters_of_another_actuator_are_taken(gapsense, monkeypatch, tmp_path):

@@ -3,7 +3,8 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,21 @@ def python(fmus: Path, turn_binary: Path) -> Callable[..., subprocess.CompletedP
         )
 
     return python
+
+
+@pytest.fixture
+def start(fmus: Path) -> Iterator[Callable[[str], subprocess.Popen[str]]]:
+    """Starts Python code in a process that goes on beside the test; `fmus` is defined in it."""
+    with ExitStack() as stack:
+
+        def start(code: str) -> subprocess.Popen[str]:
+            environment, pipe = {**os.environ, "PYTHONPATH": str(SRC)}, subprocess.PIPE
+            command = [sys.executable, "-c", f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n{code}"]
+            process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment)
+            stack.callback(process.kill)
+            return stack.enter_context(process)
+
+        yield start
 
 
 CHAIN = """

@@ -1,5 +1,6 @@
 """Results are written whole and read back the same; metrics and baselines say what they should."""
 
+import errno
 import json
 import math
 from dataclasses import replace
@@ -8,10 +9,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from gapsense.cosim import check, find_scenarios, read_result, run, test_scenarios, update_baseline, write_junit
+from gapsense.cosim import check, find_scenarios, read_result, record, run, test_scenarios, update_baseline, write_junit
 from gapsense.cosim.metrics import KINDS, Measured, measure
 from gapsense.cosim.scenario import Metric
-from gapsense.files import read_columns, write_atomically
+from gapsense.files import read_columns, sha256, write_atomically
 
 METRIC = '[metrics.{name}]\nkind = "{kind}"\nsignal = "{signal}"\n{more}\n'
 
@@ -35,13 +36,99 @@ def test_result_reads_back_bit_for_bit(write, chain, fmus, tmp_path):
 def test_files_follow_the_conventions(write, chain, fmus, tmp_path):
     path = run(write(chain), fmus=fmus).save(tmp_path / "run")
     lines = path.read_text().splitlines()
-    assert lines[0].startswith('"time","source.y","source.steps","lag.u"')
+    assert lines[0].startswith('"time [s]","source.y [V]","source.steps [1]","lag.u [V]"')
     assert len(lines) == 12
     sidecar = json.loads(path.with_suffix(".json").read_text(), parse_constant=pytest.fail)
     assert sidecar["signals"]["lag.y"] == {"unit": "V", "nominal": 10.0, "causality": "output"}
     assert sidecar["parameters"]["source.slope"] == 2.0
     assert len(sidecar["run"]["files"]["scenario.toml"]) == 64
     assert sidecar["interrupted"] is False
+
+
+@pytest.fixture
+def saved(write, chain, fmus, tmp_path):
+    """Two results of different runs, and the file that the first of them is in."""
+    first = run(write(chain), fmus=fmus)
+    second = replace(first, signals={name: 2.0 * values for name, values in first.signals.items()}, wall=1.0)
+    return first, second, first.save(tmp_path / "out" / "x.csv")
+
+
+class FullDisk:
+    """A file that takes some characters and then says that the disk is full."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, text):
+        self.room -= len(text)
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return self.file.write(text)
+
+
+@pytest.mark.parametrize("name", ["write_columns", "write_json"])
+def test_full_disk_leaves_the_old_result_whole(saved, monkeypatch, name):
+    first, second, path = saved
+    before = {file: file.read_bytes() for file in path.parent.iterdir()}
+    written = getattr(record, name)
+    monkeypatch.setattr(record, name, lambda file, *more: written(FullDisk(file, 100), *more))
+    with pytest.raises(OSError, match=rf"No space left on device: '.*x\.{'csv' if 'columns' in name else 'json'}'"):
+        second.save(path)
+    assert {file: file.read_bytes() for file in path.parent.iterdir()} == before
+    assert np.array_equal(read_result(path)["lag.y"], first["lag.y"])
+
+
+TOO_LARGE = """
+import resource
+from gapsense.cosim import read_result
+result = read_result(PATH)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+try:
+    result.save(PATH)
+except OSError as error:
+    print(error.errno, error.filename)
+"""
+
+
+def test_too_large_file_is_told_by_name_and_leaves_the_old_one(saved, python):
+    path = saved[2]
+    before = {file: file.read_bytes() for file in path.parent.iterdir()}
+    done = python(TOO_LARGE.replace("PATH", repr(str(path))))
+    assert done.stdout.strip() == f"{errno.EFBIG} {path}", done
+    assert {file: file.read_bytes() for file in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize("kept", [".csv", ".json"])
+def test_mixture_of_two_runs_is_refused(saved, kept):
+    _, second, path = saved
+    old = path.with_suffix(kept).read_bytes()
+    second.save(path)
+    new = sha256(path)
+    path.with_suffix(kept).write_bytes(old)  # as after a kill between the two
+    hashes = sha256(path), new if kept == ".csv" else json.loads(old)["sha256"]
+    with pytest.raises(ValueError, match=r"has the SHA-256 {}, x\.json expects {}.*Run again".format(*hashes)):
+        read_result(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda file: file.unlink(), "x.json beside it is missing or no side-car of a result. Run again"),
+        (lambda file: file.write_text("{"), "x.json beside it is missing or no side-car of a result. Run again"),
+        (lambda file: file.write_text('{"format": "other"}'), "no side-car of a result. Run again"),
+        (lambda file: file.write_text('{"format": "gapsense result 1"}'), "an old result, .* the hash.* Run again"),
+    ],
+)
+def test_result_without_its_sidecar_is_refused(saved, change, expected):
+    change(saved[2].with_suffix(".json"))
+    with pytest.raises(ValueError, match=expected):
+        read_result(saved[2])
+
+
+def test_result_tells_its_scenario_from_where_it_is(saved, tmp_path):
+    first, _, path = saved
+    assert json.loads(path.with_suffix(".json").read_text())["run"]["source"] == "../demo/scenario.toml"
+    assert read_result(path).run.source == first.run.source == str(tmp_path / "demo" / "scenario.toml")
 
 
 def test_failed_write_keeps_the_old_file(tmp_path):

@@ -4,13 +4,16 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gapsense
-from gapsense.cosim import ScenarioError, load, read_result, run, sweep
+from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
+from gapsense.cosim.sweep import key_of
 from gapsense.ledger import Ledger
 
 NOISE = """
@@ -49,9 +52,102 @@ def test_restart_computes_only_what_is_missing(write, fmus, tmp_path):
     assert second.computed == 4
     assert np.array_equal(second.metrics["spread"][:4], first.metrics["spread"])
     assert sweep(path, 6, out=out, fmus=fmus).computed == 0
-    assert (out / "demo_sweep.csv").read_text().splitlines()[0] == '"run","spread"'
+    assert (out / "demo_sweep.csv").read_text().splitlines()[0] == '"run","spread [V]"'
     path.write_text(NOISE.replace("stop = 10.0", "stop = 20.0"))
     assert sweep(path, 2, out=out, fmus=fmus).computed == 2
+
+
+WORDS = {
+    "title": ('title = "Noise"', 'title = "Much noise"\ndescription = "Words."\nfigure = "overview"'),
+    "writing": ("stop = 10.0", "# the end\nstop = 1e1"),
+    "bounds": ('kind = "std"', 'kind = "std"\nbounds = [0.0, 9.0]\nlabel = "sigma"\npublished = 1.0'),
+    "baseline": ("[seeds]", "[baseline]\nrtol = 1.0\n[seeds]"),
+    "variant": ("[seeds]", "[variants.other.seeds]\nnoise = 1\n[seeds]"),
+    "pace": ("base_step", "pace = 1e9\nbase_step"),
+}
+NUMBERS = {
+    "kind": ('kind = "std"', 'kind = "mean"'),
+    "window": ('kind = "std"', 'kind = "std"\nafter = 1.0'),
+    "step": ('fmu = "Noise"', 'fmu = "Noise"\nstep = 2'),
+    "parameter": ('fmu = "Noise"', 'fmu = "Noise"\nset = { sample_time = 0.2 }'),
+    "record": ("[seeds]", "[record]\ndecimation = 2\n[seeds]"),
+    "seed": ("noise = 10", "noise = 11"),
+}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "is_same"),
+    [pytest.param(*texts, words is WORDS, id=name) for words in (WORDS, NUMBERS) for name, texts in words.items()],
+)
+def test_key_is_of_what_decides_the_numbers(write, fmus, old, new, is_same):
+    before, after = (prepare(write(text), fmus=fmus) for text in (NOISE, NOISE.replace(old, new)))
+    assert (key_of(*before, None) == key_of(*after, None)) is is_same
+
+
+def test_other_words_compute_nothing_again(write, fmus, tmp_path):
+    path, out = write(NOISE), tmp_path / "out"
+    first = sweep(path, 2, out=out, fmus=fmus)
+    path.write_text(NOISE.replace(*WORDS["title"]))
+    again = sweep(path, 2, out=out, fmus=fmus)
+    assert (first.computed, again.computed) == (2, 0)
+    assert again.metrics["spread"].tolist() == first.metrics["spread"].tolist()
+
+
+def test_content_of_a_file_decides_and_its_place_does_not(write, fmus):
+    text = NOISE + GRID.replace('"source.slope" = [1.0, 2.0, 3.0]', '"source.table.file" = ["a.toml"]')
+    here, there, other = (write(text, f) for f in ("here", "there", "other"))
+    for path, content in ((here, "a"), (there, "a"), (other, "b")):
+        (path.parent / "a.toml").write_text(content)
+    keys = [key_of(*prepare(path, fmus=fmus), None) for path in (here, there, other)]
+    assert keys[0] == keys[1] != keys[2]
+
+
+TWO = """
+import sys
+from gapsense.cosim import sweep
+print("ready", flush=True)
+sys.stdin.readline()
+print(sweep(PATH, 30, out=OUT, fmus=fmus).computed)
+"""
+
+
+def test_two_sweeps_on_one_folder_compute_nothing_twice(write, fmus, start, tmp_path):
+    out = tmp_path / "out"
+    code = TWO.replace("PATH", repr(str(write(NOISE)))).replace("OUT", repr(str(out)))
+    processes = [start(code) for _ in range(2)]
+    for process in processes:
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        print("go", file=process.stdin, flush=True)
+    outputs = [process.communicate(timeout=60) for process in processes]
+    assert sorted(int(out) for out, _ in outputs) == [0, 30], outputs
+    said = "".join(err for _, err in outputs)
+    assert said == f"{out / 'demo_sweep.jsonl'}: another process is at work on it; waiting for its end.\n"
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """A folder for temporary files, in place of the one that everybody has."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    return folder
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")
+def test_kill_leaves_neither_a_lock_nor_folders_for_long(write, fmus, start, temporary, tmp_path):
+    path, out = write(NOISE.replace("stop = 10.0", "stop = 1000.0")), tmp_path / "out"
+    first = start(TWO.replace("PATH", repr(str(path))).replace("OUT", repr(str(out))))
+    print("go", file=first.stdin, flush=True)
+    while not ((out / "demo_sweep.jsonl").is_file() and (out / "demo_sweep.jsonl").stat().st_size):
+        time.sleep(0.01)
+    first.kill()
+    first.wait()
+    assert len(list(temporary.iterdir())) == 2  # of two workers, with the FMUs in them
+    swept = sweep(path, 2, out=out, fmus=fmus)
+    assert (len(swept.indices), swept.computed < 2) == (2, True)
+    assert not list(temporary.iterdir())
 
 
 COMPUTED = """
@@ -185,7 +281,7 @@ def test_grid_runs_every_combination_in_a_stable_order(write, fmus, tmp_path):
     alone = run(path, fmus=fmus, seed_shift=9, point=3)
     assert (alone.metrics["spread"].value, alone.metrics["end"].value) == (two.metrics["spread"][9], -21.0)
     rows = (out / "demo_sweep.csv").read_text().splitlines()
-    assert rows[0] == '"run","source.slope","source.inverted","spread","end"'
+    assert rows[0] == '"run","source.slope [V/s]","source.inverted","spread [V]","end [V]"'
     assert rows[2].startswith("1.0,1.0,True,")
     assert run(path, fmus=fmus).metrics["end"].value == 1.0  # a plain run knows nothing of the grid
 
@@ -253,16 +349,45 @@ def test_rows_of_a_file_are_runs(write, fmus, tmp_path):
     assert run(path, fmus=fmus, point=2).parameters["source.slope"] == 7.0
 
 
+def test_rows_hold_what_lists_hold(write, fmus):
+    text = NOISE + GRID.replace('"source.slope" = [1.0, 2.0, 3.0]', 'rows = "rows/rows.csv"')
+    path = write(text.replace('"source.inverted" = [false, true]\n', ""))
+    (path.parent / "rows").mkdir()
+    (path.parent / "rows" / "own.csv").touch()
+    heads, *rows = "source.seed,source.inverted,source.shape,source.slope [V/s]", "3,true,up,1", "+4,False,down,2e0"
+    (path.parent / "rows" / "rows.csv").write_text(
+        "\n".join([heads + ",source.table.file", *(r + ",own.csv" for r in rows)])
+    )
+    own = str(path.parent / "rows" / "own.csv")
+    swept = sweep(path, fmus=fmus)
+    assert [[type(v), v] for v in swept.grid["source.seed"]] == [[int, 3], [int, 4]]
+    assert swept.grid["source.inverted"] == (True, False)
+    assert (swept.grid["source.shape"], swept.grid["source.table.file"]) == (("up", "down"), (own, own))
+    assert swept.metrics["end"].tolist() == pytest.approx([-11.0, 21.0])
+    assert Path(own) in load(path).files
+
+
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (None, "rows.csv: there is no such file. A CSV file of numbers"),
+        (None, "rows.csv: No such file or directory. A CSV file with a column per parameter"),
         ("source.slope\n1.0,2.0\n", "rows.csv, line 2: 2 values found, 1 expected"),
-        ("source.slope\nsteep\n", "sweep.rows: could not convert"),
         ("source.slope\n", "rows.csv has no rows"),
         ("source.inverted\n1\n", "`source.inverted` is given in rows.csv and in `[sweep]` too"),
-        ("source.slop\n1.0\n", "sweep.source.slop: unknown parameter `slop`. Did you mean `slope`?"),
+        ("source.slop\n1.0\n2.0\n", "sweep.source.slop: unknown parameter `slop`. Did you mean `slope`?"),
         ("slope\n1.0\n", "`slope` found, `component.variable` expected"),
+        ("noise.seed,source.slope,source.slope\n1,2,3\n", "line 1: columns 2 and 3 are both called `source.slope`"),
+        ("source.slope [V/s],source.slope\n1,2\n", "line 1: columns 1 and 2 are both called `source.slope`"),
+        (
+            "source.slope\n1.0\nsteep\n",
+            'source.slope (rows.csv, line 3, column 1): `slope` is `"steep"`, a value of type',
+        ),
+        ("source.slope\n1.0\ntrue\n", "(rows.csv, line 3, column 1): `slope` is `true`, a value of type Real"),
+        ("source.slope\n1.0\nnan\n", "rows.csv, line 3, column 1 (`source.slope`): `nan` found, a finite number"),
+        ("noise.sample_time,source.slope\n0.1,1\n0.1,\n", "rows.csv, line 3, column 2 (`source.slope`): `` found"),
+        ("source.seed\n1\n1.5\n", "(rows.csv, line 3, column 1): `seed` is `1.5`, a value of type Integer"),
+        ("source.slope [mV/s]\n1\n", "(rows.csv, line 1, column 1): it is in `mV/s`, `V/s` is expected, and nothing"),
+        ("source.table.file\nnone.csv\n", "rows.csv, line 2, column 1 (`source.table.file`): there is no file"),
     ],
 )
 def test_wrong_rows_are_told(write, fmus, content, expected):

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from gapsense.fmi.tables import column_name, read_table
+from gapsense.fmi.components import find_components, load_component
+from gapsense.fmi.ports import Component, Port
+from gapsense.fmi.tables import column_name, heads, read_table
+
+COMPONENTS = [load_component(folder) for folder in find_components(Path(__file__).parents[2] / "fmus")]
 
 COLUMNS = ("time", "voltage")
 
@@ -29,6 +33,37 @@ def refused(file: Path, content: str | bytes, columns: tuple[str, ...] = COLUMNS
 def test_columns_come_in_the_order_asked_for(file: Path) -> None:
     file.write_text("voltage,remark,time\n1.5,a,0\n-2e1,b,1\n")
     assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.5, -20.0]]
+
+
+UNITS = ("time [s]", "voltage [V]", "integral:voltage")
+
+
+@pytest.mark.parametrize("head", ["time,voltage", "Time [s],current [mA],Voltage [V]", "voltage (V),time(s)"])
+def test_head_may_have_units_as_a_record_has_them(file: Path, head: str) -> None:
+    count = head.count(",") + 1
+    file.write_text(f"{head}\n{','.join('0' * count)}\n{','.join('2' * count)}\n")
+    assert read_table(file, UNITS) == [[0.0, 2.0], [0.0, 2.0], [0.0, 2.0]]
+
+
+def test_other_units_and_two_columns_of_one_name_are_told(file: Path) -> None:
+    text = refused(file, "time [ms],voltage [V],voltage\n0,1,1\n1,1,x\n0,1,1\n", UNITS)
+    assert "`time` is in `ms`, but `s` is expected, and nothing is converted" in text
+    assert "columns 2 and 3 are both called `voltage`" in text
+    assert "row 4: `time` decreases" in text
+    assert "column voltage [V] is missing; the header has time [s]" in refused(file, "time [s]\n0\n", UNITS)
+
+
+TABLES = [(c, p) for c in COMPONENTS for p in c.ports if p.columns]
+
+
+@pytest.mark.parametrize(("component", "port"), TABLES, ids=[f"{c.name}-{p.name}" for c, p in TABLES])
+def test_head_that_a_page_tells_is_taken(file: Path, component: Component, port: Port) -> None:
+    wanted = heads(port.columns)
+    told = "table like table.file" if port.name == "soft_landing.file" else f"the columns {', '.join(wanted)}"
+    assert told in port.description
+    rows = [",".join([str(k)] * len(wanted)) for k in range(4)]
+    file.write_text("\n".join([",".join(wanted), *rows]) + "\n")
+    assert len(read_table(file, port.columns)) == len(port.columns)
 
 
 def test_spaces_blank_lines_and_byte_order_mark_do_no_harm(file: Path) -> None:

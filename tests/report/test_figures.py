@@ -111,8 +111,8 @@ def test_failed_drawing_keeps_the_old_file(tmp_path, monkeypatch):
     old = tmp_path / "x.png"
     old.write_bytes(b"old")
 
-    def fail(self, path, **_):
-        path.write_bytes(b"half")
+    def fail(self, file, **_):
+        file.write(b"half")
         raise RuntimeError("no fonts")
 
     monkeypatch.setattr(Figure, "savefig", fail)

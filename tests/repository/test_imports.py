@@ -17,7 +17,7 @@ from gapsense.cli import app
 OF_KERNELS = (  # in order: each may import those before it
     "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
-OF_FILES = ("shipped", "native", "problems", "files", "tables", "parameters", "ledger", "workers")  # likewise
+OF_FILES = ("shipped", "native", "problems", "locks", "files", "tables", "parameters", "ledger", "workers")  # likewise
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "fmi"}

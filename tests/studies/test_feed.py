@@ -37,6 +37,19 @@ def test_outputs_are_those_of_the_kernel_bit_for_bit(fmus):
         assert tuple(found[name][k] for name in names(semera.Outputs)) == tuple(outputs)
 
 
+def test_record_plays_in_the_drive_as_it_is(fmus, tmp_path):
+    given, times = signals(), np.arange(60) * DT
+    rows = zip(times.tolist(), given["current"].tolist(), given["voltage"].tolist())
+    lines = ["time [s],current [A],voltage [V]", *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "record.csv").write_text("\n".join(lines) + "\n")
+    played = {"waveform": "table", "table.file": str(tmp_path / "record.csv")}
+    found = feed(fmus / "DriveVoltage.fmu", "drive", played, 0.0, DT, {"enable": np.ones(60)})
+    np.testing.assert_allclose(found["voltage"], given["voltage"], rtol=1e-9, atol=1e-6)
+    (tmp_path / "record.csv").write_text("\n".join(lines).replace("[s]", "[ms]"))
+    with pytest.raises(FmuError, match=r"`time` is in `ms`, but `s` is expected, and nothing is converted"):
+        feed(fmus / "DriveVoltage.fmu", "drive", played, 0.0, DT, {"enable": np.ones(60)})
+
+
 def test_wrong_names_and_values_are_told_at_once(fmus):
     wrong = {"prior.resistence": 1.0, "noise.current": -1.0}
     with pytest.raises(ScenarioError) as caught:

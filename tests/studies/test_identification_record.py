@@ -51,6 +51,14 @@ def test_units_may_have_prefixes_and_columns_any_order(tmp_path):
     assert read.mode is None and read.position is None
 
 
+def test_two_columns_of_one_name_are_refused_if_they_are_read(tmp_path):
+    (found,) = problems(write(tmp_path / "a.csv", seed=1, header="time [s],voltage [V],Voltage [V]"))[:1]
+    assert found == "a.csv, row 1: columns 2 and 3 are both called `voltage`. Rename one."
+    v = columns(seed=1)
+    values = {"time": v["time"], "voltage": v["voltage"], "current": v["current"], "a": v["time"], "b": v["time"]}
+    read_record(write(tmp_path / "b.csv", values, "time [s],voltage [V],current [A],spare,spare"))
+
+
 def test_columns_of_other_names_are_named_by_the_user(tmp_path):
     file = write(tmp_path / "a.csv", seed=1, header="time [s],u1 [V],ch2 [A]")
     assert read_record(file, {"voltage": "u1", "current": "ch2"}).current.size > 600
@@ -141,4 +149,9 @@ def test_results_of_a_run_are_records_at_the_instants_of_the_sensor(fmus, tmp_pa
         np.testing.assert_array_equal(getattr(own, name), result[signal][rows])
     named = read_record(file, {"voltage": "drive.voltage", "current": "valve.current"})
     assert named.dt == pytest.approx(25e-6, rel=1e-9)
+    lone = file.rename(tmp_path / "lone.csv")  # without its side-car: a file like any other, its heads have the units
+    alone = read_record(lone, {"voltage": "sensor.voltage_measured", "current": "sensor.current_measured"})
+    np.testing.assert_array_equal(alone.current, result["sensor.current_measured"])
+    assert alone.dt == pytest.approx(25e-6, rel=1e-9)
+    lone.rename(file)
     assert "no signal `valve.curent`" in problems(file, names={"current": "valve.curent"})[0]

@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from gapsense import cosim
 from gapsense.report import table
 from gapsense.trace import TraceError
 
+ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
@@ -100,7 +102,8 @@ def reported() -> Iterator[None]:
     except (OSError, ValueError, TraceError) as error:
         sentences = getattr(error, "problems", [str(error)])
         if isinstance(error, OSError) and error.filename:
-            sentences = [f"`{error.filename}`: {error.strerror}. Correct the path, or make room for it."]
+            advice = ADVICE.get(error.errno or 0, "Correct the path")
+            sentences = [f"`{error.filename}`: {error.strerror}. {advice}, or choose another folder."]
         for sentence in sentences:
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None

@@ -34,15 +34,16 @@ def run(
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
     if only_check:
         return check(scenario, variant, fmus, settings)
+    file = cosim.result_file(to, scenario, variant)
     try:
         with cli.bar("running") as progress:
             result = cosim.run(cosim.changed(scenario, settings or ()), variant, fmus, progress=progress)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
-            file = error.result.save(to / f"{cli.stem(error.result)}.csv")
+            error.result.save(file)
             cli.problem(f"{file}: {error.result.times.size} rows from before the failure.", "yellow")
         raise
-    file = result.save(to / f"{cli.stem(result)}.csv")
+    result.save(file)
     cli.show(*runs.metrics(result), runs.timing(result))
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
@@ -105,15 +106,15 @@ def figure(
     if to is not None:
         plot.check_file(to)
     if scenario.suffix == ".csv":
-        result = saved(scenario, variant, fmus, settings)
+        result, default = saved(scenario, variant, fmus, settings), scenario.with_suffix(".png")
     else:
         source = cosim.changed(scenario, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
+        default = to or plot.figure_file(Path("results"), scenario, variant)
         with cli.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress)
         cli.stop_if_interrupted(result)
-    default = Path("results") / f"{cli.stem(result)}.png"
-    cli.written(plot.save(drawer(result.run.figure)(result), to or default))
+    cli.written(plot.save(drawer(result.run.figure)(result), to or default, result.run.source))
 
 
 def saved(file: Path, *options: object) -> cosim.Result:

@@ -15,6 +15,7 @@ from gapsense.cosim.record import FmuError, Result, read_result
 from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
 from gapsense.cosim.run import check, prepare, run, run_once
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sidecar import own_file, refuse_other, relative, result_file
 from gapsense.cosim.sweep import Sweep, sweep
 from gapsense.problems import ScenarioError
 
@@ -33,8 +34,12 @@ __all__ = [
     "compare",
     "find_scenarios",
     "load",
+    "own_file",
     "prepare",
     "read_result",
+    "refuse_other",
+    "relative",
+    "result_file",
     "run",
     "run_once",
     "sweep",

@@ -114,7 +114,8 @@ class Checker:
                 yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
             elif port.component in self.descriptions:
                 component, description = self.scenario.components[port.component], self.descriptions[port.component]
-                yield from check_swept(component, description, port.variable, values, self.scenario.experiment)
+                column = self.scenario.rows_columns.get(port)
+                yield from check_swept(component, description, port.variable, values, self.scenario.experiment, column)
 
     def no_component(self, name: str) -> str:
         """Sentence for a component that the scenario does not have."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gapsense.cosim.descriptions import NUMERIC, Description, Descriptions, Variable
-from gapsense.cosim.scenario import Component, Experiment, Scenario
+from gapsense.cosim.scenario import Component, Experiment, RowsColumn, Scenario
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number
 
@@ -113,13 +113,28 @@ def check_grid(component: Component, description: Description, experiment: Exper
 
 
 def check_swept(
-    component: Component, description: Description, name: str, values: Sequence[Value], experiment: Experiment
+    component: Component,
+    description: Description,
+    name: str,
+    values: Sequence[Value],
+    experiment: Experiment,
+    column: RowsColumn | None = None,
 ) -> Iterator[str]:
-    """Problems with the values that a sweep gives a parameter of a component."""
-    for value in values:
+    """Problems with the values that a sweep gives a parameter of a component, in a list or in a column of its rows."""
+    place = f"sweep.{component.name}.{name}"
+    if problem := name_problem(name, description.variables):
+        yield f"{place}: {problem}"
+        return
+    unit = description.variables[name].unit or ""
+    if column and column.unit not in ("", unit):
+        yield (
+            f"{place} ({column.file}, line 1, column {column.number}): it is in `{column.unit}`, `{unit or '1'}` is "
+            "expected, and nothing is converted. Convert the column."
+        )
+    for row, value in enumerate(values):
         problem = value_problem(name, value, description)
         if problem:
-            yield f"sweep.{component.name}.{name}: {problem}"
+            yield f"{place}{f' ({column.place(row)})' if column else ''}: {problem}"
         elif name == "sample_time":
             yield from check_grid(replace(component, values={name: value}), description, experiment)
 

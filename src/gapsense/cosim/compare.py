@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.record import Result
+from gapsense.cosim.record import TIME, Result
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.signals import matching
 from gapsense.files import read_columns
@@ -45,7 +45,7 @@ def compare(result: Result, baseline: Baseline) -> list[str]:
         Differences, one sentence each; empty if the result is as before.
     """
     try:
-        columns = read_columns(baseline.file)
+        columns = read_columns(baseline.file, {**TIME, **result.units})
     except (OSError, ValueError) as error:
         return [f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."]
     times = columns.pop("time", np.empty(0))

@@ -17,6 +17,7 @@ from gapsense.cosim.instance import Instance, temporary_folder
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.scenario import Component, Port
 from gapsense.cosim.signals import ports
+from gapsense.files import naming
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 
@@ -46,7 +47,8 @@ def feed(
     with ExitStack() as stack:
         folder = temporary_folder()
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
-        shutil.unpack_archive(fmu, folder, "zip")
+        with naming(folder):
+            shutil.unpack_archive(fmu, folder, "zip")
         instance = Instance(name, description, folder)
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import re
-import tempfile
+import shutil
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gapsense import locks
 from gapsense.cosim.descriptions import Description, Variable
 from gapsense.cosim.record import FmuError
 from gapsense.tables import Value
@@ -37,11 +38,11 @@ class Message(NamedTuple):
 
 def temporary_folder() -> Path:
     """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
-    for base in (None, "/tmp", "."):
-        folder = Path(tempfile.mkdtemp(prefix="gapsense-", dir=base)).resolve()
+    for base in (None, Path("/tmp"), Path()):
+        folder = locks.temporary_folder(base).resolve()
         if PLAIN.fullmatch(str(folder)):
             return folder
-        folder.rmdir()
+        shutil.rmtree(folder)
     raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
 
 

@@ -83,7 +83,9 @@ class Reader:
         experiment = self.section("experiment", self.experiment)
         inputs, seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
-        grid, rows = self.section("sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files))
+        grid, rows, columns = self.section(
+            "sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files)
+        )
         self.changes.finish(components)
         return Scenario(
             path=self.path,
@@ -106,6 +108,7 @@ class Reader:
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
             hashes=self.document.hashes,
+            rows_columns=columns,
         )
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +12,17 @@ from typing import TypeVar
 from gapsense import tables as kinds
 from gapsense.cosim import keys
 from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, Tolerance
-from gapsense.files import read_columns
+from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, RowsColumn, Tolerance
+from gapsense.files import Sheet, number, read_sheet
 from gapsense.parameters import is_file, located
 from gapsense.tables import Table, Value, flattened
 
 Grid = dict[Port, tuple[Value, ...]]
 Rows = tuple[dict[Port, Value], ...]
+RowsColumns = dict[Port, RowsColumn]
 T = TypeVar("T")
+TRUTH = {"true": True, "false": False}
+WHOLE = re.compile(r"[+-]?\d{1,15}")
 ROWS = "rows"  # of `[sweep]`: a file, no parameter
 
 
@@ -46,7 +51,7 @@ def read_inputs(table: Table) -> dict[Port, float]:
     return {port: float(value) for port, value in by_port(inputs, inputs.flat(kinds.NUMBER)).items()}
 
 
-def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows]:
+def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")
     file = sweep.read(keys.SWEEP)[ROWS]
@@ -57,27 +62,50 @@ def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Row
     grid = {n: tuple(located(n, value, folder, sweep) for value in values) for n, values in lists.items()}
     files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
     if file is None:
-        return by_port(sweep, grid), ()
+        return by_port(sweep, grid), (), {}
     files.append(folder / file)
-    return by_port(sweep, grid), read_rows(folder / file, sweep)
+    return by_port(sweep, grid), *read_rows(folder / file, sweep, files)
 
 
-def read_rows(path: Path, sweep: Table) -> Rows:
-    """Values that belong together, from a CSV file with a column per parameter and a row per run."""
+def read_rows(path: Path, sweep: Table, files: list[Path]) -> tuple[Rows, RowsColumns]:
+    """Values that belong together, from a CSV file with a column per parameter and a row per run; notes their files."""
+    problems: list[str] = []
     try:
-        columns = read_columns(path)
-    except (OSError, ValueError) as error:
-        problem = f"{path}: there is no such file" if isinstance(error, OSError) else str(error).rstrip(".")
-        sweep.note(ROWS, f"{problem}. A CSV file of numbers is expected, with a column per parameter. Correct it.")
-        return ()
-    twice = [name for name, _ in flattened(sweep.data) if name in columns]
-    if twice:
-        sweep.note(ROWS, f"`{twice[0]}` is given in {path.name} and in `[sweep]` too. Keep one.")
-    if not any(column.size for column in columns.values()):
-        sweep.note(ROWS, f"{path.name} has no rows. Add one per run.")
-    ends = [split(sweep, ROWS, name) for name in columns]
-    lines = zip(*(column.tolist() for column in columns.values()))
-    return tuple({end: value for end, value in zip(ends, line) if end} for line in lines)
+        sheet = read_sheet(path, problems)
+    except OSError as error:
+        sweep.note(ROWS, f"{path}: {error.strerror}. A CSV file with a column per parameter is expected. Correct it.")
+        return (), {}
+    values = [
+        [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
+    ]
+    twice = [name for name, _ in flattened(sweep.data) if name in sheet.names]
+    problems += [f"`{name}` is given in {path.name} and in `[sweep]` too. Keep one." for name in twice]
+    problems += [] if values or problems else [f"{path.name} has no rows. Add one per run."]
+    for problem in problems:
+        sweep.note(ROWS, problem)
+    ends = [split(sweep, ROWS, name) for name in sheet.names]
+    lines = tuple(sheet.lines)
+    columns = {end: RowsColumn(path.name, j, sheet.units[j - 1], lines) for j, end in enumerate(ends, 1) if end}
+    return tuple({end: value for end, value in zip(ends, row) if end} for row in values), columns
+
+
+def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Path]) -> Value:
+    """Number, truth value or text of a cell, as in a list of `[sweep]`; a file is found from the sheet's folder on."""
+    text = sheet.rows[i][j].strip()
+    if text.lower() in TRUTH:
+        return TRUTH[text.lower()]
+    value = number(text)
+    if value is not None and math.isfinite(value):
+        return int(text) if WHOLE.fullmatch(text) else value
+    if value is not None or not text:
+        problems.append(f"{sheet.place(i, j)}: `{text}` found, {kinds.SCALAR.name} expected. Correct it.")
+    if not is_file(sheet.names[j], text):
+        return text
+    file = (sheet.path.parent / text).resolve()
+    if not file.is_file():
+        problems.append(f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is from this file on.")
+    files.append(file)
+    return str(file)
 
 
 def by_port(table: Table, values: Mapping[str, T]) -> dict[Port, T]:

@@ -21,6 +21,7 @@ from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports
+from gapsense.files import naming
 from gapsense.tables import Value
 
 Progress = Callable[[int, int], None]
@@ -71,7 +72,8 @@ class Master:
             description = self.descriptions[name]
             if description.path not in folders:
                 folders[description.path] = self.folder / f"{len(folders)}"
-                shutil.unpack_archive(description.path, folders[description.path], "zip")
+                with naming(folders[description.path]):
+                    shutil.unpack_archive(description.path, folders[description.path], "zip")
             instance = Instance(name, description, folders[description.path])
             self.parts.append(Part(self.scenario.components[name], instance, self.buffer, self.places))
         for part in self.parts:

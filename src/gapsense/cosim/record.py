@@ -13,11 +13,12 @@ import numpy.typing as npt
 
 from gapsense.cosim import show
 from gapsense.cosim.metrics import Measured
-from gapsense.files import read_columns, read_json, write_atomically, write_columns, write_json
+from gapsense.cosim.sidecar import FORMAT, absolute, read_whole, relative
+from gapsense.files import prepared, read_columns, rename, sha256, write_columns, write_json
 from gapsense.problems import suggest
 from gapsense.tables import Value
 
-FORMAT = "gapsense result 1"
+TIME = {"time": "s"}
 Vector = npt.NDArray[np.float64]
 
 
@@ -64,6 +65,7 @@ class Run:
     overruns: int = 0  # late base steps of a run with a pace
     lag: float = 0.0  # the worst lateness [s]
     figure: str = "overview"  # that shows it
+    source: str = ""  # scenario file; in the side-car it is relative to the result
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,7 +136,10 @@ class Result:
         return show.html(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write `path` (CSV) and its side-car of the same name (JSON); each appears complete or not at all.
+        """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
+
+        Both are written before one of them takes its place: if that fails, what was there before is still whole. A
+        kill between them leaves two files that do not fit, which `read_result` refuses.
 
         Parameters
         ----------
@@ -148,18 +153,23 @@ class Result:
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path.with_suffix(".json"), lambda file: write_json(file, self.sidecar()))
-        write_atomically(path, lambda file: write_columns(file, {"time": self.times, **self.signals}))
+        columns, units = {"time": self.times, **self.signals}, {**TIME, **self.units}
+        with prepared(path, lambda file: write_columns(file, columns, units)) as table:
+            content = self.sidecar(sha256(table), path.parent)
+            with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as sidecar:
+                rename(table, path)
+                rename(sidecar, path.with_suffix(".json"))
         return path
 
-    def sidecar(self) -> dict[str, Any]:
-        """Everything but the signals, as JSON takes it."""
+    def sidecar(self, digest: str, folder: Path) -> dict[str, Any]:
+        """Everything but the signals, as JSON takes it, with the hash of the CSV and what is relative to its folder."""
         return {
             "format": FORMAT,
+            "sha256": digest,
             "interrupted": self.interrupted,
             "failure": self.failure,
             "rows": int(self.times.size),
-            "run": asdict(self.run),
+            "run": {**asdict(self.run), "source": relative(self.run.source, folder)},
             "signals": {name: asdict(signal) for name, signal in self.about.items()},
             "parameters": self.parameters,
             "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
@@ -185,14 +195,18 @@ def read_result(path: str | Path) -> Result:
     -------
     Result
         Equal to the one saved, bit for bit.
+
+    Raises
+    ------
+    InputError
+        If the two files are not those of one run, as their hash tells, or no result at all.
     """
     path = Path(path)
-    data = read_json(path.with_suffix(".json"))
-    columns = read_columns(path)
-    about = data["run"]
-    about["order"], about["delayed"] = tuple(about["order"]), tuple(about["delayed"])
+    data, content = read_whole(path)
+    columns, about = read_columns(path, content=content), data["run"]
+    about |= {"order": tuple(about["order"]), "delayed": tuple(about["delayed"])}
     return Result(
-        run=Run(**about),
+        run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),
         signals=columns,
         about={name: Signal(**item) for name, item in data["signals"].items()},

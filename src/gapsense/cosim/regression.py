@@ -10,7 +10,7 @@ from time import perf_counter
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.load import load, read_draft
-from gapsense.cosim.record import FmuError, Result
+from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Scenario
 from gapsense.files import write_atomically, write_columns
@@ -102,7 +102,7 @@ def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: R
     for path in find_scenarios(folder):
         scenario = read_draft(path).scenario
         for variant in (None, *(scenario.tested if scenario else ())):
-            outcomes.append(test_scenario(path, variant, fmus))
+            outcomes.append(test_scenario(path, variant, fmus, name_in(path, Path(folder))))
             if report:
                 report(outcomes[-1])
             if outcomes[-1].interrupted:
@@ -113,11 +113,19 @@ def test_scenarios(folder: str | Path, fmus: str | Path | None = None, report: R
 test_scenarios.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
 
 
-def test_scenario(path: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Outcome:
-    """Run one scenario and check it; whatever goes wrong is in the outcome, nothing is raised."""
+def name_in(path: Path, folder: Path) -> str:
+    """What a scenario is called among those of a folder: the path of its own from there, for two may have one name."""
+    inner = path.resolve().parent.relative_to(folder.resolve()).as_posix() if folder.is_dir() else "."
+    return path.resolve().parent.name if inner == "." else inner
+
+
+def test_scenario(
+    path: str | Path, variant: str | None = None, fmus: str | Path | None = None, name: str = ""
+) -> Outcome:
+    """Run one scenario, known under a name, and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
-    folder = path.resolve().parent.name
-    name = f"{folder}[{variant}]" if variant else folder
+    name = name or path.resolve().parent.name
+    name = f"{name}[{variant}]" if variant else name
     try:
         scenario = load(path, variant)
         result = run(path, variant, fmus)
@@ -164,5 +172,5 @@ def update_baseline(
     changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline)
     if write and changes:
         columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
-        write_atomically(baseline.file, lambda file: write_columns(file, columns))
+        write_atomically(baseline.file, lambda file: write_columns(file, columns, {**TIME, **result.units}))
     return Update(baseline.file, tuple(changes), write and bool(changes))

@@ -184,6 +184,7 @@ def about(master: Master, seeds: Mapping[str, int], recording: Recording) -> Run
         overruns=recording.overruns,
         lag=recording.lag,
         figure=scenario.figure,
+        source=str(scenario.path.resolve()),
     )
 
 

@@ -126,6 +126,19 @@ class Baseline:
     decimation: int = 1
 
 
+class RowsColumn(NamedTuple):
+    """Where a column of the rows of a sweep comes from, for messages, and the unit that its head says."""
+
+    file: str
+    number: int  # from 1 on
+    unit: str  # empty if it says none
+    lines: tuple[int, ...]  # of the file, for each row
+
+    def place(self, row: int) -> str:
+        """A cell, as messages name it."""
+        return f"{self.file}, line {self.lines[row]}, column {self.number}"
+
+
 @dataclass(frozen=True)
 class Scenario:
     """A co-simulation as its file describes it, with one variant applied."""
@@ -150,6 +163,7 @@ class Scenario:
     tested: tuple[str, ...]  # variants with metrics or a baseline of their own
     files: tuple[Path, ...]  # itself, its parameter sets, files named by parameters: all that decide the result
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
+    rows_columns: Mapping[Port, RowsColumn] = field(default_factory=dict)  # of `rows`
 
     @property
     def name(self) -> str:

@@ -16,12 +16,14 @@ import numpy.typing as npt
 
 from gapsense.cosim import show
 from gapsense.cosim.changes import OVER
+from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.record import Measure
-from gapsense.cosim.run import file_hashes, find_fmus, prepare
+from gapsense.cosim.run import find_fmus, prepare
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.worker import Runs
 from gapsense.files import write_atomically, write_columns
@@ -41,7 +43,7 @@ class Sweep:
     computed: int  # runs done now; the others were known already
     interrupted: bool  # by Ctrl-C; start it again to go on
     file: Path | None  # one line per run, if a folder was given
-    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics
+    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
     grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
     kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
 
@@ -106,7 +108,7 @@ def sweep(
     refuse_senseless(read, seeds, workers, keep and out is None)
     runs = range(seeds * len(read.points()))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
-    ledger = Ledger(file, key_of(read, descriptions, measure))
+    ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
     folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
@@ -116,25 +118,43 @@ def sweep(
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }
-    known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
-    before = len(known)
-    interrupted = complete(Job(Runs, task, workers, measure), runs, known, ledger, progress)
-    units = {name: signal.unit or "" for name, signal in recorded_signals(read, descriptions).items()}
-    result = collect(known, len(known) - before, interrupted, file)
-    result = replace(
-        result,
-        units={m.name: unit_of(m, units) for m in read.metrics},
-        grid=columns(read, result.indices),
-        kept=() if store is None else tuple(kept(store, index) for index in result.indices),
-    )
-    if file is not None and not interrupted:
-        save_table(result, file.with_suffix(".csv"))
+    with ledger.alone():
+        known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
+        before = len(known)
+        interrupted = complete(Job(Runs, task, workers, measure), runs, known, ledger, progress)
+        result = collect(known, len(known) - before, interrupted, file)
+        result = replace(
+            result,
+            units=units_of(read, descriptions),
+            grid=columns(read, result.indices),
+            kept=() if store is None else tuple(kept(store, index) for index in result.indices),
+        )
+        if file is not None and not interrupted:
+            save_table(result, file.with_suffix(".csv"))
     return result
+
+
+def units_of(scenario: Scenario, fmus: Mapping[str, Description]) -> dict[str, str]:
+    """Units of the metrics, and of the parameters that are swept."""
+    signals = {name: signal.unit or "" for name, signal in recorded_signals(scenario, fmus).items()}
+    swept = {str(port): fmus[port.component].variables[port.variable].unit or "" for port in scenario.swept}
+    return {**swept, **{metric.name: unit_of(metric, signals) for metric in scenario.metrics}}
+
+
+def source_of(scenario: Scenario, file: Path | None) -> str:
+    """The scenario as its entries in the ledger name it; an InputError if those of another one are in the file."""
+    if file is None:
+        return ""
+    own = relative(str(scenario.path.resolve()), file.parent)
+    for entry in Ledger(file, "").entries():
+        refuse_other(file, entry.get("source", own), own)
+    return own
 
 
 def is_there(entry: Entry, store: Path | None) -> bool:
     """True if a run is known, with its signals where they are kept."""
-    return "metrics" in entry and (store is None or kept(store, entry["index"]).is_file())
+    files = () if store is None else (kept(store, entry["index"]), kept(store, entry["index"]).with_suffix(".json"))
+    return "metrics" in entry and all(file.is_file() for file in files)
 
 
 def columns(scenario: Scenario, indices: Sequence[int]) -> dict[str, tuple[Value, ...]]:
@@ -173,7 +193,7 @@ def file_stem(scenario: Scenario) -> str:
 def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure | None) -> str:
     """Key of all that decides the metrics of a run, besides its seed."""
     hashes = {name: description.sha256 for name, description in fmus.items()}
-    return key([file_hashes(scenario), scenario.variant, hashes, measure and facts(measure)])
+    return key([deciding(scenario), hashes, measure and facts(measure)])
 
 
 def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file: Path | None) -> Sweep:
@@ -189,4 +209,4 @@ def save_table(result: Sweep, path: Path) -> None:
     """CSV with one row per run: its number, the parameters of the grid, the metrics."""
     grid = {name: np.array(values, dtype=object) for name, values in result.grid.items()}
     table = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
-    write_atomically(path, lambda file: write_columns(file, table))
+    write_atomically(path, lambda file: write_columns(file, table, result.units))

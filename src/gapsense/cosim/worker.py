@@ -38,6 +38,8 @@ class Runs:
         except FmuError as error:
             self.drop()
             return {"error": str(error)}
+        except OSError as error:  # the signals could not be kept
+            return {"error": f"`{error.filename}`: {error.strerror}."}
 
     def metrics(self, result: Result) -> dict[str, float | None]:
         """Metrics of the scenario and of the sweep; JSON has no NaN, so that is null."""

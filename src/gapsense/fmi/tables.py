@@ -4,54 +4,93 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from itertools import accumulate
 from pathlib import Path
 
 SPLINE_ROWS = 4  # a cubic spline needs them
+HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")  # name and unit, `time [s]` or `time (s)`
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     """Columns of a CSV file with a header; the first must not decrease.
 
     `rising:y` is a column `y` that must increase from row to row, `integral:y` is the integral of `y` over the first
-    column, `spline:y` the second derivative of its cubic spline.  A ValueError has all problems of the file: missing
+    column, `spline:y` the second derivative of its cubic spline.  `y [V]` says its unit, which the header of the file
+    may leave out; another unit is refused, nothing is converted.  A ValueError has all problems of the file: missing
     columns, cells without a finite number, too few rows, rows out of order.
     """
     if not path.is_file():
-        raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {', '.join(columns)}.")
-    marks = [c.rpartition(":")[::2] for c in columns]  # kind and name; the kind is empty for a plain column
-    read = list(dict.fromkeys(name for _, name in marks))
+        wanted = ", ".join(heads(columns))
+        raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {wanted}.")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             rows = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.") from error
-    header = [cell.strip() for cell in rows[0][1]] if rows else []
-    missing = [c for c in read if c not in header]
-    if missing:
-        raise ValueError(
-            f"{path.name}: column {', '.join(missing)} is missing; the header has {', '.join(header) or 'nothing'}."
-        )
     problems: list[str] = []
+    places = _places(rows[0][1] if rows else [], heads(columns), problems)
+    if len(places) < len(heads(columns)):
+        raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
     lines = [n for n, _ in rows[1:]]
-    data = {c: [_number(row, header.index(c), c, n, problems) for n, row in rows[1:]] for c in read}
-    xs, rising = data[read[0]], {name for kind, name in marks if kind == "rising"}
-    for name in (c for c in read if c in rising or c == read[0]):
-        problems += _disorder(name, data[name], lines, name in rising)
-    fewest = SPLINE_ROWS if any(kind == "spline" for kind, _ in marks) else 2
-    if len(xs) < fewest or xs[-1] <= xs[0]:
-        problems.append(f"{len(xs)} rows, but at least {fewest} with different `{read[0]}` are needed")
+    data = {c: [_number(row, k, c, n, problems) for n, row in rows[1:]] for c, k in places.items()}
+    problems += _faults(data, lines, columns)
     if problems:
         raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
-    made = {"integral": running_integral, "spline": _spline}
-    return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name in marks]
+    xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
+    return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
+
+
+def heads(columns: tuple[str, ...]) -> list[str]:
+    """Header of a file with these columns, as the dialect writes it: `name [unit]`."""
+    units: dict[str, str] = {}
+    for _, name, unit in map(_parts, columns):
+        units[name] = units.get(name) or unit
+    return [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
 
 
 def column_name(column: str) -> str:
-    """What the table of a column is called: `y` for `y` and `rising:y`, `integral` for `integral:y`."""
-    kind, _, name = column.rpartition(":")
+    """What the table of a column is called: `y` for `y [V]` and `rising:y`, `integral` for `integral:y`."""
+    kind, name, _ = _parts(column)
     return name if kind in ("", "rising") else kind
+
+
+def _parts(column: str) -> tuple[str, str, str]:
+    """Kind, name and unit of a column; kind and unit may be empty."""
+    kind, _, head = column.rpartition(":")
+    found = HEADER.fullmatch(head)
+    return (kind, found[1], found[2] or "") if found else (kind, head, "")
+
+
+def _places(header: list[str], wanted: list[str], problems: list[str]) -> dict[str, int]:
+    """Where the wanted columns are; notes those that are missing, come twice or have another unit."""
+    found = [_parts(cell)[1:] for cell in header]
+    names = [name.lower() for name, _ in found]
+    places: dict[str, int] = {}
+    for _, name, unit in map(_parts, wanted):
+        at = [k for k, other in enumerate(names) if other == name]
+        places |= {name: at[0]} if at else {}
+        if len(at) > 1:
+            problems.append(f"columns {' and '.join(str(k + 1) for k in at)} are both called `{name}`")
+        elif at and unit and found[at[0]][1] not in ("", unit):
+            problems.append(f"`{name}` is in `{found[at[0]][1]}`, but `{unit}` is expected, and nothing is converted")
+    if missing := [head for head in wanted if _parts(head)[1] not in places]:
+        has = ", ".join(map(str.strip, header)) or "nothing"
+        problems.append(f"column {', '.join(missing)} is missing; the header has {has}")
+    return places
+
+
+def _faults(data: dict[str, list[float]], lines: list[int], columns: tuple[str, ...]) -> list[str]:
+    """Rows out of order, and too few of them."""
+    first = next(iter(data))
+    rising = {name for kind, name, _ in map(_parts, columns) if kind == "rising"}
+    problems = [p for c, xs in data.items() if c in rising or c == first for p in _disorder(c, xs, lines, c in rising)]
+    fewest = SPLINE_ROWS if any(kind == "spline" for kind, _, _ in map(_parts, columns)) else 2
+    xs = data[first]
+    if len(xs) < fewest or xs[-1] <= xs[0]:
+        problems.append(f"{len(xs)} rows, but at least {fewest} with different `{first}` are needed")
+    return problems
 
 
 def _disorder(name: str, values: list[float], lines: list[int], is_rising: bool) -> list[str]:

@@ -10,18 +10,21 @@ from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
+from urllib.parse import quote, unquote
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from gapsense.cosim import Result
+from gapsense.cosim import Result, own_file, refuse_other, relative
 from gapsense.cosim.signals import matching
+from gapsense.files import write_atomically
 from gapsense.problems import InputError, suggest
 from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
+SOURCE = "Source"  # chunk of a PNG file that tells what it shows, in ASCII
 GRID = "#d0d7de"
 MOST, ROOM = 5, 14  # curves in a panel of an overview, and characters in a line beside it
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
@@ -42,16 +45,26 @@ def check_file(path: Path) -> None:
         raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure under a temporary name first; the ending of `path` says the format."""
+def figure_file(folder: Path, scenario: Path, variant: str | None) -> Path:
+    """PNG file for the figure of a scenario; an InputError if that of another one is there."""
+    file, own = own_file(folder, scenario, variant, ".png")
+    content = file.read_bytes() if file.is_file() else b""
+    found = re.search(b"(....)tEXt" + SOURCE.encode() + b"\0", content, re.DOTALL)
+    if found:
+        end = found.end() + int.from_bytes(found[1], "big") - len(SOURCE) - 1
+        refuse_other(file, unquote(content[found.end() : end].decode("ascii")), own)
+    return file
+
+
+def save(figure: Figure, path: Path, source: str = "") -> Path:
+    """Write a figure, complete or not at all; the ending of `path` says the format, a PNG tells the file it is of."""
     check_file(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(f".part{path.suffix}")
-    try:
-        figure.savefig(temporary, dpi=120, metadata={"Software": None} if path.suffix == ".png" else None)
-        return temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    about = {"Software": None, **({SOURCE: quote(relative(source, path.parent))} if source else {})}
+    options: dict[str, Any] = {"format": path.suffix[1:], "dpi": 120}
+    options["metadata"] = about if path.suffix == ".png" else None
+    write_atomically(path, lambda file: figure.savefig(file.buffer, **options))
+    return path
 
 
 def panels(

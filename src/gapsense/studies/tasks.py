@@ -38,11 +38,12 @@ def compute(
         raise ValueError(f"{workers} workers found, at least 1 expected. Correct `--workers`.")
     numbers = {number(task): task for task in tasks}
     ledger = Ledger(file, key([facts(function), setting]))
-    known = {n: entry for n, entry in ledger.read().items() if n in numbers}
-    before = len(known)
     request = {"function": importable_name(function), "setting": setting, "tasks": numbers}
-    if complete(Job(answers, request, workers, function), numbers, known, ledger, progress):
-        raise KeyboardInterrupt
+    with ledger.alone():
+        known = {n: entry for n, entry in ledger.read().items() if n in numbers}
+        before = len(known)
+        if complete(Job(answers, request, workers, function), numbers, known, ledger, progress):
+            raise KeyboardInterrupt
     return Answers([known[number(task)]["result"] for task in tasks], len(known) - before)
 
 

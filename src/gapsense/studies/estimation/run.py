@@ -11,7 +11,7 @@ from gapsense.cosim.feed import feed
 from gapsense.files import write_atomically, write_columns
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.record import UNITS, Record, Vector
 from gapsense.studies.identification.transfer import values_for
 from gapsense.tables import Value
 
@@ -27,6 +27,7 @@ class Estimate(NamedTuple):
     name: str
     outputs: Mapping[str, Vector]
     values: Mapping[str, Value]
+    units: Mapping[str, str]  # of the outputs; empty where the FMU states none
 
 
 def offered(record: Record) -> dict[str, Vector]:
@@ -95,13 +96,15 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
     signals = offered(record)
     inputs = {v.name: signals[v.name] for v in description.of("input") if v.name in signals}
-    return Estimate(fmu.stem, feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs), own)
+    outputs = feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs)
+    return Estimate(fmu.stem, outputs, own, {n: description.variables[n].unit or "" for n in outputs})
 
 
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
     """CSV file of all outputs."""
     columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
     columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+    units = {**UNITS, **{f"{e.name}.{name}": unit for e in estimates for name, unit in e.units.items()}}
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda file: write_columns(file, columns))
+    write_atomically(path, lambda file: write_columns(file, columns, units))
     return path

@@ -35,7 +35,7 @@ def write(folder: Path) -> None:
     filled = PART.sub(lambda part: part[1] + made[part[2]] + part[3], file.read_text(encoding="utf-8"))
     file.write_text(filled, encoding="utf-8")
     for name, valve in {GAP_FILE: VALVE, **{gap_file(name): valve for name, valve in DEVICES.items()}}.items():
-        save(folder / name, "gap,reluctance,slope", np.transpose(gap_table(valve)), "%.10g")
+        save(folder / name, "gap [m],reluctance [1/H],slope [1/(H.m)]", np.transpose(gap_table(valve)), "%.10g")
     for name, width in WIDTHS.items():
         table = rows(width)
         save(folder / name, ",".join(table[0]), [[*row.values()] for row in table], "%.8g")

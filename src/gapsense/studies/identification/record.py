@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.record import Result, read_result
+from gapsense.fmi.tables import HEADER
 from gapsense.problems import listing, suggest
 from gapsense.units import factor
 
@@ -25,7 +25,6 @@ Vector = npt.NDArray[np.float64]
 
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1"}
 NEEDED = ("time", "voltage", "current")
-HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 SHOWN = 3  # rows that are named for each kind of problem
 
 # Where a result has its signals, best first.  The mean over the step knows an edge inside it, the value does not.
@@ -91,13 +90,14 @@ def read_columns(path: Path, names: Mapping[str, str], problems: list[str]) -> C
 
 def _of_lines(file: str, lines: list[tuple[int, list[str]]], names: Mapping[str, str], problems: list[str]) -> Columns:
     header = lines[0][1] if lines else []
-    matches = reversed([*enumerate(map(HEADER.fullmatch, header))])  # of two with one name, the first is taken
-    columns = {match[1].lower(): (k, match[2]) for k, match in matches if match}
+    matches = [(k, match) for k, match in enumerate(map(HEADER.fullmatch, header)) if match]
+    columns = {match[1].lower(): (k, match[2]) for k, match in matches}
     values: dict[str, Vector] = {}
     for name, unit in UNITS.items():
         column = names.get(name, name).lower()
         if column in columns:
             place, written = columns[column]
+            problems += _twice(file, column, [k + 1 for k, match in matches if match[1].lower() == column])
             cells = [(n, row[place].strip() if place < len(row) else "") for n, row in lines[1:]]
             scale = _scale(file, place, column, written, unit, problems)
             values[name] = _numbers(file, column, cells, problems) * scale
@@ -109,6 +109,13 @@ def _of_lines(file: str, lines: list[tuple[int, list[str]]], names: Mapping[str,
         if len(row) > len(header)
     ][:SHOWN]
     return Columns(file, np.array([number for number, _ in lines[1:]], dtype=int), values)
+
+
+def _twice(file: str, column: str, places: list[int]) -> list[str]:
+    """That several columns have the name of one that is read, if so."""
+    if len(places) == 1:
+        return []
+    return [f"{file}, row 1: columns {' and '.join(map(str, places))} are both called `{column}`. Rename one."]
 
 
 def _missing(file: str, name: str, column: str, found: list[str]) -> str:

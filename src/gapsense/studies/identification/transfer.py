@@ -27,6 +27,7 @@ from gapsense.tables import Value
 # Parameters of each law of the valve.
 GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}
 ROWS, BEYOND = 61, 1.2  # of a table made from a law, and how far it goes, in upper stops
+TABLE_UNITS = {"gap": "m", "reluctance": "1/H", "slope": "1/(H.m)"}
 AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
 
 
@@ -98,7 +99,7 @@ def table_of(values: Mapping[str, Value]) -> Path:
     columns = {"gap": gaps, "reluctance": R + float(values["gap.reluctance"]), "slope": slope}
     digest = hashlib.sha256(repr([list(column) for column in columns.values()]).encode()).hexdigest()[:12]
     file = Path(tempfile.gettempdir()) / f"gap_{digest}.csv"
-    write_atomically(file, lambda text: write_columns(text, columns))
+    write_atomically(file, lambda text: write_columns(text, columns, TABLE_UNITS))
     return file
 
 
@@ -130,7 +131,7 @@ def priors(values: Mapping[str, Value]) -> dict[str, Value]:
 
 def _gap_reluctance(law: Mapping[str, Value], h: float) -> float:
     if law["gap.law"] == "table":
-        columns = read_columns(Path(str(law["gap.file"])))
+        columns = read_columns(Path(str(law["gap.file"])), TABLE_UNITS)
         return float(np.interp(h, columns["gap"], columns["reluctance"]))
     window = float(law.get("gap.window", 1.0))
     return float(fringing(h, float(law["gap.slope"]), float(law["gap.fringing"]), window)[0])

@@ -20,7 +20,7 @@ from gapsense.workers import Progress
 
 FEWEST = 10  # samples
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II
-COLUMNS = ("time", "voltage", "current", "position")  # of a record
+COLUMNS = {"time": "s", "voltage": "V", "current": "A", "position": "m"}  # of a record, and their units
 SIMPLER = {
     "complete model, as in the paper": {},
     "  its samples in motion only": {},
@@ -66,7 +66,7 @@ def of_reference_cycle(par: Any, progress: Progress = lambda done, total: None) 
 
 def of_record(file: Path, par: Any, held: bool) -> list[Fitted]:
     """Fit to a measured record, with the flux linkage from voltage and current."""
-    columns = read_columns(file)
+    columns = read_columns(file, COLUMNS)
     missing = [name for name in COLUMNS if name not in columns]
     if missing:
         raise ValueError(f"{file}: column {', '.join(missing)} is missing; it has {', '.join(columns)}. Add it.")

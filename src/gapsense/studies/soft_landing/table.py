@@ -9,6 +9,7 @@ import numpy as np
 
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters
+from gapsense.files import write_atomically
 from gapsense.studies.soft_landing.inverse import Cycle, Vector
 from gapsense.studies.soft_landing.phases import KERNEL, parts
 from gapsense.workers import Progress
@@ -38,8 +39,8 @@ def voltage_table(cycles: Sequence[Cycle], pieces: int = PIECES) -> tuple[Vector
 def write(path: Path, times: Vector, voltages: Vector) -> Path:
     """Write a table that DriveVoltage reads."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        np.savetxt(file, np.column_stack([times, voltages]), "%.12g", ",", header="time,voltage", comments="")
+    rows, heads = np.column_stack([times, voltages]), "time [s],voltage [V]"
+    write_atomically(path, lambda file: np.savetxt(file, rows, "%.12g", ",", header=heads, comments=""))
     return path
 
 

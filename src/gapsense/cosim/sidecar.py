@@ -1,0 +1,79 @@
+"""The JSON file beside the CSV of a result: that both are of one run, and of which scenario they are."""
+
+from __future__ import annotations
+
+import os
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from gapsense.cosim.document import scenario_file
+from gapsense.files import read_json
+from gapsense.problems import InputError
+
+FORMAT = "gapsense result 2"
+ELSEWHERE = "choose another place with `--out`"
+OLD = "gapsense result 1"  # which tells no hash
+
+
+def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Side-car and CSV of a result; an InputError says why they cannot be believed."""
+    sidecar = path.with_suffix(".json")
+    content, data = path.read_bytes(), read_sidecar(path)
+    if data is None:
+        raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
+    if data["format"] == OLD:
+        raise InputError([f"{path}: an old result, whose side-car does not tell the hash of the CSV. Run again."])
+    found, expected = sha256(content).hexdigest(), data.get("sha256")
+    if found != expected:
+        said = f"has the SHA-256 {found}, {sidecar.name} expects {expected}"
+        raise InputError([f"{path}: {said}. One of them is of another run, or was edited. Run again, or restore both."])
+    return data, content
+
+
+def read_sidecar(path: Path) -> dict[str, Any] | None:
+    """Side-car of the result `path` (CSV), or None if there is none; its hash is not looked at."""
+    try:
+        data = read_json(path.with_suffix(".json"))
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) and data.get("format") in (FORMAT, OLD) else None
+
+
+def result_file(folder: Path, scenario: str | Path, variant: str | None = None) -> Path:
+    """CSV for the result of a scenario in `folder`; an InputError if something else is there.
+
+    It has the name of the scenario's folder, and another scenario may have the same.
+    """
+    file, own = own_file(folder, scenario, variant, ".csv")
+    data = read_sidecar(file)
+    if data is None and (file.exists() or file.with_suffix(".json").exists()):
+        raise InputError([f"{file}: there is a file that is no result of a run. Remove it, or {ELSEWHERE}."])
+    refuse_other(file, data["run"].get("source", own) if data else own, own)
+    return file
+
+
+def own_file(folder: Path, scenario: str | Path, variant: str | None, ending: str) -> tuple[Path, str]:
+    """File in `folder` that has the name of the scenario's folder, and the path of the scenario from there."""
+    source = scenario_file(scenario).resolve()
+    name = f"{source.parent.name}_{variant}" if variant else source.parent.name
+    return folder / f"{name}{ending}", relative(str(source), folder)
+
+
+def refuse_other(file: Path, found: str, own: str) -> None:
+    """Raise an InputError if what is in a file is of another scenario."""
+    if found != own:
+        raise InputError([f"{file}: it is of the scenario `{found}`, this one is `{own}`. {ELSEWHERE.capitalize()}."])
+
+
+def relative(file: str, folder: Path) -> str:
+    """Path of a file from a folder; they may be moved together."""
+    try:
+        return Path(os.path.relpath(file, folder.resolve())).as_posix() if file else ""
+    except ValueError:  # another drive
+        return Path(file).as_posix()
+
+
+def absolute(file: str, folder: Path) -> str:
+    """Path of a file that was `relative` to a folder."""
+    return os.path.normpath(folder.resolve() / file) if file else ""
