@@ -9,7 +9,7 @@ GROUPS = ("sample_time", "coil", "mover", "spring", "damping", "stop", "core", "
 OTHERS = ("gap.tilt", "range.innovation", "core.eddy", "core.hysteresis", "core.turnover")  # not here, or not the same
 LEARNT = (  # output, prior, unit, what it is, relative deviation before the first window
     ("resistance", "resistance", "Ohm", "Resistance R", 0.15),
-    ("eddy", "eddy", "S", "Eddy currents g_e", 1.0),
+    ("eddy", "eddy", "S", "Eddy currents g_e", 0.5),
     ("gap_factor", "gap", "1", "Factor of the gap reluctance", 0.04),
     ("knee", "knee", "A", "Knee b of the core", 0.4),
     ("saturation", "saturation", "Wb", "Flux linkage of saturation", 0.06),
@@ -73,15 +73,17 @@ COMPONENT = Component(
         *(said(name, unit, what) for name, _, unit, what, _ in LEARNT),
         *(said(f"{name}_std", unit, "Its standard deviation", min=0.0) for name, _, unit, _, _ in LEARNT),
         *(p for p in EKF.of("parameter") if p.name.split(".")[0] in GROUPS and p.name not in OTHERS),
-        parameter("core.eddy", "S", "Eddy currents, k_eddy / N^2; any guess", 0.5e-3, min=1e-9),
-        parameter("core.hysteresis", "A", "Largest current of hysteresis; any guess", 5e-3, min=1e-9),
+        parameter("core.eddy", "S", "Eddy currents, k_eddy / N^2; a guess, see prior.eddy", 0.5e-3, min=1e-9),
+        parameter(
+            "core.hysteresis", "A", "Largest current of hysteresis; a guess, see prior.hysteresis", 5e-3, min=1e-9
+        ),
         parameter("core.turnover", "Wb", "Flux linkage in which hysteresis turns over", 1.8e-3, min=1e-9),
         parameter("gap.factor", "1", "Factor of the gap reluctance", 1.0, min=1e-9),
         parameter("gap.bend", "1", "Bend of the gap law, zero at both stops", 0.0),
         option("option.further", "Learn damping, core reluctance and bend of the gap law too", False),
         option("option.command", "A window ends where the input command changes, not after a landing", False),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 0.03, min=0.0),
-        parameter("model.error", "A", "Standard deviation of the model's error of the current", 1.2e-3, min=0.0),
+        parameter("model.error", "A", "Standard deviation of the model's error of the current", 1e-3, min=0.0),
         parameter("edge", "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9),
         parameter("window.tail", "s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9),
         parameter("window.longest", "s", "Longest window; at most 2000 samples", 20e-3, min=1e-9),

@@ -38,7 +38,7 @@ def test_parameters_that_are_wrong_by_up_to_five_percent(seed: int) -> None:
 
 @pytest.mark.parametrize("resistance", [0.85, 1.0, 1.15])
 def test_every_operation_is_told_once(resistance: float) -> None:
-    """Landings within 0.1 ms, speeds within 3 %, both some milliseconds after the landing."""
+    """Landings within 0.1 ms, speeds within 3.5 %, both some milliseconds after the landing."""
     s = plant(resistance)
     found = run(blind(), rows(s.voltage, noisy(s)))
     told, true = np.flatnonzero(np.diff(found["windows"])) + 1, motions(s.mode)
@@ -46,7 +46,7 @@ def test_every_operation_is_told_once(resistance: float) -> None:
     for at, (first, landed) in zip(told, true):
         assert found["landing_time"][at] == pytest.approx(landed * T_S, abs=0.1e-3)
         assert found["takeoff_time"][at] == pytest.approx((first - 1) * T_S, abs=0.1e-3)
-        assert found["impact_speed"][at] == pytest.approx(abs(s.velocity[landed - 1]), rel=0.03)
+        assert found["impact_speed"][at] == pytest.approx(abs(s.velocity[landed - 1]), rel=0.035)
         assert found["bounces"][at] == 0.0 and landed < at < landed + 500
 
 
@@ -89,10 +89,11 @@ def test_one_window_per_command() -> None:
     assert errors(found, s, START + 2 * CYCLE).causal < 10.0
 
 
-def test_windows_that_cannot_be_solved_are_given_up() -> None:
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_windows_that_cannot_be_solved_are_given_up(seed: int) -> None:
     """Currents that no motion explains: what was known stays, and the health is good again with the next motions."""
     s, given_up = plant(), []
-    garbage = np.random.default_rng(1).choice([-2.0, 2.0], 4 * s.current.size)
+    garbage = np.random.default_rng(seed).choice([-2.0, 2.0], 4 * s.current.size)
     voltage, current = np.tile(s.voltage, 7), np.r_[garbage, np.tile(noisy(s), 3)]
     found = run(blind(), rows(voltage, current), lambda c: given_up.append(state_of(c).work.learnt.given_up))
     assert max(given_up) > 0.0 and given_up[-1] == 0.0

@@ -135,10 +135,10 @@ CASES = pytest.mark.parametrize(("name", "further"), [("model", 0.0), ("plant", 
 
 @CASES
 def test_first_windows_are_near_the_least_squares_solution(name: str, further: float) -> None:
-    """They end a quarter of the usual cost above it or less: a trial that came out as promised is not repeated."""
+    """They end 3 % of the usual cost above it or less: a trial that came out as promised is not repeated."""
     for k in (0, 1):
         found = solution(name, k, further)
-        assert -1e-6 < (found.ours - found.cost) / found.usual < 0.25 and np.abs(found.off).max() < 2.0
+        assert -1e-6 < (found.ours - found.cost) / found.usual < 0.03 and np.abs(found.off).max() < 1.0
 
 
 @CASES
@@ -172,12 +172,6 @@ def test_the_window_begins_where_the_last_one_ended() -> None:
     voltage = record("model")[0][w.first + 1 : w.last + 1].tolist()
     last = model_run(point(lam + w.q[START], h, z, v, u, m), voltage, m).points[-1]
     np.testing.assert_allclose(after.origin, last[[0, 1, 2, 3, 5]], rtol=1e-12, atol=1e-15)
-
-
-def test_a_trial_that_comes_out_better_than_promised_is_not_the_last_word() -> None:
-    """The first motion of the plant: the costs are 9.96 at the start, 3.7 promised and 1.96 found, 0.49 the least."""
-    found = solution("plant", 0)
-    assert found.ours < 0.75 * found.usual and found.cost < 0.5 * found.usual
 
 
 def test_the_true_device_is_found() -> None:

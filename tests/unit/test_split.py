@@ -65,3 +65,16 @@ def test_without_parameters() -> None:
     made = parts(lambda x, gain, width: x)
     assert made["constants"]((0.0, 1.0, 2.0)) == ()
     assert made["step"]((7.0,), (4.0,), (0.0, 1.0, 2.0)) == ((7.0,), (4.0,))
+
+
+def test_a_branch_on_parameters_alone_is_taken_once_with_all_that_is_in_it() -> None:
+    def function(x: Any, gain: Any, width: Any) -> Any:
+        ratio = cond(width > 0.0, lambda: gain / width, lambda: gain)
+        return cond(x > 0.0, lambda: x * ratio, lambda: cond(width > 0.0, lambda: x / width, lambda: x))
+
+    made = parts(function)
+    assert made["constants"]((0.0, 3.0, 0.0)) == (0.0, False, 3.0)
+    constants = made["constants"]((0.0, 3.0, 4.0))
+    assert 0.75 in constants
+    assert made["advance"]((0.0,), (2.0,), constants)[1] == (1.5,)
+    assert made["advance"]((0.0,), (-2.0,), constants)[1] == (-0.5,)

@@ -180,7 +180,9 @@ class Printer(ABC):
         return node.id in self.indices and node.id not in self.numbers
 
     def _index(self, value: Any) -> str:
-        is_whole = isinstance(value, Expr) and (value.op == "locate" or self.is_index(value))
+        if not isinstance(value, Expr):
+            return str(int(value))
+        is_whole = value.op == "locate" or self.is_index(value)
         return self.bare(value) if is_whole else self.forms["whole"].format(self.bare(value))
 
     def assign(self, targets: list[str], values: list[Any]) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gapsense.emit.printer import Graph, Printer, regions
+from gapsense.emit.printer import Graph, Printer, operands, regions
 from gapsense.records import names
 from gapsense.trace import BOOLEAN, Expr, Region, Tape
 
 STRUCTURE = ("in", "var", "if", "loop", "get", "store")
+MOVED_WHOLE = ("if", "get")
 HARMLESS = ("+", "-", "*", "neg", "fabs", "where", *BOOLEAN)  # no error, so they may be done for a branch not taken
 
 
@@ -32,11 +33,22 @@ def split(step: Graph, printer: type[Printer]) -> tuple[Graph, Graph]:
 
 
 def _constant(region: Region, known: set[int], is_root: bool = True) -> Iterator[Expr]:
-    """Nodes, those in branches included, that need no more than `known` ones; they become known."""
+    """Nodes, those in branches included, that need no more than `known` ones; they become known.
+
+    A branch on a condition of this kind is one, where it is not in a branch itself; its values follow it.
+    """
     for node in region.nodes:
-        operands = [arg.id for arg in node.args if isinstance(arg, Expr)]
-        if node.op not in STRUCTURE and (is_root or node.op in HARMLESS) and known.issuperset(operands):
+        may_move = is_root if node.op in MOVED_WHOLE else node.op not in STRUCTURE and (is_root or node.op in HARMLESS)
+        if may_move and known.issuperset(_needs(node, region)):
             known.add(node.id)
             yield node
-        for inner in regions(node):
-            yield from _constant(inner, known, is_root=False)
+        else:
+            for inner in regions(node):
+                yield from _constant(inner, known, is_root=False)
+
+
+def _needs(node: Expr, region: Region) -> set[int]:
+    """What a node needs, less what is made in its branches."""
+    inner = [(n, r) for r in regions(node) for n in r.nodes]
+    needed = {value.id for value, _ in operands(node, region) if isinstance(value, Expr)}
+    return needed.union(*(_needs(n, r) for n, r in inner)) - {n.id for n, _ in inner}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.mhe_model import Device, Point, advance, current, device, model, point
+from gapsense.estimators.mhe_model import Device, Point, advance, current, device, model, point, with_device
 from gapsense.estimators.mhe_records import (
     RING,
     START,
@@ -218,11 +218,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     held = _held(state.held, u, i, par)
     smoothed = (state.fluxes, state.positions)
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
-    work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, par)
+    first = model(par, device(par))
+    work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, first, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
     believed = cond(is_new | is_first, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
     work = work._replace(follows=where(caught, 1.0, work.follows))
-    m = model(par, Device(*get(believed, START)))
+    m = with_device(first, Device(*get(believed, START)))
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, 0.5 * (before.voltage + u), m), 0.0)

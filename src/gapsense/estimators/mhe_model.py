@@ -67,6 +67,7 @@ class Model(NamedTuple):
     gap_slope: Scalar
     gap_fringing: Scalar
     gap_window: Scalar
+    gap_bump: Scalar  # see `bump` [1/(H m^2)]
     through: Scalar  # 1 / (1 + R g_e)
     load: Scalar  # R / (1 + R g_e) [ohm]
 
@@ -89,7 +90,7 @@ class Point(NamedTuple):
 def model(par: Parameters, d: Device) -> Model:
     """The model of a device."""
     scale, through = 1.0 / square(par.coil_turns), 1.0 / (1.0 + d.resistance * d.eddy)
-    return Model(
+    m = Model(
         d=d,
         T_s=par.sample_time,
         stiffness=par.spring_stiffness,
@@ -105,9 +106,18 @@ def model(par: Parameters, d: Device) -> Model:
         gap_slope=par.gap_slope * scale,
         gap_fringing=par.gap_fringing,
         gap_window=par.gap_window,
+        gap_bump=0.0,
         through=through,
         load=d.resistance * through,
     )
+    rise = gap_law(m.upper, m)[0] - gap_law(m.lower, m)[0]
+    return m._replace(gap_bump=2.0 * rise / square(m.upper - m.lower))
+
+
+def with_device(m: Model, d: Device) -> Model:
+    """The model of another device."""
+    through = 1.0 / (1.0 + d.resistance * d.eddy)
+    return m._replace(d=d, through=through, load=d.resistance * through)
 
 
 def device(par: Parameters) -> Device:
@@ -160,7 +170,7 @@ def _fringing(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
 
 def bump(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
     """What a bend of 1 adds to R_g: in the middle half of its rise from stop to stop; and the derivatives [1/H]."""
-    most = 2.0 * (gap_law(m.upper, m)[0] - gap_law(m.lower, m)[0]) / square(m.upper - m.lower)
+    most = m.gap_bump
     return most * (z - m.lower) * (m.upper - z), most * (m.lower + m.upper - 2.0 * z), -2.0 * most
 
 

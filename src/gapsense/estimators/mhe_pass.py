@@ -12,9 +12,8 @@ from gapsense.estimators.mhe_model import (
     corrected,
     current,
     derived,
-    device,
-    model,
     point,
+    with_device,
 )
 from gapsense.estimators.mhe_records import (
     ALL,
@@ -42,19 +41,19 @@ from gapsense.trace import clip, cond, fabs, load, loop, store, where
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
-PACE = 8  # of them that a pass takes in a step
+PACE = 7  # of them that a pass takes in a step
 AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
 Kept = tuple[Scalar, ...]  # flux linkage and position of a sample
 Smoothed = tuple[Array, Array]  # the memory of these
 
 
-def begun(work: Work, par: Parameters) -> Work:
-    """A pass begins."""
+def begun(work: Work, m: Model, par: Parameters) -> Work:
+    """A pass begins; `m` is the model of what is believed before the first window."""
     is_trying = work.phase == TRYING
     q = vector([a + where(is_trying, b, 0.0) for a, b in zip(get(work.q, N), get(work.change, N))])
-    d = corrected(device(par), q[:START])
+    d = corrected(m.d, q[:START])
     lam, h, z, v, u = get(work.origin, 5)
-    at = point(lam + q[START], h, z, v, u, model(par, d))
+    at = point(lam + q[START], h, z, v, u, with_device(m, d))
     work = work._replace(begins=0.0, device=put(work.device, d), follows=0.0, walk=started(at, par), summed=0.0)
     return cond(is_trying, lambda: work, lambda: _cleared(work))
 
@@ -68,9 +67,9 @@ def _cleared(work: Work) -> Work:
     )
 
 
-def walked(work: Work, samples: Samples, smoothed: Smoothed, par: Parameters) -> tuple[Work, Smoothed]:
+def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Some samples more of a pass: with derivatives where they are due, or into the memory of smoothed samples."""
-    m = model(par, Device(*get(work.device, START)))
+    m = with_device(m, Device(*get(work.device, START)))
     return cond(
         work.phase == DERIVING,
         lambda: (_followed(work, samples, m, par), smoothed),
@@ -91,7 +90,9 @@ def _followed(work: Work, samples: Samples, m: Model, par: Parameters) -> Work:
         return (ends & (walk.done >= work.least)) | (walk.done >= longest)
 
     def one(*entries: Scalar) -> tuple[Walk, Scalar]:
-        new = _visited(Walk(*entries), work, samples, m)
+        walk = Walk(*entries)
+        new, weighted = _visited(walk, work, samples, m)
+        new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
         return new, (new.done >= limit) | _is_full(new) | cond(is_open, lambda: is_over(new), lambda: False)
 
     walk = loop(int(max(AT_REST, MOVING)), one, work.walk)
@@ -110,7 +111,7 @@ def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model) -> tuple[
     limit = where(work.age < work.end, work.age, work.end)
 
     def one(walk: Walk, trail: list[Kept]) -> tuple[tuple[Walk, list[Kept]], Scalar]:
-        new = _visited(walk, work, samples, m)
+        new, _ = _visited(walk, work, samples, m)
         return (new, [(new.at[0], new.at[2]), *trail[:-1]]), new.done >= limit
 
     walk, trail = loop(PACE, one, (work.walk, [(work.walk.at[0], work.walk.at[2])] * PACE))
@@ -118,8 +119,8 @@ def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model) -> tuple[
     return new, remembered(smoothed, trail, walk.done - work.walk.done, work.age - walk.done, samples)
 
 
-def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> Walk:
-    """The next sample."""
+def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> tuple[Walk, Scalar]:
+    """The next sample, and w^2 r of it."""
     before, spot = Point(*walk.at), place(samples.newest, work.age - walk.done - 1.0)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
     at, mean = advance(before, u, m), 0.5 * (before.voltage + u)
@@ -132,10 +133,9 @@ def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> Walk:
         still=where(is_on_stop, walk.still + 1.0, 0.0),
         cost=walk.cost + w * r * r,
         counted=walk.counted + w,
-        pending=walk.pending + 1.0,
-        residuals=walk.residuals + w * r,
     )
-    return cond((new.still > 1.0) | (new.still + walk.still < 1.0), lambda: new, lambda: _event(walk, new, before, m))
+    is_plain = (new.still > 1.0) | (new.still + walk.still < 1.0)
+    return cond(is_plain, lambda: new, lambda: _event(walk, new, before, m)), w * r
 
 
 def _event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:

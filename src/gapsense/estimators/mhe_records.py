@@ -93,7 +93,7 @@ class Work(NamedTuple):
     best: Scalar = 0.0  # of them
     least_total: Scalar = 0.0  # its cost
     total: Scalar = 0.0  # cost at q
-    promised: Scalar = 0.0  # cost at q + change, if all were linear
+    promised: Scalar = 0.0  # cost after a whole step, if all were linear
     follows: Scalar = 0.0  # 1: the causal estimate has the device too
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     ready: Scalar = 0.0  # smoothed samples that are not published yet

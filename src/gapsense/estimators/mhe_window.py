@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from gapsense.estimators.mhe_model import Point
+from gapsense.estimators.mhe_model import Model, Point
 from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, walked
 from gapsense.estimators.mhe_records import (
     DERIVING,
@@ -48,11 +48,14 @@ DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0
 TRIES = 5.0  # passes with derivatives
 SHORTENED, SHORTENINGS = 0.25, 3.0  # of a step whose trial is worse than what it left; the last one to nothing
 LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
-LITTLE, GAIN, POOR, BAD = 0.03, 0.1, 1.0, 6.0  # of the cost that noise and model error make: see `_verdict`
+LITTLE, BAD = 0.03, 6.0  # of the cost that noise and model error make: see `_verdict`
 # samples behind the end of a window after which a cost far below the promised one is no reason for another pass with
 # derivatives, and after which there is none
 LATE, LATER = 140.0, 300.0
-DOUBT = 0.25  # what is left of the information after a window that taught nothing
+DOUBT, WIDEST = (
+    0.25,
+    4.0,
+)  # what is left of the information after a window that taught nothing, down to `priors` so often
 # where a search begins if nothing explains the currents: field of `Device`, and how many deviations off
 STARTS = tuple((k, by) for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
@@ -66,11 +69,13 @@ def work_on(
     causal: Point,
     held: Scalar,
     time: Scalar,
+    m: Model,
     par: Parameters,
 ) -> tuple[Work, Smoothed, Scalar]:
     """What is done with a new sample: the work, the memory of smoothed samples, and whether a pass has caught up.
 
-    `causal` is the estimate of the sample before, `held` the resistance by a held voltage, or 0.
+    `causal` is the estimate of the sample before, `held` the resistance by a held voltage, or 0, `m` the model of
+    what is believed before the first window.
     """
     work = work._replace(age=work.age + 1.0)
     work = cond(work.age > RING - 2.0 * PACE, lambda: _given_up(work, causal), lambda: work)
@@ -80,9 +85,9 @@ def work_on(
     def passed() -> tuple[Work, Smoothed]:
         return cond(
             work.begins > 0.0,
-            lambda: (begun(work, par), smoothed),
+            lambda: (begun(work, m, par), smoothed),
             lambda: cond(
-                work.walk.done < work.age, lambda: walked(work, samples, smoothed, par), lambda: (work, smoothed)
+                work.walk.done < work.age, lambda: walked(work, samples, smoothed, m, par), lambda: (work, smoothed)
             ),
         )
 
@@ -184,7 +189,7 @@ def _solved(work: Work, par: Parameters) -> Work:
     for x in full[:LOGARITHMS]:
         farthest = where(fabs(x) > farthest, fabs(x), farthest)
     share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
-    promised = work.total - share * (2.0 - share) * (full @ gradient)
+    promised = work.total - full @ gradient
     steps = enumerate(zip(get(work.q, N), full))
     is_little = (work.tries >= 1.0) & (work.total - promised < LITTLE * usual(work.walk, par))
     change = [_bounded(q, where(is_little, 0.0, share) * x, k) for k, (q, x) in steps]
@@ -222,7 +227,7 @@ class Verdict(NamedTuple):
 
 
 def _verdict(work: Work, par: Parameters) -> Verdict:
-    """A trial is the last one if it came out as promised, nearly exactly where the cost is more than noise makes.
+    """A trial is the last one if it came out nearly as promised.
 
     But if the motion turned out to end later, or far off in any case, the window is made longer once.
     """
@@ -232,7 +237,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     is_last, is_bad = work.shortenings >= SHORTENINGS, misfit > BAD
     missing, late = total - work.promised, work.age - work.end
     surprise = where(late > LATE, missing, fabs(missing))
-    is_good, is_late = surprise < where(misfit < POOR, GAIN, LITTLE) * unit, (late > LATER) & not_(is_bad)
+    is_good, is_late = surprise < LITTLE * unit, (late > LATER) & not_(is_bad)
     is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
@@ -322,7 +327,7 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         q = store(work.q, START, 0.0)
         return finished._replace(phase=RENEWING, turn=0.0, normal=put_matrix(work.normal, P), q=q)
 
-    return cond(misfit < BAD, renewing, lambda: _rejected(finished))
+    return cond(misfit < BAD, renewing, lambda: _rejected(finished, par))
 
 
 def _learnt(work: Work, misfit: Scalar, P: Array, time: Scalar, par: Parameters) -> Learnt:
@@ -341,10 +346,12 @@ def _learnt(work: Work, misfit: Scalar, P: Array, time: Scalar, par: Parameters)
     )
 
 
-def _rejected(work: Work) -> Work:
+def _rejected(work: Work, par: Parameters) -> Work:
     """The currents were not explained: the parameters stay what they were, a little less certain."""
     q, Pi = put(work.q, [*get(work.q_prior, START), 0.0]), get_matrix(work.prior)
     Pi[:START, :START] = DOUBT * Pi[:START, :START]
+    for k, s in enumerate(priors(par)):
+        Pi[k, k] = Pi[k, k] + (1.0 - DOUBT) / square(WIDEST * s)
     return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi)))
 
 
