@@ -185,7 +185,7 @@ def test_sweep_of_an_object_needs_no_file(ramp, tmp_path):
     ramp.set("lag.time.constant", 0.5)
     assert ramp.sweep(workers=1, out=tmp_path).computed == 2
     frame = swept.to_pandas()
-    assert frame["source.slope"].tolist() == [1.0, 2.0] and frame.attrs["units"] == {"end": "V"}
+    assert frame["source.slope"].tolist() == [1.0, 2.0] and frame.attrs["units"] == {"source.slope": "V/s", "end": "V"}
     assert repr(swept) == "<Sweep: 2 runs, 1 metrics>"
     assert "<td>end</td>" in swept._repr_html_()
 

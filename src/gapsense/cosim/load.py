@@ -83,9 +83,7 @@ class Reader:
         experiment = self.section("experiment", self.experiment)
         inputs, seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components = self.section("components", self.components)
-        grid, rows, columns = self.section(
-            "sweep", lambda table: sections.read_sweep(table, self.path.parent, self.files)
-        )
+        grid, rows, columns = self.section("sweep", self.sweep)
         self.changes.finish(components)
         return Scenario(
             path=self.path,
@@ -110,6 +108,10 @@ class Reader:
             hashes=self.document.hashes,
             rows_columns=columns,
         )
+
+    def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
+        """What a sweep goes through."""
+        return sections.read_sweep(table, self.path.parent, self.files)
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""
