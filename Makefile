@@ -34,6 +34,7 @@ slow: fmus
 
 bench: fmus
 	$(INSTALL) --editable '.[dev,peers]'
+	@test -e .venv-cofmupy/done || { $(PYTHON) -m venv .venv-cofmupy && .venv-cofmupy/bin/python -m pip install --quiet cofmupy==1.0.0 && touch .venv-cofmupy/done; } || echo "cofmupy is not available for this Python: its row is empty"
 	$(BIN)/python benchmarks/runner.py
 	$(BIN)/python benchmarks/filters.py
 
@@ -51,4 +52,4 @@ build/fmus/.built: .venv/installed $(SOURCES)
 	@touch $@
 
 clean:
-	rm -rf .venv build results
+	rm -rf .venv .venv-cofmupy build results

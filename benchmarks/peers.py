@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -13,8 +14,10 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import fmpy
-from experiment import COUNT, STEP, WATCHED, Experiment, common, component_steps, reference, start_values
+from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, reference, start_values
 from fmpy.fmi2 import FMU2Slave
+
+from gapsense.cosim.scenario import Port
 
 Outcome = tuple[float, int, dict[str, float]]
 
@@ -204,3 +207,48 @@ def load_container(path: Path) -> tuple[FMU2Slave, dict[str, int], str]:
     slave.exitInitializationMode()
     found = {v.name: v.valueReference for v in model.modelVariables}
     return slave, {str(p): found[str(p)] for p in WATCHED}, unzipped
+
+
+# --- cofmupy ---
+
+
+def cofmupy(fmus: Path) -> Outcome:
+    """Its coordinator, Gauss-Seidel, in an environment of its own, for it wants another fmpy and pythonfmu.
+
+    It sets parameters after initialization, which no fixed one allows: the FMUs are built to start with them.
+    """
+    python = ROOT / ".venv-cofmupy" / "bin" / "python"
+    if not python.exists():
+        raise ImportError("cofmupy", name="cofmupy")
+    experiment = common(fmus)
+    with tempfile.TemporaryDirectory() as folder:
+        task = Path(folder, "task.json")
+        task.write_text(json.dumps(coordinator_task(experiment, Path(folder))))
+        command = [python, Path(__file__).with_name("cofmupy_peer.py"), task]
+        found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1])
+    return found["seconds"], component_steps(experiment), found["last"]
+
+
+def coordinator_task(experiment: Experiment, folder: Path) -> dict[str, Any]:
+    """What cofmupy is to do, with the FMUs for it in `folder`."""
+    from gapsense.fmi.components import own
+    from gapsense.fmi.package import build
+
+    scenario, descriptions = experiment
+    values: dict[str, dict[str, Any]] = {name: {} for name in scenario.components}
+    for name, variable, value in start_values(experiment):
+        values[name][variable.name] = value
+    paths = {name: build(own(descriptions[name].name), folder / name, values[name]) for name in values}
+
+    def end(port: Port) -> dict[str, str]:
+        return {"id": port.component, "variable": port.variable, "unit": "", "type": "fmu"}
+
+    given: dict[str, dict[str, float]] = {name: {} for name in paths}  # it sets all inputs to zero without this
+    for port, value in scenario.inputs.items():
+        given[port.component][port.variable] = value
+    config = {
+        "fmus": [{"id": name, "path": str(path), "initialization": given[name]} for name, path in paths.items()],
+        "connections": [{"source": end(c.source), "target": end(c.target)} for c in scenario.connections],
+        "cosim_method": "gauss_seidel", "iterative": False, "root": "", "edge_sep": " -> ", "data_storages": [],
+    }  # fmt: skip
+    return {"config": config, "count": COUNT, "step": STEP, "watched": WATCHED}

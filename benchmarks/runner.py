@@ -35,6 +35,7 @@ ROWS = (
     ("fmpy_loop", "fmpy, setReal/getReal per variable", "own_time", "gapsense"),
     ("simulate_ssp", "fmpy simulate_ssp", "own_time", "gapsense_jacobi"),
     ("libcosim", "libcosimpy, step(n)", "own_time", "gapsense_jacobi"),
+    ("cofmupy", "cofmupy", "own_time", "gapsense"),
     ("container", "fmu_manipulation_toolbox container", "own_time", "gapsense"),
     ("container_100", "  the same, 100 steps per call", "own_time", "gapsense"),
     ("own_time", "the FMUs alone: loop in C, raw calls only", "", "gapsense"),
@@ -48,7 +49,8 @@ Overhead: less the FMUs' own time, which is that of a loop in C with one set, do
 fmpy per variable and the container exchange as gapsense.cosim does (Gauss-Seidel: inputs of this step); simulate_ssp
 and libcosim are Jacobi (inputs one step old, hence other values; simulate_ssp also starts with zeros instead of the
 initial outputs). Deviation: largest relative difference of five last outputs to gapsense.cosim with the same exchange.
-libcosim and the containers record nothing meanwhile, gapsense.cosim all signals of the scenario at each step.
+libcosim and the containers record nothing meanwhile, cofmupy all outputs, gapsense.cosim all signals of the scenario
+at each step. cofmupy has its own environment, .venv-cofmupy: it wants another fmpy than we do.
 Aims: ahead of all peers; overhead of gapsense.cosim below 4 us."""
 ALONE = """Loop in C over one component at a time, on the inputs of the experiment above; the kernel as plain Python on
 the same inputs. In the whole scenario a step takes longer: the caches are shared. Aim: do_step of semera below 6 us."""
