@@ -90,6 +90,21 @@ def test_build_outside_a_checkout_writes_to_the_working_folder(process):
     assert [p.as_posix() for p in Path().rglob("*.fmu")] == ["build/fmus/Sensor.fmu"]
 
 
+def test_build_in_a_process_that_has_loaded_fmus_gives_the_same_fmu_and_harms_none(process, write, fmus):
+    folder = write()
+    code = f"""
+from gapsense import cosim
+from gapsense.cli import app
+before = cosim.run({str(folder)!r}, fmus={str(fmus)!r})
+assert app(["build", "sensor"], standalone_mode=False) == 0
+after = cosim.run({str(folder)!r}, fmus={str(fmus)!r})
+assert (before["sensor.current_measured"] == after["sensor.current_measured"]).all()
+"""
+    running = process(code)
+    assert running.wait() == 0, running.stderr.read()
+    assert Path("build", "fmus", "Sensor.fmu").read_bytes() == (fmus / "Sensor.fmu").read_bytes()
+
+
 def test_example_runs_by_its_name_unless_there_is_a_scenario_of_that_name(gapsense, write, fmus):
     assert gapsense("check", "semera_valve", "--fmus", fmus).exit_code == 0
     Path("semera_relay").mkdir()

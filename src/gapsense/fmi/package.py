@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import shutil
-import sys
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -13,10 +13,9 @@ from typing import Any
 from uuid import UUID
 from xml.etree import ElementTree
 
-from pythonfmu import FmuBuilder
-
 import gapsense
 from gapsense.fmi import describe, page, picture, shim
+from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
@@ -159,13 +158,9 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
     script = work / f"{component.name}_{build}.py"
     script.write_text(SCRIPT.format(**about), encoding="utf-8")
     resources = [Path(shutil.copy2(path, work)) for path in paths]
-    sys.path.insert(0, str(work))  # where pythonfmu imports the script, to instantiate it for the model description
-    try:
-        return Path(FmuBuilder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
-    finally:  # as if nothing had been imported: this process may load the FMU later
-        sys.path[:] = [p for p in sys.path if p != str(work)]
-        for name in [n for n in sys.modules if n.partition(".")[0] in (package.name, script.stem)]:
-            del sys.modules[name]
+    with as_if_fresh(work, package.name, script.stem):  # pythonfmu imports the script, for the model description
+        builder = importlib.import_module("pythonfmu").FmuBuilder
+        return Path(builder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
 
 
 def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:
