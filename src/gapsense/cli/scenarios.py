@@ -53,8 +53,8 @@ def run(
             error.result.save(file)
             cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
-    result.save(file)
     cli.show(*runs.metrics(result), runs.timing(result))
+    result.save(file)  # afterwards: on a full disk the numbers are at least shown
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
         on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""

@@ -33,14 +33,20 @@ class Runs:
             self.master = self.master or Master(self.scenario, self.descriptions, own_marks())
             point = index % len(self.scenario.points()) if self.scenario.swept else None
             result = run_once(self.master, index, point=point)
-            if self.keep:
-                result.save(kept(self.keep, index))
-            return {"metrics": self.metrics(result)}
+            problem = self.save(result, index)
+            return {"error": problem} if problem else {"metrics": self.metrics(result)}
         except FmuError as error:
             self.drop()
             return {"error": str(error)}
-        except OSError as error:  # the signals could not be kept
-            return {"error": f"`{error.filename}`: {error.strerror}."}
+
+    def save(self, result: Result, index: int) -> str:
+        """Keep the signals, if they are wanted; what went wrong, or nothing."""
+        try:
+            if self.keep:
+                result.save(kept(self.keep, index))
+        except OSError as error:
+            return f"`{error.filename}`: {error.strerror}."
+        return ""
 
     def metrics(self, result: Result) -> dict[str, float | None]:
         """Metrics of the scenario and of the sweep; JSON has no NaN, so that is null."""
