@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import gapsense
@@ -61,11 +61,14 @@ def test_saved_scenario_is_the_same_model(ramp, tmp_path, fmus):
     assert [r.metrics["end"].value for r in results] == 3 * [results[0]["lag.y"][-1]]
 
 
-VALUES = st.floats(allow_nan=False) | st.integers(-(2**60), 2**60) | st.booleans() | st.text()
+TEXTS = st.text(max_size=8)
+VALUES = st.floats(allow_nan=False) | st.integers(-(2**60), 2**60) | st.booleans() | TEXTS
+LISTS, TABLES = st.lists(VALUES, max_size=3), st.dictionaries(TEXTS, VALUES, max_size=3)
 
 
 @example({"description": "a\r\nb\r"})
-@given(st.dictionaries(st.text(), VALUES | st.lists(VALUES) | st.dictionaries(st.text(), VALUES)))
+@given(st.dictionaries(TEXTS, VALUES | LISTS | TABLES, max_size=4))
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is slow
 def test_whatever_is_in_it_is_written_exactly(content):
     with TemporaryDirectory() as folder:
         scenario = Scenario(folder=folder)
