@@ -87,7 +87,8 @@ def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: froze
     problems = list(dict.fromkeys(Checker(scenario, descriptions, broken).problems()))
     is_complete = len(descriptions) == len(scenario.components)
     if is_complete and not broken & {"record", "components"}:
-        problems += [f"{scenario.path.name}, {problem}" for problem in check_record(scenario, descriptions)]
+        found = check_record(scenario, descriptions, "experiment" not in broken)
+        problems += [f"{scenario.path.name}, {problem}" for problem in found]
     return problems
 
 
