@@ -17,7 +17,7 @@ from c_loop import replay
 from experiment import ROOT, Experiment
 
 from gapsense.cosim.master import Master
-from gapsense.cosim.run import prepare
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.scenario import Port
 from gapsense.cosim.signals import ports
 

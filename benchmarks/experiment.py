@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.run import prepare
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.scenario import Port, Scenario
 
 ROOT = Path(__file__).resolve().parents[1]

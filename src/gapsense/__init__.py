@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gapsense.cosim.model import Scenario as Scenario
+    from gapsense.cosim.prepare import check as check
     from gapsense.cosim.record import Result as Result
     from gapsense.cosim.record import read_result as read_result
-    from gapsense.cosim.run import check as check
     from gapsense.cosim.run import run as run
 
 __version__ = "0.1.0"
 OFFERED = {
     "Scenario": "gapsense.cosim.model",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),
-    **dict.fromkeys(("check", "run"), "gapsense.cosim.run"),
+    "check": "gapsense.cosim.prepare",
+    "run": "gapsense.cosim.run",
 }
 
 

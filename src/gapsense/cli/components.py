@@ -10,7 +10,7 @@ import typer
 from gapsense import cosim
 from gapsense.cli.common import FAILED, command, problem, show
 from gapsense.cosim.load import read_draft
-from gapsense.cosim.run import find_fmus
+from gapsense.cosim.prepare import find_fmus
 from gapsense.fmi.components import components_folder, find_checkout, find_components, load_component
 from gapsense.report import runs
 from gapsense.shipped import FMU_FOLDER, ROOT

@@ -12,9 +12,10 @@ from gapsense.cosim.junit import write_junit
 from gapsense.cosim.load import load
 from gapsense.cosim.master import Master
 from gapsense.cosim.metrics import Measured
+from gapsense.cosim.prepare import check, prepare
 from gapsense.cosim.record import FmuError, Result, read_result
 from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
-from gapsense.cosim.run import check, prepare, run, run_once
+from gapsense.cosim.run import run, run_once
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sensitivity import Growth, sensitivity
 from gapsense.cosim.sidecar import own_file, refuse_other, relative, result_file

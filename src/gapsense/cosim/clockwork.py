@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from time import perf_counter
+from time import perf_counter, sleep
+from typing import NamedTuple
 
 from gapsense.cosim.part import Part
 from gapsense.cosim.recording import COMPONENT, MASTER, PHASE, STEP, STEPPING, Recording
@@ -97,3 +98,44 @@ def exchanger(parts: Sequence[Part], experiment: Experiment, seconds: list[float
 def exchange_after(component: Component, done: int) -> int:
     """The base step at which a component takes inputs next, when `done` are done."""
     return component.offset if done < max(component.offset, 1) else next_turn(component, done)
+
+
+def pacer(experiment: Experiment, recording: Recording, done: int) -> BaseStep:
+    """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
+    period = experiment.base_step / (experiment.pace or 1.0)
+    begin = perf_counter() - done * period
+
+    def wait(k: int) -> None:
+        left = begin + k * period - perf_counter()
+        if left > 0.0:
+            sleep(left)
+        else:
+            recording.overruns += 1
+            recording.lag = max(recording.lag, -left)
+
+    return wait
+
+
+class Action(NamedTuple):
+    """What is done every so many base steps, and at the end."""
+
+    every: int
+    do: Callable[[int], None]
+
+
+def pauses(actions: Sequence[Action], count: int, done: int) -> tuple[int, Callable[[int], int]]:
+    """The next base step after which there is something to do, and the function that does it and gives the next one.
+
+    The loop should not have to ask at each step.
+    """
+
+    def following(k: int) -> int:
+        return min([count, *(k - k % action.every + action.every for action in actions)])
+
+    def pause(k: int) -> int:
+        for action in actions:
+            if not k % action.every or k == count:
+                action.do(k)
+        return following(k)
+
+    return following(done), pause

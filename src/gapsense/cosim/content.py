@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from gapsense.cosim.check import described
 from gapsense.cosim.descriptions import Description, find_fmu
 from gapsense.cosim.document import Document, read_document, scenario_file
-from gapsense.cosim.run import find_fmus
+from gapsense.cosim.prepare import find_fmus
 from gapsense.cosim.written import write_document
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened

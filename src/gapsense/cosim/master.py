@@ -6,13 +6,13 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from time import perf_counter, sleep
+from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.clockwork import BaseStep, base_stepper
+from gapsense.cosim.clockwork import Action, base_stepper, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import Instance
@@ -198,7 +198,7 @@ class Master:
         marks[ROWS] = recording.rows
         if progress:
             progress(done, count)
-        pause, rest = self.rests(recording, progress, keeper, done)
+        pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         for k in range(done + 1, count + 1):
             step(k)
             if not k % decimation:
@@ -215,28 +215,14 @@ class Master:
         if recording.interrupted and keeper:
             keeper.save(self, recording, k)
 
-    def rests(
-        self, recording: Recording, progress: Progress | None, keeper: Keeper | None, done: int
-    ) -> tuple[int, Callable[[int], int]]:
-        """The next base step after which there is something to tell or to save, and the function that does it.
-
-        That function gives the next one again; the loop should not have to ask at each step.
-        """
-        count = self.scenario.experiment.count
-        report = max(1, count // REPORTS)
-        every = ([report] if progress else []) + ([keeper.every] if keeper else [])
-
-        def following(k: int) -> int:
-            return min([count, *(k - k % n + n for n in every)])
-
-        def rest(k: int) -> int:
-            if progress and (not k % report or k == count):
-                progress(k, count)
-            if keeper and not k % keeper.every and k < count:
-                keeper.save(self, recording, k)
-            return following(k)
-
-        return following(done), rest
+    def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:
+        """What is told and saved during a run, and every how many base steps."""
+        count, actions = self.scenario.experiment.count, []
+        if progress:
+            actions.append(Action(max(1, count // REPORTS), lambda k: progress(k, count)))
+        if keeper:
+            actions.append(Action(keeper.every, lambda k: keeper.save(self, recording, k) if k < count else None))
+        return actions
 
 
 def structure(scenario: Scenario, descriptions: Descriptions) -> object:
@@ -249,22 +235,6 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
 def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
     """Rows and columns of a whole run."""
     return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
-
-
-def pacer(experiment: Experiment, recording: Recording, done: int) -> BaseStep:
-    """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
-    period = experiment.base_step / (experiment.pace or 1.0)
-    begin = perf_counter() - done * period
-
-    def wait(k: int) -> None:
-        left = begin + k * period - perf_counter()
-        if left > 0.0:
-            sleep(left)
-        else:
-            recording.overruns += 1
-            recording.lag = max(recording.lag, -left)
-
-    return wait
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 from gapsense.cosim import show
 from gapsense.cosim.content import Content, plain
 from gapsense.cosim.master import Master, Progress
+from gapsense.cosim.prepare import check, prepare
 from gapsense.cosim.record import Measure, Result
-from gapsense.cosim.run import check, prepare, run, run_once
+from gapsense.cosim.run import run, run_once
 from gapsense.cosim.sweep import Sweep, sweep
 
 Self = TypeVar("Self", bound="Scenario")

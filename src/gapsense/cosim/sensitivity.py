@@ -17,8 +17,9 @@ from gapsense.cosim.check_values import within
 from gapsense.cosim.compare import selected, thinned, tolerance_of
 from gapsense.cosim.descriptions import Description, Variable
 from gapsense.cosim.master import Master
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
-from gapsense.cosim.run import prepare, run_once
+from gapsense.cosim.run import run_once
 from gapsense.cosim.scenario import Component, Port, Scenario
 from gapsense.tables import Value, is_number
 

@@ -22,9 +22,9 @@ from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Source, packed
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
+from gapsense.cosim.prepare import find_fmus, prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
-from gapsense.cosim.run import find_fmus, prepare
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals

@@ -10,8 +10,9 @@ from typing import Any
 
 from gapsense.cosim.document import unpacked
 from gapsense.cosim.master import Master
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import FmuError, Result
-from gapsense.cosim.run import prepare, run_once
+from gapsense.cosim.run import run_once
 from gapsense.importable import imported
 from gapsense.ledger import kept
 from gapsense.processes import own_marks

@@ -28,7 +28,7 @@ def estimate(
     ] = None,
 ) -> None:
     """Run estimators, through their FMUs, on a measured record, and draw what they say."""
-    from gapsense.cosim.run import find_fmus
+    from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
     from gapsense.studies.estimation import run
