@@ -87,7 +87,8 @@ def component(study: Study) -> tuple[float, Any]:
     """The generated Python of the component along the making, and its states (N, 5)."""
     s, m = study.samples, study.model
     par = tuple(filter_parameters(m, Varied(*([value] for value in unvaried(m))), 0, TUNING, Variant()))
-    given = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist()))
+    measured = zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist())
+    given = [tuple(ekf.Inputs(*row)) for row in measured]
     scalar, (first, landed) = Kernel(ekf).scalar, motions(s.mode)[0]
     state, _ = scalar["initial"](given[0], par)
     advance, constants = scalar["advance"], scalar["constants"](par)
