@@ -72,7 +72,7 @@ HUES = (FIRST, SECOND, THIRD, "#8250df", "#bf8700")
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
 SPACING, WIDTH = 0.11, 0.85  # between the estimators of a condition, and of all of them at most
 COLORS = (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83")
-MARKERS = "ospD^v<PX*>dH8h"
+MARKERS = "ospD^v<PX*>dH"
 
 
 def tables(found: Found) -> list[Table | str]:
