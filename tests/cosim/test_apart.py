@@ -3,29 +3,14 @@
 import dataclasses
 import sys
 
+import faulty
 import numpy as np
 import pytest
 
 from gapsense.cosim import Checkpoint, FmuError, ScenarioError, run, test_scenarios, write_junit
 
-FAULTY = """
-title = "A component that fails"
-[experiment]
-stop = 1.0
-base_step = 0.1
-step_limit = 1.0
-isolation = "process"
-[components.lag]
-fmu = "Lag"
-[components.coil]
-fmu = "Faulty"
-set = { fault = "FAULT" }
-[[connections]]
-from = "lag.y"
-to = "coil.u"
-[inputs]
-"lag.u" = 1.0
-"""
+APART = 'base_step = 0.1\nstep_limit = 1.0\nisolation = "process"'
+FAULTY = faulty.FAULTY.replace("base_step = 0.1", APART)
 ENDINGS = {
     "exit": "its process ended with exit code 0, in its step.",
     "segfault": "its process was ended by signal 11 (SIGSEGV, Segmentation fault), in its step.",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faulty import FAULTY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -167,22 +168,6 @@ def test_two_instances_of_one_fmu_do_not_share_state(write, chain, fmus):
     assert set(result["other.y"].tolist()) == {7.0}
 
 
-FAULTY = """
-title = "A component that fails"
-[experiment]
-stop = 1.0
-base_step = 0.1
-[components.lag]
-fmu = "Lag"
-[components.coil]
-fmu = "Faulty"
-set = { fault = "FAULT" }
-[[connections]]
-from = "lag.y"
-to = "coil.u"
-[inputs]
-"lag.u" = 1.0
-"""
 FAIL = """
 from gapsense.cosim import FmuError, read_result, run
 try:

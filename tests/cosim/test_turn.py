@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faulty import FAULTY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -186,22 +187,6 @@ for turn.BINARY in (turn.BINARY, Path("none.so")):
         errors.append((str(error), error.instance, error.time, error.step, rows))
 assert len(errors) == 2 and errors[0] == errors[1], errors
 print(errors[0])
-"""
-FAULTY = """
-title = "A component that fails"
-[experiment]
-stop = 1.0
-base_step = 0.1
-[components.lag]
-fmu = "Lag"
-[components.coil]
-fmu = "Faulty"
-set = { fault = "FAULT" }
-[[connections]]
-from = "lag.y"
-to = "coil.u"
-[inputs]
-"lag.u" = 1.0
 """
 
 

@@ -118,7 +118,6 @@ def figure(
 
     if scenario.suffix == ".csv":
         result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
-        plot.check_file(file)
     else:
         source = cosim.changed(scenario, settings or ())
         file = to or plot.figure_file(Path("results"), scenario, variant)

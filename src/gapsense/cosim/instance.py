@@ -16,6 +16,7 @@ from gapsense.cosim.record import FmuError
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
+GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending", "a wish to end the run")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 ENDS = 6  # no status of FMI: the step was done and is to be the last
@@ -193,7 +194,7 @@ class Instance:
 
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that does a step and returns the status."""
-        entry, pointer, time = self.function("fmi2DoStep"), self.pointer, ctypes.c_double()
+        entry, pointer, time = self.function(STEP), self.pointer, ctypes.c_double()
         step, keep = ctypes.c_double(duration), ctypes.c_int(1)
 
         def do(start: float) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import ENDS, WARNING, Instance, Message
+from gapsense.cosim.instance import ENDS, STEP, WARNING, Instance, Message
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
@@ -30,7 +30,12 @@ C_TYPES: Mapping[str, Any] = {
 
 def instance_of(name: str, description: Description, folder: Path) -> Instance:
     """An FMU of either version, loaded as `name` from its unpacked `folder`."""
-    return (Instance3 if description.fmi == 3 else Instance)(name, description, folder)
+    return kind_of(description)(name, description, folder)
+
+
+def kind_of(description: Description) -> type[Instance]:
+    """What stands for instances of an FMU of its version."""
+    return Instance3 if description.fmi == 3 else Instance
 
 
 def collector(messages: deque[Message]) -> Callable[..., None]:
@@ -82,7 +87,7 @@ class Instance3(Instance):
 
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that does a step and returns the status, or ENDS."""
-        entry, pointer, time, keep = self.function("fmi2DoStep"), self.pointer, ctypes.c_double(), ctypes.c_bool(True)
+        entry, pointer, time, keep = self.function(STEP), self.pointer, ctypes.c_double(), ctypes.c_bool(True)
         step, last = ctypes.c_double(duration), ctypes.c_double()
         event, ends, early = (ctypes.c_bool() for _ in range(3))
         answers = tuple(ctypes.byref(answer) for answer in (event, ends, early, last))

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import WARNING, Instance
-from gapsense.cosim.part import NOT_FINITE, STEP, Layout, Part, Stepper
+from gapsense.cosim.instance import STEP, WARNING, Instance
+from gapsense.cosim.part import NOT_FINITE, Layout, Part, Stepper
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable

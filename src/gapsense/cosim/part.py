@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from gapsense.cosim.instance import WARNING, Instance
+from gapsense.cosim.instance import GET, SET, STEP, WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.turn import Link, Turn, address, entry
 from gapsense.cosim.variables import Variable
 
 Stepper = Callable[[float], str]
-GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
 NOT_FINITE = "not finite"
 CAUSES = ("", SET, STEP, GET, NOT_FINITE)  # as turn.c numbers them
 

@@ -17,10 +17,9 @@ from typing import Any
 
 from gapsense.cosim import remote_child
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import FATAL, KEPT, WARNING, Instance, Message
-from gapsense.cosim.instance3 import Instance3
+from gapsense.cosim.instance import FATAL, GET, KEPT, SET, STEP, WARNING, Instance, Message
+from gapsense.cosim.instance3 import kind_of
 from gapsense.cosim.record import FmuError
-from gapsense.cosim.remote_child import GET, SET, STEP
 from gapsense.cosim.variables import Variable
 from gapsense.processes import Died, Process
 from gapsense.tables import Value
@@ -34,7 +33,7 @@ class RemoteInstance(Instance):
 
     def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
         self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
-        self.kind = Instance3 if description.fmi == 3 else Instance
+        self.kind = kind_of(description)
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import ERROR, WARNING, Instance, Message
+from gapsense.cosim.instance import ERROR, GET, SET, STEP, WARNING, Instance, Message
 from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
 
-GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
 Request = tuple[str, Any, bool]  # verb, its arguments, whether the inputs are new
 Answer = tuple[int, str, Any, list[Message]]  # status, entry point that gave it, value, new messages
 

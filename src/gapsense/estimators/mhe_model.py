@@ -89,7 +89,7 @@ class Point(NamedTuple):
 
 def model(par: Parameters, d: Device) -> Model:
     """The model of a device."""
-    scale, through = 1.0 / square(par.coil_turns), 1.0 / (1.0 + d.resistance * d.eddy)
+    scale = 1.0 / square(par.coil_turns)
     m = Model(
         d=d,
         T_s=par.sample_time,
@@ -107,11 +107,11 @@ def model(par: Parameters, d: Device) -> Model:
         gap_fringing=par.gap_fringing,
         gap_window=par.gap_window,
         gap_bump=0.0,
-        through=through,
-        load=d.resistance * through,
+        through=1.0,
+        load=0.0,
     )
     rise = gap_law(m.upper, m)[0] - gap_law(m.lower, m)[0]
-    return m._replace(gap_bump=2.0 * rise / square(m.upper - m.lower))
+    return with_device(m._replace(gap_bump=2.0 * rise / square(m.upper - m.lower)), d)
 
 
 def with_device(m: Model, d: Device) -> Model:
