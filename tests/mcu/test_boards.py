@@ -9,7 +9,10 @@ from board import BOARDS, Cost, build, missing_tools, run
 from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, line, measured
 from host import ROOT, played
 
+from records import in_scenario
+
 from gapsense.embedded.design import designed
+from gapsense.embedded.readme import memory
 
 # Largest instructions per step of Semera (mean) on each board, with four outputs and its parameters as constants
 AIM = {"Cortex-M3": 5600, "Cortex-M4F": 225}
@@ -50,6 +53,13 @@ def test_page_tells_what_is_measured(found: tuple[Row, dict[str, Cost]]) -> None
 def numbers(text: str) -> list[float]:
     """Instructions, flash, RAM and stack of a row."""
     return [float(word.replace(",", "")) for cell in text.split("|")[3:9] for word in cell.replace(", ", " ").split()]
+
+
+def test_readme_tells_the_memory(found: tuple[Row, dict[str, Cost]]) -> None:
+    row, costs = found
+    given = in_scenario(row.scenario, row.part)
+    design = designed(given.folder, "float", row.outputs, given.values, row.is_baked)
+    assert {cost.memory for cost in costs.values()} == {memory(design)}
 
 
 def test_float_is_near_double(found: tuple[Row, dict[str, Cost]]) -> None:
