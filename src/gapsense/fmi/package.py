@@ -186,7 +186,7 @@ def _complete(members: dict[str, bytes], component: Component, folder: Path, gui
 
 def _license_of(package: str) -> bytes:
     file = next(f for f in metadata.files(package) or () if f.name == "LICENSE")
-    return file.locate().read_bytes()
+    return file.read_binary()
 
 
 def _write(members: dict[str, bytes], path: Path) -> Path:

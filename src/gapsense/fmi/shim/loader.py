@@ -17,13 +17,17 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 ERROR = 3  # fmi2Error
-# By name and content of the script, which a host may unpack many times.  Two threads may run this file at the same time.
+# By name and content of the script, which a host may unpack often.  Two threads may run this file at the same time.
 CLASSES: dict[tuple[str, bytes], type] = globals().setdefault("CLASSES", {})
 LOCK: Any = globals().setdefault("LOCK", threading.Lock())
 
 
 class Refusal(Exception):
-    """There can be no slave; the message says why."""
+    """What the host asks for cannot be; the message says why."""
+
+
+class NotProvided(Refusal):
+    """What the host asks for is missing; nothing has failed."""
 
 
 # --- Making slaves ---
@@ -92,14 +96,15 @@ def said(name: str, of: type, key: str, *values: Any) -> str:
 
 
 def refuse(slave: Any, key: str, *values: Any) -> None:
-    """Refuse a call; for our shell, that is the end of the run."""
-    if key != "not_provided" and hasattr(slave, "phase"):
-        slave.phase = "failed"
-    raise Refusal(said(slave.instance_name, type(slave), key, *values))
+    """Refuse a call."""
+    kind = NotProvided if key == "not_provided" else Refusal
+    raise kind(said(slave.instance_name, type(slave), key, *values))
 
 
 def log_failure(slave: Any, error: BaseException) -> None:
-    """Log an exception, unless the slave has done so."""
+    """Log an exception, unless the slave has done so.  For our shell, a call that failed is the end of the run."""
+    if hasattr(slave, "phase") and not isinstance(error, NotProvided):
+        slave.phase = "failed"
     if not getattr(error, "is_logged", False):
         message = as_message(f"`{slave.instance_name}` ({type(slave).__name__})", error)
         slave._get_log_queue().append(message)
