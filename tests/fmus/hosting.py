@@ -77,15 +77,16 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def in_host(
-    host: Path, *folders: Path, options: str = "", uri: str = "", **changes: str
+    host: Path, *folders: Path, options: str = "", uri: str = "", instance: str = "model", **changes: str
 ) -> subprocess.CompletedProcess[str]:
     """Run extracted FMUs in the C host."""
     fmus = []
     for folder in folders:
         name = next((folder / "binaries" / "linux64").glob("*.so"))
         fmus += [str(name), uri or (folder / "resources").as_uri(), ""]
-    command = [str(host), *options.split(), *fmus, "--", "1"]
-    return subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=60)
+    command = [str(host), *options.split(), "-i", instance, *fmus, "--", "1"]
+    how = {"capture_output": True, "text": True, "errors": "surrogateescape", "timeout": 60}
+    return subprocess.run(command, env=environment(**changes), **how)  # type: ignore[call-overload,no-any-return]
 
 
 def final_values(output: str) -> list[float]:
