@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,15 @@ def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with `<name>.fmu` and the extracted `<name>/` of each slave in `SLAVES`, with our Linux binary."""
     scripts = {name: SLAVE.format(name=name, on_init=init, on_step=step) for name, (init, step) in SLAVES.items()}
     return build_slaves(tmp_path_factory.mktemp("stock"), scripts)
+
+
+@pytest.fixture(scope="session")
+def semera(fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One of our own FMUs, extracted."""
+    folder = tmp_path_factory.mktemp("extracted") / "Semera"
+    with zipfile.ZipFile(fmus / "Semera.fmu") as archive:
+        archive.extractall(folder)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -55,14 +54,6 @@ def raw(function: str, folder: Path, guid: str | None = None) -> Any:
     run = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stdout + run.stderr
     return json.loads(run.stdout.splitlines()[-1])
-
-
-@pytest.fixture(scope="module")
-def semera(fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ours") / "Semera"
-    with zipfile.ZipFile(fmus / "Semera.fmu") as archive:
-        archive.extractall(folder)
-    return folder
 
 
 # Instantiation --------------------------------------------------------------------------------------------------------
