@@ -17,7 +17,7 @@ from .failing import refuse_inputs, refuse_non_finite, tell
 from .ports import Port
 from .sentences import Refusal, say
 from .state import SAVED, from_bytes, to_bytes
-from .steps import refuse_jump, samples_due
+from .steps import SHIFT, refuse_jump, samples_due
 from .values import fields
 from .variables import Variables, variable
 
@@ -88,7 +88,7 @@ class Slave(Variables):
             end = current_time + step_size
             if not step_size > 0.0 or end - end != 0.0:  # infinite or NaN
                 raise Refusal(say("step_size", repr(step_size)))
-            if current_time != self.end:
+            if current_time != self.end and not abs(current_time - self.end) <= SHIFT * step_size:
                 refuse_jump(current_time, step_size, self.end)
             if not self.period:
                 self._advance(end, step_size)
