@@ -96,7 +96,7 @@ def _steps(component: Component) -> Iterator[tuple[str, Case]]:
     for step in (-h, 0.0, math.nan, math.inf):
         yield f"step of {step} s", ({"step": (h, step)}, ["communication step", "Give a positive one", *PLACE])
     yield "step from no time", ({"step": (math.nan, h)}, ["finite time", *PLACE])
-    yield "step before the start", ({"phase": "before", "step": (0.0, h)}, ["`instantiated`", "Initialise", *PLACE])
+    yield "step before the start", ({"phase": "before", "step": (0.0, h)}, ["`instantiated`", "initialise", *PLACE])
 
 
 def _samples(component: Component) -> Iterator[tuple[str, Case]]:

@@ -25,7 +25,7 @@ from gapsense.problems import code
 from gapsense.records import choices, fields
 
 HERE = Path(__file__).parent
-SHELL = ("ports.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
+SHELL = ("life.py", "ports.py", "sentences.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,

@@ -17,7 +17,9 @@ from typing import Any, NoReturn
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
+from .life import phases_of
 from .ports import Component, Port
+from .sentences import say
 from .values import ValuesError, fields, problems
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
@@ -96,7 +98,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _port(self, ref: int, kind: str) -> Port:
         ports = self.component.ports
         if not 0 <= ref < len(ports) or ports[ref].kind != kind:
-            raise Refusal(f"there is no {kind} variable with value reference {ref}. Read the model description again.")
+            raise Refusal(say("no_variable", kind, ref))
         return ports[ref]
 
     def _set(self, kind: str, refs: list[int], values: list[Any]) -> None:
@@ -112,12 +114,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def _set_parameter(self, port: Port, ref: int, value: Any) -> None:
         if port.causality == "output":
-            raise Refusal(f"`{port.name}` is an output and cannot be set.")
+            raise Refusal(say("is_output", port.name))
         is_running = self.phase in ("running", "terminated")
         if is_running and port.variability != "tunable":
-            raise Refusal(
-                f"`{port.name}` is fixed and cannot be set during a run. Set it before, or reset the instance."
-            )
+            raise Refusal(say("is_fixed", port.name))
         self.parameters[ref - len(self.signals)] = value
         if is_running:
             if found := problems(self.component, self._given()):
@@ -149,10 +149,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def do_step(self, current_time: float, step_size: float) -> bool:
         try:
             if self.phase != "running":
-                raise Refusal(f"a step in phase `{self.phase}`. Initialise the instance first, or reset it.")
+                raise Refusal(say("wrong_phase", "fmi2DoStep", self.phase, phases_of("fmi2DoStep")))
             end = current_time + step_size
             if not step_size > 0.0 or end - end != 0.0:  # infinite or NaN
-                raise Refusal(f"the communication step is {step_size!r} s. Give a positive one, from a finite time on.")
+                raise Refusal(say("step_size", repr(step_size)))
             if not self.period:
                 self._advance(end, step_size)
             elif step_size == self.period and not self.elapsed:
@@ -180,18 +180,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         period, tolerance = self.period, TOLERANCE + 2.0 * math.ulp(end) / step  # a step may be a difference of times
         ratio = step / period if step >= period else period / step
         if abs(ratio - round(ratio)) > tolerance * ratio:
-            raise Refusal(
-                f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of"
-                f" `sample_time` = {period:.9g} s. Change one of them."
-            )
+            raise Refusal(say("no_fraction", step, period))
         elapsed = self.elapsed + step
         count = int(elapsed / period * (1.0 + tolerance))
         if count and abs(elapsed - count * period) > tolerance * elapsed:
-            raise Refusal(
-                f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a"
-                f" sample. Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a"
-                " communication point."
-            )
+            raise Refusal(say("past_sample", step, elapsed - count * period, period))
         self.elapsed = 0.0 if count else elapsed
         return count
 
@@ -203,19 +196,19 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         inputs = self.signals[: self.inputs]
         total = sum(inputs)
         if total - total != 0.0 and not self.component.survives:  # infinite or NaN
-            self._refuse_non_finite(inputs, 0, "input", "Check the component that drives it")
+            self._refuse_non_finite(inputs, 0, "inputs_not_finite")
         return [time, dt, *inputs] if self.clock == 2 else [time, *inputs] if self.clock else inputs
 
     def _publish(self, outputs: tuple[float, ...]) -> None:
         total = sum(outputs)
         if total - total != 0.0:
-            self._refuse_non_finite(outputs, self.inputs, "output", "Check the parameters, or reduce the step")
+            self._refuse_non_finite(outputs, self.inputs, "outputs_not_finite")
         self.signals[self.inputs :] = outputs
 
-    def _refuse_non_finite(self, values: Any, first: int, what: str, advice: str) -> None:
+    def _refuse_non_finite(self, values: Any, first: int, sentence: str) -> None:
         names = [p.name for p, v in zip(self.component.ports[first:], values) if not math.isfinite(v)]
         if names:
-            raise Refusal(f"{what} {', '.join(f'`{n}`' for n in names)} is not finite. {advice}.")
+            raise Refusal(say(sentence, ", ".join(f"`{n}`" for n in names)))
 
     def _given(self) -> dict[str, Any]:
         return {port.name: value for port, value in zip(self.component.of("parameter"), self.parameters)}
@@ -228,7 +221,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         saved = state.get("build", "unknown (its bytes cannot be read)")
         if saved != self.build:
-            self._fail(Refusal(f"the saved state is of build {saved}, this is {self.build}. Save it with this FMU."))
+            self._fail(Refusal(say("other_build", saved, self.build)))
         for name, value in state.items():
             setattr(self, name, _copy(value))
         self.constants = self.kernel.constants(self.par) if self.par else ()
@@ -255,21 +248,21 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         """Log what happened and where, and let the call fail."""
         if not getattr(error, "is_logged", False):
             error.is_logged = True  # type: ignore[attr-defined]
-            where = f"`{self.instance_name}` ({self.component.name})"
-            where += "" if time is None else f", t = {time:.9g} s, step = {step:.9g} s"
-            self.log(f"{where}: {self._cause(error)}", Fmi2Status.error, "logStatusError")
+            place = (self.instance_name, self.component.name)
+            key, values = ("said", place) if time is None else ("said_in_step", (*place, time, step))
+            self.log(say(key, *values, self._cause(error)), Fmi2Status.error, "logStatusError")
             for held in (self, type(self), self.log_queue):  # the wrapper drops these once too often after an exception
                 ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
         raise error
 
     def _cause(self, error: BaseException) -> str:
         if isinstance(error, ValuesError):
-            return f"{error} Correct the parameters."
+            return say("correct_parameters", error)
         if isinstance(error, Refusal):
             return str(error)
         inputs = ", ".join(f"{p.name} = {v!r}" for p, v in zip(self.component.ports, self.signals[: self.inputs]))
         text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
-        return f"{type(error).__name__}: {error}\ninputs: {inputs or 'none'}\n{text}"
+        return say("exception", type(error).__name__, error, inputs or "none", text)
 
 
 def _variable(port: Port) -> Any:
