@@ -14,7 +14,7 @@ from uuid import UUID
 from xml.etree import ElementTree
 
 import gapsense
-from gapsense.fmi import describe, page, picture, shim
+from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
@@ -87,6 +87,7 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, UUID(identity[:32]))
+    members |= references.files(folder, replaced=tables)
     destination.mkdir(parents=True, exist_ok=True)
     return _write(members, destination / f"{component.name}.fmu")
 
