@@ -15,7 +15,7 @@ from uuid import UUID
 from xml.etree import ElementTree
 
 import gapsense
-from gapsense.fmi import describe, page, picture, shim
+from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
@@ -23,10 +23,11 @@ from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.problems import code
-from gapsense.records import choices, fields
+from gapsense.records import choices, fields, names
 
 HERE = Path(__file__).parent
-SHELL = ("life.py", "ports.py", "sentences.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
+PARTS = ("failing", "life", "ports", "sentences", "slave", "state", "steps", "tables", "values", "variables")
+SHELL = tuple(f"{name}.py" for name in PARTS)  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,
@@ -70,17 +71,9 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, given = load_component(folder), values or {}
-    checked(component, given, folder)
-    if not (folder / "page.md").is_file():
-        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
-    with code(folder / "component.py"):
-        kernel = kernel_of(component)
+    component, kernel, resources = prepared(folder, values or {})
     with code(str(kernel.module.__file__)):
-        check_records(component, kernel)
-        component, tables = started(component, given)
         files = _sources(component, kernel)
-    resources = [tables.get(name, folder / name) for name in component.resources]
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
@@ -88,8 +81,23 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, _guid(identity))
+    members |= references.files(folder, replaced={path.name for path in resources if path.parent != folder})
     destination.mkdir(parents=True, exist_ok=True)
-    return _write(members, destination / f"{component.name}.fmu")
+    return write(members, destination / f"{component.name}.fmu")
+
+
+def prepared(folder: Path, given: Mapping[str, Any]) -> tuple[Component, Kernel, list[Path]]:
+    """Component with these start values, its kernel, and the files that travel with it; they fit each other."""
+    component = load_component(folder)
+    checked(component, given, folder)
+    if not (folder / "page.md").is_file():
+        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
+    with code(folder / "component.py"):
+        kernel = kernel_of(component)
+    with code(str(kernel.module.__file__)):
+        check_records(component, kernel)
+    component, tables = started(component, given)
+    return component, kernel, [tables.get(name, folder / name) for name in component.resources]
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
@@ -138,8 +146,11 @@ def _parameter_fields(port: Port) -> list[str]:
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     """Files of the private package that travels in the FMU."""
-    names = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
-    constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
+    constants: dict[str, tuple[Any, ...]]
+    constants = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
+    sizes = {name: field.size for name, field in fields(kernel.module.State).items() if field.kind == "memory"}
+    constants["STATE"] = tuple(sizes.get(name, 0) for name in names(kernel.module.State))  # 0 for a number
+    given = "".join(f"{name} = {value!r}\n" for name, value in constants.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
     table = (
         '"""The port table."""\n\nfrom .ports import Component, Limit, Port  # noqa: F401\n\n'
@@ -147,7 +158,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     )
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
     title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
-    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
+    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
 def _guid(identity: str) -> str:
@@ -189,7 +200,7 @@ def _license_of(package: str) -> bytes:
     return file.read_binary()
 
 
-def _write(members: dict[str, bytes], path: Path) -> Path:
+def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times, under a temporary name first."""
     temporary = path.with_suffix(".part")
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
