@@ -172,12 +172,19 @@ def _resident() -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def reference(path: str, step: float, rows: int, inputs: list[list[float]] | None = None) -> dict[str, Any]:
-    """A short run with default parameters: names, times, inputs (the stimulus, unless given) and outputs."""
+def reference(
+    path: str,
+    step: float,
+    rows: int,
+    inputs: list[list[float]] | None = None,
+    parameters: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """A short run: names, inputs (the stimulus, unless given; the first hold in the first step too) and outputs."""
     fmu = Fmu(path)
-    stimulus = inputs or fmu.stimulus(rows)
+    first, *others = inputs or fmu.stimulus(rows - 1)
+    stimulus = [first, *others] if inputs else [first, first, *others]
     one = Instance(fmu)
-    outputs = [one.start(stimulus[0])]
+    outputs = [one.start(stimulus[0], parameters)]
     outputs += [one.step(row, k * step, step) for k, row in enumerate(stimulus[1:])]
     names = [[v.name for v in fmu.of(causality)] for causality in ("input", "output")]
     nominal = [float(v.nominal) for v in fmu.of("output")]

@@ -8,13 +8,14 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 from xml.etree import ElementTree
 
 import gapsense
-from gapsense.fmi import describe, page, picture, shim
+from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
@@ -49,6 +50,7 @@ from .slave import Slave
 
 class {name}(Slave):
     component, kernel, build = table.COMPONENT, kernel, "{build}"
+    guid = "{guid}"  # of the model description; the Linux binary compares it with the host's
 '''
 
 
@@ -69,7 +71,24 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, given = load_component(folder), values or {}
+    component, kernel, resources = prepared(folder, values or {})
+    with code(str(kernel.module.__file__)):
+        files = _sources(component, kernel)
+    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
+    identity = hashlib.sha256(repr(content).encode()).hexdigest()
+    with tempfile.TemporaryDirectory() as temporary:
+        stock = _build_stock(Path(temporary), component, files, identity, resources)
+        with zipfile.ZipFile(stock) as archive:
+            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
+    _complete(members, component, folder, _guid(identity))
+    members |= references.files(folder, replaced={path.name for path in resources if path.parent != folder})
+    destination.mkdir(parents=True, exist_ok=True)
+    return write(members, destination / f"{component.name}.fmu")
+
+
+def prepared(folder: Path, given: Mapping[str, Any]) -> tuple[Component, Kernel, list[Path]]:
+    """Component with these start values, its kernel, and the files that travel with it; they fit each other."""
+    component = load_component(folder)
     checked(component, given, folder)
     if not (folder / "page.md").is_file():
         raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
@@ -77,18 +96,8 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         kernel = kernel_of(component)
     with code(str(kernel.module.__file__)):
         check_records(component, kernel)
-        component, tables = started(component, given)
-        files = _sources(component, kernel)
-    resources = [tables.get(name, folder / name) for name in component.resources]
-    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
-    identity = hashlib.sha256(repr(content).encode()).hexdigest()
-    with tempfile.TemporaryDirectory() as temporary:
-        stock = _build_stock(Path(temporary), component, files, identity[:12], resources)
-        with zipfile.ZipFile(stock) as archive:
-            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
-    _complete(members, component, folder, UUID(identity[:32]))
-    destination.mkdir(parents=True, exist_ok=True)
-    return _write(members, destination / f"{component.name}.fmu")
+    component, tables = started(component, given)
+    return component, kernel, [tables.get(name, folder / name) for name in component.resources]
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
@@ -152,11 +161,17 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
-def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, paths: list[Path]) -> Path:
+def _guid(identity: str) -> str:
+    return f"{{{UUID(identity[:32])}}}"
+
+
+def _build_stock(work: Path, component: Component, files: dict[str, str], identity: str, paths: list[Path]) -> Path:
     """What pythonfmu makes of the generated class; names carry the build, so that no two FMUs mix up their modules."""
+    build = identity[:12]
     package = work / f"_gapsense_{component.name.lower()}_{build}"
     package.mkdir()
-    about = {"name": component.name, "description": component.description, "package": package.name, "build": build}
+    about = {"name": component.name, "description": component.description, "package": package.name}
+    about |= {"build": build, "guid": _guid(identity)}
     for name, text in {**files, "__init__.py": ENTRY.format(**about)}.items():
         (package / name).write_text(text, encoding="utf-8")
     script = work / f"{component.name}_{build}.py"
@@ -167,21 +182,25 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
         return Path(builder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
 
 
-def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:
+def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: str) -> None:
     root = ElementTree.fromstring(members["modelDescription.xml"])
-    describe.complete(root, component, f"{{{guid}}}", gapsense.__version__)
+    describe.complete(root, component, guid, gapsense.__version__)
     members["modelDescription.xml"] = describe.text(root)
-    binary = f"binaries/linux64/{component.name}.so"
-    members[f"binaries/linux64/{shim.WRAPPER}"] = members[binary]
-    members[binary] = shim.BINARY.read_bytes()
+    members[f"binaries/linux64/{component.name}.so"] = shim.BINARY.read_bytes()
     members["model.png"] = (HERE / "icon.png").read_bytes()
     markdown, drawing = (folder / "page.md").read_text(encoding="utf-8"), picture.figure(component, folder)
     text = page.html(component, markdown, gapsense.__version__, drawing)
     members["documentation/index.html"] = text.encode()
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
+    members["documentation/licenses/pythonfmu.txt"] = _license_of("pythonfmu")  # travels in the FMU
 
 
-def _write(members: dict[str, bytes], path: Path) -> Path:
+def _license_of(package: str) -> bytes:
+    file = next(f for f in metadata.files(package) or () if f.name == "LICENSE")
+    return file.read_binary()
+
+
+def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times, under a temporary name first."""
     temporary = path.with_suffix(".part")
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
