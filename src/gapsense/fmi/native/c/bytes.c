@@ -195,11 +195,9 @@ static const char *damage(const unsigned char *bytes, size_t size)
 {
     uint64_t said[2];
     if (size < HEAD || memcmp(bytes, MAGIC, WORD) != 0)
-        return "beginning";
+        return "checksum";
     memcpy(said, bytes + WORD + BUILD, sizeof said);
-    if (said[0] != size)
-        return "length";
-    return said[1] == checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
+    return said[0] == size && said[1] == checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
 }
 
 static int is_own(const unsigned char *bytes, Text *problem)
