@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "fmus")]  # helpers for the tests here
+sys.path.insert(0, str(Path(__file__).parents[1] / "fmus"))  # the helpers of both folders can be imported here
+sys.path.insert(0, str(Path(__file__).parent))
 
 from parts import FOLDERS, Part
 from unpacked_native import Unpacked, compiled_host, unpack
@@ -33,10 +33,3 @@ def unpacked(part: Part, tmp_path: Path) -> Unpacked:
 def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plain host, for this machine."""
     return compiled_host(("cc",), tmp_path_factory.mktemp("host") / "host")
-
-
-def run(*command: object) -> str:
-    """What a command prints; it must end well."""
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
