@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from uuid import UUID
 
 import gapsense
-from gapsense.fmi import package, page, picture
+from gapsense.fmi import package, page, picture, references
 from gapsense.fmi.native import SOURCES, headers, model
 from gapsense.fmi.native.compile import binary, compile_common
 from gapsense.fmi.native.description import description
@@ -42,17 +42,20 @@ class Parts(NamedTuple):
     files: dict[str, str]  # C sources and headers
     resources: dict[str, bytes]
     folder: Path  # of the component
+    replaced: tuple[str, ...]  # resources that hold a user's tables
 
 
 def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
     """Parts of the component in a folder, with these start values of its parameters."""
-    component, kernel, paths = package.prepared(folder, values)
+    component, kernel, paths, replaced = package.prepared(folder, values)
     resources = {path.name: path.read_bytes() for path in paths}
     files = {**common(), "kernel.c": kernel.c()}
     flags = (FLAGS, NO_FOLDING, sorted(PLATFORMS.items()))
     content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
-    return with_identity(Parts(component, f"{{{UUID(identity)}}}", files, resources, folder), kernel, identity)
+    return with_identity(
+        Parts(component, f"{{{UUID(identity)}}}", files, resources, folder, replaced), kernel, identity
+    )
 
 
 def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
@@ -120,6 +123,7 @@ def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
         "documentation/index.html": documentation(parts, platforms).encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         "model.png": (package.HERE / "icon.png").read_bytes(),
+        **references.files(parts.folder, parts.replaced),
         **{f"resources/{name}": content for name, content in parts.resources.items()},
         **{f"sources/{name}": text.encode() for name, text in parts.files.items()},
     }
