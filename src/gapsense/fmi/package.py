@@ -68,17 +68,9 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, given = load_component(folder), values or {}
-    checked(component, given, folder)
-    if not (folder / "page.md").is_file():
-        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
-    with code(folder / "component.py"):
-        kernel = kernel_of(component)
+    component, kernel, resources = prepared(folder, values or {})
     with code(str(kernel.module.__file__)):
-        check_records(component, kernel)
-        component, tables = started(component, given)
         files = _sources(component, kernel)
-    resources = [tables.get(name, folder / name) for name in component.resources]
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
@@ -88,7 +80,21 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     _complete(members, component, folder, UUID(identity[:32]))
     members |= references.files(folder, replaced=tables)
     destination.mkdir(parents=True, exist_ok=True)
-    return _write(members, destination / f"{component.name}.fmu")
+    return write(members, destination / f"{component.name}.fmu")
+
+
+def prepared(folder: Path, given: Mapping[str, Any]) -> tuple[Component, Kernel, list[Path]]:
+    """Component with these start values, its kernel, and the files that travel with it; they fit each other."""
+    component = load_component(folder)
+    checked(component, given, folder)
+    if not (folder / "page.md").is_file():
+        raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
+    with code(folder / "component.py"):
+        kernel = kernel_of(component)
+    with code(str(kernel.module.__file__)):
+        check_records(component, kernel)
+    component, tables = started(component, given)
+    return component, kernel, [tables.get(name, folder / name) for name in component.resources]
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
@@ -178,7 +184,7 @@ def _complete(members: dict[str, bytes], component: Component, folder: Path, gui
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
 
 
-def _write(members: dict[str, bytes], path: Path) -> Path:
+def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times, under a temporary name first."""
     temporary = path.with_suffix(".part")
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:

@@ -43,7 +43,7 @@ Profile: FMI 2.0 co-simulation, variable communication step, several instances, 
 """
 
 
-def html(component: Component, markdown: str, version: str, picture: str = "") -> str:
+def html(component: Component, markdown: str, version: str, picture: str = "", run: str = RUN) -> str:
     """The page: what it does, a picture, tables of its ports, how to run it."""
     renderer = MarkdownIt("commonmark").enable("table")
     text, said = parted(markdown)
@@ -60,7 +60,7 @@ def html(component: Component, markdown: str, version: str, picture: str = "") -
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
         f"{picture}{render(text)}\n{render(wiring.chapter(component))}\n{tables}\n"
-        f"{render(RUN.format(step=component.step_size))}</body></html>\n"
+        f"{render(run.format(step=component.step_size))}</body></html>\n"
     )
 
 

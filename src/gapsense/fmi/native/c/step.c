@@ -1,0 +1,154 @@
+/* What an instance computes: its outputs at the start, and steps. */
+#include <math.h>
+#include <string.h>
+
+#include "instance.h"
+#include "sentences.h"
+#include "values.h"
+
+#define TOLERANCE 1e-9 /* relative, on times: hosts round */
+
+static const double *kernel_inputs(State *s, double time, double dt)
+{
+    double *inputs = s->values - model.clock;
+    if (model.clock)
+        inputs[0] = time;
+    if (model.clock > 1)
+        inputs[1] = dt;
+    return inputs;
+}
+
+static Status take_inputs(Instance *i)
+{
+    Text problem = {NULL, 0, 0};
+    if (model.survives || are_inputs_taken(i->state, &problem))
+        return FINE;
+    refuse(i, "%s", text_of(&problem));
+    text_free(&problem);
+    return REFUSED;
+}
+
+static Status publish(Instance *i)
+{
+    const int count = model.signals - model.inputs;
+    double odd = 0.0; /* NaN as soon as one is not finite */
+    for (int k = 0; k < count; k++)
+        odd += i->outputs[k] - i->outputs[k];
+    if (odd == 0.0) {
+        memcpy(i->state->values + model.inputs, i->outputs, (size_t)count * sizeof *i->outputs);
+        return FINE;
+    }
+    Text names = {NULL, 0, 0};
+    for (int k = 0; k < count; k++)
+        if (!(i->outputs[k] - i->outputs[k] == 0.0))
+            text_join(&names, ", ", "`%s`", model.ports[model.inputs + k].name);
+    refuse(i, SAY_OUTPUTS_NOT_FINITE, text_of(&names));
+    text_free(&names);
+    return REFUSED;
+}
+
+static Status compute(Instance *i, Kernel *kernel, double time, double dt)
+{
+    State *s = i->state;
+    if (take_inputs(i))
+        return REFUSED;
+    kernel(s->kernel, s->memory, kernel_inputs(s, time, dt), s->par, (const double *const *)s->tables, s->sizes,
+           s->kernel, i->outputs);
+    return publish(i);
+}
+
+Status instance_initialize(Instance *i)
+{
+    State *s = i->state;
+    Text problems = {NULL, 0, 0};
+    if (!s->is_due)
+        return FINE;
+    judge(s, &problems);
+    read_tables(s, i->resources, &problems);
+    if (problems.length) {
+        refuse(i, SAY_CORRECT_PARAMETERS, text_of(&problems));
+        text_free(&problems);
+        return REFUSED;
+    }
+    take_parameters(s);
+    s->period = model.sample_time < 0 ? 0.0 : s->values[model.sample_time];
+    s->elapsed = 0.0;
+    if (compute(i, model.initial, s->start_time, 0.0))
+        return REFUSED;
+    s->is_due = 0;
+    return FINE;
+}
+
+/* --- steps --- */
+
+static double rounding(double x) { return nextafter(fabs(x), INFINITY) - fabs(x); }
+
+/* A step begins where the one before ended, but for what hosts round. */
+static Status is_next(Instance *i, double time, double step)
+{
+    const State *s = i->state;
+    if (!s->is_timed || time == s->time || fabs(time - s->time) <= 1e-6 * step + 8.0 * rounding(time))
+        return FINE;
+    return refuse(i, SAY_JUMP, time - s->time, s->time);
+}
+
+/* How many samples fall due in this step, during which inputs are held; -1 if it does not fit them. */
+static double samples_due(Instance *i, double end, double step)
+{
+    State *s = i->state;
+    const double period = s->period;
+    const double tolerance = TOLERANCE + 2.0 * rounding(end) / step; /* a step may be a difference of times */
+    const double ratio = step >= period ? step / period : period / step;
+    const double elapsed = s->elapsed + step, count = floor(elapsed / period * (1.0 + tolerance));
+    if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio)) {
+        refuse(i, SAY_NO_FRACTION, step, period);
+        return -1.0;
+    }
+    if (count > 0.0 && fabs(elapsed - count * period) > tolerance * elapsed) {
+        refuse(i, SAY_PAST_SAMPLE, step, elapsed - count * period, period);
+        return -1.0;
+    }
+    s->elapsed = count > 0.0 ? 0.0 : elapsed;
+    return count;
+}
+
+static Status advance(Instance *i, double end, double step)
+{
+    State *s = i->state;
+    if (s->period == 0.0)
+        return compute(i, model.step, end, step);
+    if (step == s->period && s->elapsed == 0.0)
+        return compute(i, model.step, end, s->period);
+    const double count = samples_due(i, end, step);
+    if (count < 0.0)
+        return REFUSED;
+    for (double k = count - 1.0; k >= 0.0; k -= 1.0)
+        if (compute(i, model.step, end - k * s->period, s->period))
+            return REFUSED;
+    return FINE;
+}
+
+static Status take_step(Instance *i, const char *name, double time, double step)
+{
+    char number[REPR];
+    const double end = time + step;
+    if (instance_may(i, CALL_DoStep, name))
+        return REFUSED;
+    if (!(step > 0.0) || !(end - end == 0.0))
+        return refuse(i, SAY_STEP_SIZE, repr(step, number));
+    if (is_next(i, time, step) || advance(i, end, step))
+        return REFUSED;
+    i->state->time = end;
+    i->state->is_timed = 1;
+    return FINE;
+}
+
+Status instance_step(Instance *i, const char *name, double time, double step)
+{
+    i->is_stepping = 1;
+    i->step_time = time;
+    i->step = step;
+    const Status status = take_step(i, name, time, step);
+    i->is_stepping = 0;
+    return status;
+}

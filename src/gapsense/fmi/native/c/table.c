@@ -1,0 +1,265 @@
+#include "table.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "csv.h"
+#include "files.h"
+#include "sentences.h"
+
+/* A file while it is read: where its columns are, and the numbers in them, head by head. */
+typedef struct {
+    const Port *port;
+    Csv csv;
+    int *places; /* by head; -1: missing */
+    double *numbers;
+    int rows;
+    Text problems;
+} Reading;
+
+typedef struct {
+    const char *name, *unit;
+    int name_length, unit_length;
+} Title;
+
+static const double *column(const Reading *r, int head) { return r->numbers + (size_t)head * (size_t)r->rows; }
+
+/* --- the header --- */
+
+static void strip(const char **text, int *length)
+{
+    size_t n;
+    while (*length && (n = space(*text))) {
+        *text += n;
+        *length -= (int)n;
+    }
+    for (int back = 1; back <= 3 && back <= *length; back++)
+        if (space(*text + *length - back) == (size_t)back) {
+            *length -= back;
+            back = 0;
+        }
+}
+
+/* `name [unit]` or `name (unit)`, also `kind:name [unit]`; a text with other brackets is a name as a whole. */
+static Title title_of(const char *cell)
+{
+    const char *colon = strrchr(cell, ':'), *name = colon ? colon + 1 : cell, *unit;
+    Title title = {name, "", (int)strcspn(name, "[]()"), 0}, whole = {name, "", (int)strlen(name), 0};
+    const char *open = name + title.name_length;
+    strip(&title.name, &title.name_length);
+    if (!*open)
+        return title;
+    int length = (int)strlen(open) - 1;
+    unit = open + 1;
+    strip(&unit, &length);
+    if (*open == ']' || *open == ')' || !length || !strchr("])", unit[length - 1]))
+        return whole;
+    length--;
+    strip(&unit, &length);
+    title.unit = unit;
+    title.unit_length = length;
+    return memchr(unit, '\n', (size_t)length) ? whole : title;
+}
+
+static int is_called(const Title *title, const char *name)
+{
+    if ((int)strlen(name) != title->name_length)
+        return 0;
+    for (int k = 0; k < title->name_length; k++) {
+        const char c = title->name[k];
+        if ((c >= 'A' && c <= 'Z' ? c + 'a' - 'A' : c) != name[k])
+            return 0;
+    }
+    return 1;
+}
+
+static void note_unit(Reading *r, const Head *head, const Title *title)
+{
+    Text found = {NULL, 0, 0};
+    if (!*head->unit || !title->unit_length)
+        return;
+    if ((int)strlen(head->unit) == title->unit_length && !strncmp(head->unit, title->unit, strlen(head->unit)))
+        return;
+    for (int k = 0; k < title->unit_length; k++)
+        text_add(&found, "%s", (char[2]){title->unit[k], 0});
+    text_join(&r->problems, "; ", SAY_COLUMN_UNIT, head->name, text_of(&found), head->unit);
+    text_free(&found);
+}
+
+static void find_column(Reading *r, int h)
+{
+    const Head *head = r->port->heads + h;
+    Text places = {NULL, 0, 0};
+    int found = 0;
+    r->places[h] = -1;
+    for (int k = 0; r->csv.row_count && k < r->csv.rows[0].count; k++) {
+        const Title title = title_of(csv_cell(&r->csv, 0, k));
+        if (!is_called(&title, head->name))
+            continue;
+        text_join(&places, " and ", "%d", k + 1);
+        if (!found++)
+            r->places[h] = k;
+    }
+    if (found > 1) {
+        text_join(&r->problems, "; ", SAY_COLUMNS_TWICE, text_of(&places), head->name);
+    } else if (found) {
+        const Title title = title_of(csv_cell(&r->csv, 0, r->places[h]));
+        note_unit(r, head, &title);
+    }
+    text_free(&places);
+}
+
+/* The cells of the header, as a message shows them. */
+static void add_header(const Reading *r, Text *text)
+{
+    for (int k = 0; r->csv.row_count && k < r->csv.rows[0].count; k++) {
+        const char *cell = csv_cell(&r->csv, 0, k);
+        int length = (int)strlen(cell);
+        strip(&cell, &length);
+        if (k)
+            text_add(text, ", ");
+        for (int c = 0; c < length; c++)
+            text_add(text, "%s", (char[2]){cell[c], 0});
+    }
+    if (!text->length)
+        text_add(text, SAY_NO_HEADER);
+}
+
+static int find_columns(Reading *r)
+{
+    Text missing = {NULL, 0, 0}, header = {NULL, 0, 0};
+    for (int h = 0; h < r->port->head_count; h++)
+        find_column(r, h);
+    for (int h = 0; h < r->port->head_count; h++)
+        if (r->places[h] < 0)
+            text_join(&missing, ", ", "%s", r->port->heads[h].text);
+    const int all = missing.length == 0;
+    add_header(r, &header);
+    if (!all)
+        text_join(&r->problems, "; ", SAY_COLUMN_MISSING, text_of(&missing), text_of(&header));
+    text_free(&missing);
+    text_free(&header);
+    return all;
+}
+
+/* --- the rows --- */
+
+static void read_numbers(Reading *r, int h)
+{
+    double *to = r->numbers + (size_t)h * (size_t)r->rows;
+    for (int k = 0; k < r->rows; k++) {
+        const char *cell = csv_cell(&r->csv, k + 1, r->places[h]);
+        to[k] = number_in(cell);
+        if (to[k] != to[k])
+            text_join(&r->problems, "; ", SAY_NO_NUMBER, r->csv.rows[k + 1].line, r->port->heads[h].name, cell);
+    }
+}
+
+static void note_disorder(Reading *r, int h)
+{
+    const Head *head = r->port->heads + h;
+    const double *x = column(r, h);
+    for (int k = 1; k < r->rows && (h == 0 || head->is_rising); k++) {
+        if (x[k] < x[k - 1])
+            text_join(&r->problems, "; ", SAY_DECREASES, r->csv.rows[k + 1].line, head->name, x[k - 1], x[k]);
+        else if (x[k] == x[k - 1] && head->is_rising)
+            text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, r->csv.rows[k + 1].line, head->name, x[k - 1], x[k]);
+    }
+}
+
+static void read_rows(Reading *r)
+{
+    const double *x = r->numbers;
+    for (int h = 0; h < r->port->head_count; h++)
+        read_numbers(r, h);
+    for (int h = 0; h < r->port->head_count; h++)
+        note_disorder(r, h);
+    if (r->rows < r->port->fewest_rows || x[r->rows - 1] <= x[0])
+        text_join(&r->problems, "; ", SAY_FEW_ROWS, r->rows, r->port->fewest_rows, r->port->heads[0].name);
+}
+
+/* --- what the kernel gets --- */
+
+static int make(State *s, const Reading *r, const Column *wanted)
+{
+    const double *xs = column(r, 0), *ys = column(r, wanted->head);
+    double *table = malloc((size_t)r->rows * sizeof *table);
+    if (!table)
+        return 0;
+    if (wanted->kind == INTEGRAL)
+        integrate(xs, ys, r->rows, table);
+    else if (wanted->kind == PLAIN)
+        memcpy(table, ys, (size_t)r->rows * sizeof *table);
+    else if (!spline(xs, ys, r->rows, table)) {
+        free(table);
+        return 0;
+    }
+    free(s->tables[wanted->place]);
+    s->tables[wanted->place] = table;
+    s->sizes[wanted->place] = r->rows;
+    return 1;
+}
+
+static int make_all(State *s, const Reading *r)
+{
+    for (int k = 0; k < r->port->column_count; k++)
+        if (!make(s, r, r->port->columns + k))
+            return 0;
+    return 1;
+}
+
+/* Columns, numbers and tables of what the CSV file holds; all that is wrong is noted. */
+static int understand(State *s, Reading *r)
+{
+    r->rows = r->csv.row_count ? r->csv.row_count - 1 : 0;
+    r->places = malloc((size_t)r->port->head_count * sizeof *r->places);
+    r->numbers = malloc((size_t)r->port->head_count * ((size_t)r->rows + 1) * sizeof *r->numbers);
+    if (!r->places || !r->numbers)
+        return 0;
+    if (find_columns(r))
+        read_rows(r);
+    return r->problems.length || make_all(s, r);
+}
+
+static int read_content(State *s, const Port *port, const char *name, char *content, size_t size, Text *problem)
+{
+    Reading r = {port, {NULL, NULL, 0, NULL, 0}, NULL, NULL, 0, {NULL, 0, 0}};
+    const char *fault = csv_read(&r.csv, content, size);
+    if (fault)
+        text_add(problem, SAY_NO_CSV, name, fault);
+    else if (!understand(s, &r))
+        text_add(problem, SAY_NO_MEMORY);
+    else if (r.problems.length)
+        text_add(problem, SAY_WRONG_FILE, name, text_of(&r.problems));
+    csv_free(&r.csv);
+    free(r.places);
+    free(r.numbers);
+    text_free(&r.problems);
+    return problem->length == 0;
+}
+
+/* --- the file --- */
+
+static void add_heads(Text *text, const Port *port)
+{
+    for (int h = 0; h < port->head_count; h++)
+        text_join(text, ", ", "%s", port->heads[h].text);
+}
+
+int read_table(State *s, const Port *port, const char *folder, const char *file, Text *problem)
+{
+    size_t size = 0;
+    char *shipped = path_in(folder, file);
+    char *content = shipped ? file_content(shipped, &size) : NULL;
+    if (!content)
+        content = file_content(file, &size);
+    free(shipped);
+    if (content)
+        return read_content(s, port, last_part(file), content, size, problem);
+    Text heads = {NULL, 0, 0};
+    add_heads(&heads, port);
+    text_add(problem, SAY_NO_FILE, file, text_of(&heads));
+    text_free(&heads);
+    return 0;
+}
