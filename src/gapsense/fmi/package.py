@@ -22,10 +22,11 @@ from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.problems import code
-from gapsense.records import choices, fields
+from gapsense.records import choices, fields, names
 
 HERE = Path(__file__).parent
-SHELL = ("life.py", "ports.py", "sentences.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
+PARTS = ("failing", "life", "ports", "sentences", "slave", "state", "steps", "tables", "values", "variables")
+SHELL = tuple(f"{name}.py" for name in PARTS)  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,
@@ -143,8 +144,11 @@ def _parameter_fields(port: Port) -> list[str]:
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     """Files of the private package that travels in the FMU."""
-    names = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
-    constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
+    constants: dict[str, tuple[Any, ...]]
+    constants = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
+    sizes = {name: field.size for name, field in fields(kernel.module.State).items() if field.kind == "memory"}
+    constants["STATE"] = tuple(sizes.get(name, 0) for name in names(kernel.module.State))  # 0 for a number
+    given = "".join(f"{name} = {value!r}\n" for name, value in constants.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
     table = (
         '"""The port table."""\n\nfrom .ports import Component, Limit, Port  # noqa: F401\n\n'
@@ -152,7 +156,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     )
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
     title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
-    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
+    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
 def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, paths: list[Path]) -> Path:

@@ -47,12 +47,14 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
     """The page: what it does, a picture, tables of its ports, how to run it."""
     renderer = MarkdownIt("commonmark").enable("table")
     text, said = parted(markdown)
+    taken = {"Inputs": taking(component)}
 
     def render(text: str) -> str:
         return boxed(str(renderer.render(text)))
 
     tables = "".join(
         f"<h2>{title}</h2>\n{render(said.get(title, ''))}{_table(component.of(causality))}"
+        f"{render(taken.get(title, ''))}"
         for causality, title in TITLES.items()
     )
     return (
@@ -62,6 +64,17 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
         f"{picture}{render(text)}\n{render(wiring.chapter(component))}\n{tables}\n"
         f"{render(run.format(step=component.step_size))}</body></html>\n"
     )
+
+
+def taking(component: Component) -> str:
+    """What becomes of inputs that cannot be right."""
+    if not component.of("input"):
+        return ""
+    if component.survives:
+        return "No value ends a run: one that cannot be a reading counts as lost."
+    has_range = any((port.min, port.max) != (None, None) for port in component.of("input"))
+    refused = "A value that is not finite" + (", or not between min and max," if has_range else "")
+    return f"{refused} is refused when it is used, with its name. An input that nothing drives keeps its start value."
 
 
 def parted(markdown: str) -> tuple[str, dict[str, str]]:

@@ -32,7 +32,7 @@ SENTENCES = {
     # Steps.
     "start_time": "the start time is %s s. Give a finite one.",
     "step_size": "the communication step is %s s. Give a positive one, from a finite time on.",
-    "jump": "this step begins %.3g s from where it is expected, at %.9g s."
+    "jump": "this step begins %.3g s away from %.9g s, where it is expected."
     " Begin each step where the one before ended, the first at the start time, or set a saved state.",
     "no_fraction": "a communication step of %.9g s is neither a whole multiple nor a whole fraction of"
     " `sample_time` = %.9g s. Change one of them.",
@@ -79,6 +79,10 @@ SENTENCES = {
     # A fault of the Python code itself: exception, its text, inputs, traceback.
     "exception": "%s: %s\ninputs: %s\n%s",
 }
+
+
+class Refusal(ValueError):
+    """The host or the user asked for something that cannot be done; the message is a sentence that says what to do."""
 
 
 def say(key: str, *values: Any) -> str:

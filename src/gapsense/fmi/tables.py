@@ -22,6 +22,8 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     may leave out; another unit is refused, nothing is converted.  A ValueError has all problems of the file: missing
     columns, cells without a finite number, too few rows, rows out of order.
     """
+    if path.suffix.lower() != ".csv":  # what other files hold is nobody's business: messages tell cells and headers
+        raise ValueError(say("no_csv_name", path, ", ".join(heads(columns))))
     if not path.is_file():
         raise ValueError(say("no_file", path, ", ".join(heads(columns))))
     try:

@@ -39,24 +39,28 @@ def fields(component: Component, given: Mapping[str, Any], folder: str | Path) -
     others are found from the working folder on.  A ValuesError has all `problems`, and those of the tables.
     """
     found = problems(component, given)
-    made: dict[str, Any] = {}
+    made: dict[str, Any] = {} if found else {**numbers(component, given)}
     for port, value in _values(component, given):
         if port.columns and isinstance(value, str):
             try:
                 made.update(_tables(port, value, Path(folder)))
             except (OSError, ValueError) as error:
                 found.append(say("of_parameter", port.name, error))
-        elif not found:
-            made[port.field] = float(port.choices.index(value) if port.choices else value)
     if found:
         raise ValuesError(found)
     return made
 
 
+def numbers(component: Component, given: Mapping[str, Any]) -> dict[str, float]:
+    """Fields of the kernel's `Parameters` that are no tables, from values without problems."""
+    values = [(port, value) for port, value in _values(component, given) if not port.columns]
+    return {port.field: float(port.choices.index(value) if port.choices else value) for port, value in values}
+
+
 def problems(component: Component, given: Mapping[str, Any]) -> list[str]:
     """Everything that is wrong with values of parameters, but for the content of tables; empty if they are taken."""
     values = {port.name: value for port, value in _values(component, given)}
-    wrong = {port.name: text for port, value in _values(component, given) if (text := _wrong(port, value))}
+    wrong = {port.name: text for port, value in _values(component, given) if (text := wrong_value(port, value))}
     found = [*(unknown(name, values) for name in given if name not in values), *wrong.values()]
     falling = [p for p in component.rising if not wrong.keys() & set(p) and not values[p[0]] < values[p[1]]]
     found += [say("is_wrong", a, repr(values[a]), say("less_than", b, repr(values[b]))) for a, b in falling]
@@ -75,7 +79,7 @@ def _values(component: Component, given: Mapping[str, Any]) -> list[tuple[Port, 
     return [(port, given.get(port.name, port.start)) for port in component.of("parameter")]
 
 
-def _wrong(port: Port, value: Any) -> str:
+def wrong_value(port: Port, value: Any) -> str:
     """What is wrong with a value by itself, or nothing."""
     kind, types = KINDS[port.kind]
     if not isinstance(value, types) or isinstance(value, bool) != (port.kind == "Boolean"):

@@ -38,40 +38,60 @@ const Model model = {{
 
 def source(component: Component, kernel: Kernel, guid: str, build: str) -> str:
     """Text of `model.c`."""
-    module, ports = kernel.module, component.ports
-    layout, par = fields(module.State), fields(module.Parameters)
-    memory = [field.size for field in layout.values() if field.kind == "memory"]
-    tables = [name for name, field in par.items() if field.kind == "table"]
-    places = {name: k for k, name in enumerate(n for n in names(module.Parameters) if n not in tables)}
-    places |= {name: k for k, name in enumerate(tables)}
-    index = {port.name: k for k, port in enumerate(ports)}
-    arrays = [
-        *(text for k, port in enumerate(ports) for text in _of_port(k, port, places)),
-        _array("Port", "ports", (_port(k, port, places) for k, port in enumerate(ports))),
-        *_rules(component, index),
-        _array("char *const", "resources", map(literal, component.resources)),
-        _array("int", "memory_sizes", map(str, memory)),
-    ]
-    counts = {
-        "inputs": len(component.of("input")),
-        "signals": len(component.of("input")) + len(component.of("output")),
-        "port_count": len(ports),
+    identity = {"name": component.name, "guid": guid, "build": build}
+    memory = [field.size for field in fields(kernel.module.State).values() if field.kind == "memory"]
+    items = {
+        "rising": component.rising,
+        "limits": component.limits,
+        "resources": component.resources,
+        "memory_sizes": memory,
+    }
+    return MODEL.format(
+        description=component.description,
+        kernel=kernel.name,
+        arrays="\n".join(filter(None, _arrays(component, kernel, memory))),
+        **{key: literal(text) for key, text in identity.items()},
+        **{name: name if found else "NULL" for name, found in items.items()},
+        **_counts(component, kernel, len(memory)),
+    )
+
+
+def _counts(component: Component, kernel: Kernel, memory_count: int) -> dict[str, int]:
+    module, inputs, outputs = kernel.module, component.of("input"), component.of("output")
+    sample_times = [k for k, port in enumerate(component.ports) if port.name == "sample_time"]
+    tables = _tables(kernel)
+    return {
+        "inputs": len(inputs),
+        "signals": len(inputs) + len(outputs),
+        "port_count": len(component.ports),
         "rising_count": len(component.rising),
         "limit_count": len(component.limits),
         "resource_count": len(component.resources),
         "survives": int(component.survives),
         "clock": sum(name in fields(module.Inputs) for name in ("time", "dt")),
-        "sample_time": index.get("sample_time", -1),
-        "par_count": len(places) - len(tables),
-        "state_count": len(names(module.State)) - len(memory),
+        "sample_time": sample_times[0] if sample_times else -1,
+        "par_count": len(names(module.Parameters)) - len(tables),
+        "state_count": len(names(module.State)) - memory_count,
         "table_count": len(tables),
-        "memory_count": len(memory),
+        "memory_count": memory_count,
     }
-    own = {"rising": component.rising, "limits": component.limits, "resources": component.resources, "memory_sizes": memory}
-    counts |= {name: name if items else "NULL" for name, items in own.items()}
-    texts = {"name": literal(component.name), "guid": literal(guid), "build": literal(build)}
-    about = {"description": component.description, "kernel": kernel.name, "arrays": "\n".join(filter(None, arrays))}
-    return MODEL.format(**about, **texts, **counts)
+
+
+def _tables(kernel: Kernel) -> list[str]:
+    return [name for name, field in fields(kernel.module.Parameters).items() if field.kind == "table"]
+
+
+def _arrays(component: Component, kernel: Kernel, memory: list[int]) -> list[str]:
+    ports, tables = component.ports, _tables(kernel)
+    scalars = [name for name in names(kernel.module.Parameters) if name not in tables]
+    places = {name: k for own in (scalars, tables) for k, name in enumerate(own)}
+    return [
+        *(text for k, port in enumerate(ports) for text in _of_port(k, port, places)),
+        _array("Port", "ports", (_port(k, port, places) for k, port in enumerate(ports))),
+        *_rules(component, {port.name: k for k, port in enumerate(ports)}),
+        _array("char *const", "resources", map(literal, component.resources)),
+        _array("int", "memory_sizes", map(str, memory)),
+    ]
 
 
 def _array(kind: str, name: str, items: Iterable[str]) -> str:
@@ -100,7 +120,8 @@ def _of_port(k: int, port: Port, places: dict[str, int]) -> list[str]:
         f"{{{COLUMN_KINDS.get(kind, 'PLAIN')}, {known.index(name)}, {places[f'{port.field}_{column_name(column)}']}}}"
         for column, (kind, name, _) in zip(port.columns, parts)
     ]
-    return [_array("Head", f"heads_{k}", (_head(head, rising) for head in wanted)), _array("Column", f"columns_{k}", made)]
+    shown = _array("Head", f"heads_{k}", (_head(head, rising) for head in wanted))
+    return [shown, _array("Column", f"columns_{k}", made)]
 
 
 def _head(text: str, rising: set[str]) -> str:
@@ -133,7 +154,8 @@ def _port(k: int, port: Port, places: dict[str, int]) -> str:
 def _of_table(k: int, port: Port) -> dict[str, Any]:
     has_spline = any(_parts(column)[0] == "spline" for column in port.columns)
     counts = {"head_count": len(heads(port.columns)), "column_count": len(port.columns)}
-    return {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": SPLINE_ROWS if has_spline else 2, **counts}
+    fewest = SPLINE_ROWS if has_spline else 2
+    return {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": fewest, **counts}
 
 
 def _rules(component: Component, index: dict[str, int]) -> Sequence[str]:

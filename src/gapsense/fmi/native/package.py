@@ -70,8 +70,10 @@ def common() -> dict[str, str]:
 
 def build(
     folders: Sequence[Path], destination: Path, platforms: Sequence[str], values: Mapping[Path, Mapping[str, Any]]
-) -> Iterator[Path]:
-    """Build the FMUs of the components in `folders`; those of platforms that need one of their own, in a folder.
+) -> Iterator[tuple[Path, Path]]:
+    """Build the FMUs of the components in `folders`, and tell of each its component's folder and its file.
+
+    Those of platforms that need one of their own are in a folder of `destination`.
 
     Raises
     ------
@@ -89,7 +91,8 @@ def build(
             for name, own in used.items()
         }
         for part in parts:
-            yield from packaged(part, {name: made[part.component.name, name].result() for name in used}, destination)
+            binaries = {name: made[part.component.name, name].result() for name in used}
+            yield from ((part.folder, path) for path in packaged(part, binaries, destination))
 
 
 def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:

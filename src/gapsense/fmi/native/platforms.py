@@ -10,6 +10,7 @@ from typing import NamedTuple
 from gapsense.native import ZIG, NativeError, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
+FLAGS += ("-Wno-unused-function",)  # a kernel need not search tables
 # Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
 NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
 ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")
@@ -49,7 +50,7 @@ class Compiler(NamedTuple):
 
 
 def here() -> str | None:
-    """This machine's platform, if native FMUs are made for it."""
+    """Platform of the machine, if native FMUs are made for it."""
     found = SYSTEMS.get(platform.system())
     if found == "linux64" and platform.machine() == "aarch64":
         return "aarch64-linux"
