@@ -79,7 +79,7 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, UUID(identity[:32]))
-    members |= references.files(folder, replaced=tables)
+    members |= references.files(folder, values or {})
     destination.mkdir(parents=True, exist_ok=True)
     return write(members, destination / f"{component.name}.fmu")
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from gapsense.emit import C
 from gapsense.fmi.fmi3.arrays import shapes, source
 from gapsense.fmi.fmi3.variables import Tables, places
+from gapsense.fmi.native.headers import literal
 from gapsense.fmi.ports import Component
 from gapsense.kernel import Kernel
 
@@ -36,8 +37,8 @@ def arrays_c(component: Component, kernel: Kernel, tables: Tables) -> str:
     ends = [sum(shape.size * (shape.size + 1) // 2 for shape in own[: k + 1]) for k in range(len(own))]
     if ends and ends[-1] > MOST_ENTRIES:
         raise ValueError(f"{component.name}: arrays of {ends[-1]} numbers; at most {MOST_ENTRIES} fit. Give fewer.")
-    matrices = (f"{{{first + k}, {s.size}, {start}}}" for k, (s, start) in enumerate(zip(own, (0, *ends))))
-    data += array("Matrix", "matrices", matrices)
+    starts = enumerate(zip(own, (0, *ends)), first)
+    data += array("Matrix", "matrices", (f"{{{literal(s.name)}, {k}, {s.size}, {start}}}" for k, (s, start) in starts))
     return SOURCE.format(
         kernel=kernel_c(kernel),
         data="\n".join(data),

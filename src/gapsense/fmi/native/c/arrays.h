@@ -15,6 +15,7 @@ typedef struct {
 
 /* A symmetric matrix. */
 typedef struct {
+    const char *name;
     unsigned reference;
     int size;
     int first; /* of its upper triangle, row by row, in what `kernel` computes */
@@ -29,7 +30,11 @@ typedef struct {
     Kernel *kernel; /* writes the matrices in place of a new state */
 } Arrays;
 
-enum { MOST_ENTRIES = 64 }; /* that the kernel of arrays writes */
+enum {
+    MOST_ENTRIES = 64, /* that the kernel of arrays writes */
+    FEWEST_ROWS = 2,
+    MOST_ROWS = 1000000 /* of a table as arrays */
+};
 
 extern const Arrays arrays;
 

@@ -13,11 +13,11 @@ const Table *table_of(int port)
     return NULL;
 }
 
-int table_rows(const State *s, const Table *t) { return s->columns[t->port] ? s->rows[t->port] : t->shipped_rows; }
+int table_rows(const State *s, const Table *t) { return s->rows[t->port] ? s->rows[t->port] : t->shipped_rows; }
 
 const double *table_column(const State *s, const Table *t, int head)
 {
-    const double *columns = s->columns[t->port] ? s->columns[t->port] : t->shipped;
+    const double *columns = s->rows[t->port] ? s->columns[t->port] : t->shipped;
     return columns + (size_t)head * (size_t)table_rows(s, t);
 }
 
@@ -38,7 +38,7 @@ int table_resize(State *s, const Table *t, int rows)
 
 double *table_to_write(State *s, const Table *t, int head)
 {
-    if (!s->columns[t->port] && !table_resize(s, t, t->shipped_rows))
+    if (!s->rows[t->port] && !table_resize(s, t, t->shipped_rows))
         return NULL;
     return s->columns[t->port] + (size_t)head * (size_t)s->rows[t->port];
 }
@@ -46,8 +46,8 @@ double *table_to_write(State *s, const Table *t, int head)
 int is_table_changed(const State *s, const Table *t)
 {
     const size_t size = (size_t)model.ports[t->port].head_count * (size_t)t->shipped_rows * sizeof *t->shipped;
-    const double *columns = s->columns[t->port];
-    return columns && (s->rows[t->port] != t->shipped_rows || memcmp(columns, t->shipped, size));
+    const int rows = s->rows[t->port];
+    return rows && (rows != t->shipped_rows || memcmp(s->columns[t->port], t->shipped, size) != 0);
 }
 
 void matrix_entries(const State *s, const Matrix *m, double *to)

@@ -90,6 +90,14 @@ Status outside_configuration(Instance *i, const char *name)
     return i->state->is_configuring ? refuse(i, SAY_WRONG_PHASE, name, "configuring", "`instantiated`") : FINE;
 }
 
+Status in_configuration(Instance *i, const char *name)
+{
+    static const char *const names[] = PHASES;
+    if (i->state->is_configuring)
+        return FINE;
+    return refuse(i, SAY_WRONG_PHASE, name, names[i->state->phase], "`configuring`");
+}
+
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)
 {
     Instance *i = c;
@@ -102,10 +110,8 @@ fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance c)
 {
     Instance *i = c;
-    if (!i)
+    if (!i || in_configuration(i, __func__))
         return fmi3Error;
-    if (!i->state->is_configuring)
-        return (fmi3Status)refuse(i, SAY_NOT_CONFIGURING, __func__);
     i->state->is_configuring = 0;
     return fmi3OK;
 }

@@ -173,9 +173,26 @@ static Status begin_set(Instance *i, const char *name, Type type, const unsigned
     return check(i, name, type, references, count, values);
 }
 
-static const char *name_of(const Place *place)
+static void add_name(Text *text, const Place *place)
 {
-    return place->table ? model.ports[place->table->port].heads[place->head].name : "time";
+    if (!place->table) {
+        text_add(text, "%s", place->matrix ? place->matrix->name : "time");
+        return;
+    }
+    const Port *port = model.ports + place->table->port;
+    text_add(text, "%s.%s", port->name, place->head < 0 ? "rows" : port->heads[place->head].name);
+}
+
+static Status refuse_place(Instance *i, const Place *place)
+{
+    Text name = {NULL, 0, 0};
+    add_name(&name, place);
+    if (place->table)
+        refuse(i, SAY_IS_FIXED, text_of(&name));
+    else
+        refuse(i, SAY_IS_OUTPUT, text_of(&name));
+    text_free(&name);
+    return REFUSED;
 }
 
 static Status may_set_place(Instance *i, const char *name, unsigned reference)
@@ -183,10 +200,8 @@ static Status may_set_place(Instance *i, const char *name, unsigned reference)
     const Place place = place_of(reference);
     if (place.port)
         return instance_begin_set(i, name, REAL, &reference, 1);
-    if (place.matrix || !place.table)
-        return refuse(i, SAY_IS_OUTPUT, place.matrix ? "covariance" : name_of(&place));
-    if (i->state->phase == RUNNING)
-        return refuse(i, SAY_IS_FIXED, name_of(&place));
+    if (!place.table || i->state->phase == RUNNING)
+        return refuse_place(i, &place);
     i->state->is_due = 1;
     return table_to_write(i->state, place.table, place.head) ? FINE : refuse(i, SAY_NO_MEMORY);
 }
@@ -278,17 +293,30 @@ fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference references[], s
     return (fmi3Status)instance_end_set(i);
 }
 
+static Status may_have_rows(Instance *i, unsigned reference, fmi3UInt64 rows)
+{
+    const Place place = place_of(reference);
+    Text name = {NULL, 0, 0}, found = {NULL, 0, 0}, range = {NULL, 0, 0}, problem = {NULL, 0, 0};
+    if (rows >= FEWEST_ROWS && rows <= MOST_ROWS)
+        return FINE;
+    add_name(&name, &place);
+    text_add(&found, "%.9g", (double)rows);
+    text_add(&range, SAY_FROM_TO, (double)FEWEST_ROWS, (double)MOST_ROWS, "");
+    text_add(&problem, SAY_IS_WRONG, text_of(&name), text_of(&found), text_of(&range));
+    refuse(i, SAY_CORRECT_PARAMETERS, text_of(&problem));
+    text_free(&name), text_free(&found), text_free(&range), text_free(&problem);
+    return REFUSED;
+}
+
 fmi3Status fmi3SetUInt64(fmi3Instance c, const fmi3ValueReference references[], size_t count, const fmi3UInt64 values[],
                          size_t value_count)
 {
     Instance *i = c;
-    if (!i || check(i, __func__, UINT64, references, count, value_count))
+    if (!i || in_configuration(i, __func__) || check(i, __func__, UINT64, references, count, value_count))
         return fmi3Error;
-    if (!i->state->is_configuring)
-        return (fmi3Status)refuse(i, SAY_NOT_CONFIGURING, __func__);
     for (size_t k = 0; k < count; k++)
-        if (values[k] < FEWEST_ROWS || values[k] > MOST_ROWS)
-            return (fmi3Status)refuse(i, SAY_ROWS, FEWEST_ROWS, MOST_ROWS);
+        if (may_have_rows(i, references[k], values[k]))
+            return fmi3Error;
     for (size_t k = 0; k < count; k++)
         if (!table_resize(i->state, place_of(references[k]).table, (int)values[k]))
             return (fmi3Status)refuse(i, SAY_NO_MEMORY);
