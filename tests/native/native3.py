@@ -80,14 +80,13 @@ def fmu(folder: Path) -> Fmu:
 class Instance:
     """One instance, with the messages that it gave."""
 
-    def __init__(self, fmu: Fmu, name: str = "one", token: str | None = None, resources: Path | None = None) -> None:
+    def __init__(self, fmu: Fmu, name: str = "one") -> None:
         self.fmu, self.log = fmu, []  # type: ignore[var-annotated]
         self.slave = FMU3Slave(
-            guid=fmu.description.guid if token is None else token,
-            unzipDirectory=str(resources or fmu.folder),
+            guid=fmu.description.guid,
+            unzipDirectory=str(fmu.folder),
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
             instanceName=name,
-            libraryPath=str(fmu.folder / "binaries" / fmpy.platform_tuple / f"{fmu.component.name}{fmpy.sharedLibraryExtension}"),
         )
         self.slave.instantiate(loggingOn=True, logMessage=self._keep)
         self.inputs, self.outputs = fmu.references("input"), fmu.references("output")

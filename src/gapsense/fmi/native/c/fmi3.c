@@ -127,10 +127,13 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean has_tolerance
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
-    return CALLED(c, instance_exit_initialization(c, __func__));
+    return CALLED(c && !outside_configuration(c, __func__), instance_exit_initialization(c, __func__));
 }
 
-fmi3Status fmi3Terminate(fmi3Instance c) { return CALLED(c, instance_terminate(c, __func__)); }
+fmi3Status fmi3Terminate(fmi3Instance c)
+{
+    return CALLED(c && !outside_configuration(c, __func__), instance_terminate(c, __func__));
+}
 
 fmi3Status fmi3Reset(fmi3Instance c) { return CALLED(c, instance_reset(c)); }
 
@@ -138,7 +141,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Bo
                       fmi3Boolean *event, fmi3Boolean *ends, fmi3Boolean *early, fmi3Float64 *last)
 {
     (void)no_setting_of_past_states;
-    const fmi3Status status = CALLED(c, instance_step(c, __func__, time, step));
+    const fmi3Status status = CALLED(c && !outside_configuration(c, __func__), instance_step(c, __func__, time, step));
     if (event)
         *event = fmi3False;
     if (ends)
