@@ -25,9 +25,11 @@ STEP = """def step(state, inputs, par):
 """
 
 
-def trace(function: Callable[..., Any], arguments: Mapping[str, type], returns: Sequence[type] = ()) -> Graph:
+def trace(
+    function: Callable[..., Any], arguments: Mapping[str, type], returns: Sequence[type] = (), with_places: bool = False
+) -> Graph:
     """Graph of `function`, called with one symbolic record per argument; it returns a record or a tuple of records."""
-    tape = Tape()
+    tape = Tape({} if with_places else None)
     symbols = {name: _symbols(tape, cls) for name, cls in arguments.items()}
     result = function(**{name: record(cls, symbols[name]) for name, cls in arguments.items()})
     results = result if type(result) is tuple else (result,)
@@ -81,11 +83,17 @@ class Kernel:
     @cached_property
     def graphs(self) -> tuple[Graph, Graph]:
         """Traced `initial` and `step`."""
+        return self.traced()
+
+    def traced(self, values: Mapping[str, Any] | None = None, with_places: bool = False) -> tuple[Graph, Graph]:
+        """Traced `initial` and `step`; with `values` of all parameters these are numbers in them, but for tables.
+
+        On request the graphs know the line that each operation comes from.
+        """
         m = self.module
-        return (
-            trace(m.initial, {"inputs": m.Inputs, "par": m.Parameters}, (m.State, m.Outputs)),
-            trace(m.step, {"state": m.State, "inputs": m.Inputs, "par": m.Parameters}, (m.State, m.Outputs)),
-        )
+        given, made = {"inputs": m.Inputs, "par": m.Parameters}, (m.State, m.Outputs)
+        initial, step = (_with(f, values) if values else f for f in (m.initial, m.step))
+        return trace(initial, given, made, with_places), trace(step, {"state": m.State, **given}, made, with_places)
 
     def python(self) -> str:
         """Source of a stdlib-only module with `initial(inputs, par)` and `step(state, inputs, par)` on flat tuples.
@@ -139,6 +147,18 @@ class Kernel:
         """As `step_batch`, at the start."""
         with np.errstate(all="ignore"):
             return self.batch["initial"](_arrays(inputs), _arrays(par), runs)  # type: ignore[no-any-return]
+
+
+def _with(function: Callable[..., Any], values: Mapping[str, Any]) -> Callable[..., Any]:
+    """The function with numbers in place of its parameters."""
+
+    def with_values(*, par: Any, **others: Any) -> Any:
+        entries = zip(names(type(par)), flat(par))
+        numbers = (entry if isinstance(values[name], list) else float(values[name]) for name, entry in entries)
+        return function(**others, par=record(type(par), numbers))
+
+    with_values.__name__ = function.__name__
+    return with_values
 
 
 def _arrays(entries: Sequence[Any]) -> list[Any]:

@@ -19,7 +19,7 @@ import sys
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ BOOLEAN = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "not")
 UNARY = ("sqrt", "log", "exp", "fabs", "floor", "sin", "cos", "tanh")
 ARITHMETIC = ("+", "-", "*", "/", "neg")
 _PASSED_OVER = (__file__, str(Path(np.__file__).parent))  # files that an error does not point at
+_HELPERS = (*_PASSED_OVER, str(Path(__file__).with_name("linalg.py")), str(Path(__file__).with_name("derivative.py")))
 
 
 class TraceError(TypeError):
@@ -47,17 +48,28 @@ class Region:
         self.is_loop = False
 
 
-class Tape:
-    """One tracing run: the open region and the count of nodes."""
+class Place(NamedTuple):
+    """A line of a kernel."""
 
-    def __init__(self) -> None:
+    file: str
+    function: str
+    line: int
+
+
+class Tape:
+    """One tracing run: the open region, the count of nodes and, on request, the line that each node comes from."""
+
+    def __init__(self, places: dict[int, Place] | None = None) -> None:
         self.root = self.region = Region()
         self.count = 0
         self.overwritten: set[int] = set()  # array memory as it was before a `store`
+        self.places = places
 
     def node(self, op: str, args: tuple[Any, ...], extra: Any = None) -> Expr:
         """Append a node that is not shared."""
         node = Expr(self, op, args, extra)
+        if self.places is not None:
+            self.places[node.id] = _place(_HELPERS)
         self.region.nodes.append(node)
         return node
 
@@ -127,10 +139,16 @@ class Expr:
 
 def _error(message: str) -> TraceError:
     """The error, with the place in the kernel: the nearest caller that is neither this file nor numpy."""
+    file, function, line = _place(_PASSED_OVER)
+    return TraceError(f"{file}:{line}, in {function}: {message}")
+
+
+def _place(passed_over: tuple[str, ...]) -> Place:
+    """Of the nearest caller that is in none of these files or folders."""
     frame = sys._getframe(1)
-    while frame.f_back and frame.f_code.co_filename.startswith(_PASSED_OVER):
+    while frame.f_back and frame.f_code.co_filename.startswith(passed_over):
         frame = frame.f_back
-    return TraceError(f"{frame.f_code.co_filename}:{frame.f_lineno}, in {frame.f_code.co_name}: {message}")
+    return Place(frame.f_code.co_filename, frame.f_code.co_name, frame.f_lineno)
 
 
 def _key(value: Any) -> Any:

@@ -102,7 +102,8 @@ def test_outputs_follow_only_declared_inputs_at_once(part: Part, life: dict[str,
 
 def test_page_licence_and_icon_are_present(part: Part) -> None:
     names = members(part.path)
-    assert {"documentation/index.html", "documentation/licenses/license.txt", "model.png"} <= set(names)
+    licenses = {"documentation/licenses/license.txt", "documentation/licenses/pythonfmu.txt"}
+    assert {"documentation/index.html", "model.png", *licenses} <= set(names)
     with zipfile.ZipFile(part.path) as archive:
         page = archive.read("documentation/index.html").decode().replace("<wbr>", "")  # where a line may break
     assert [p.name for p in part.component.ports if f"<code>{p.name}</code>" not in page] == []
@@ -464,7 +465,10 @@ def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path
 
 
 def in_c_host(program: Path, folders: list[Path], step: float) -> int:
-    fmus = [text for f in folders for text in (f"{f}/binaries/linux64/{f.name}.so", (f / "resources").as_uri())]
+    fmus = []
+    for folder in folders:
+        guid = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
+        fmus += [f"{folder}/binaries/linux64/{folder.name}.so", (folder / "resources").as_uri(), guid]
     env = {k: v for k, v in os.environ.items() if k not in ("GAPSENSE_LIBPYTHON", "PYTHONPATH")}
     env["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), env.get("PATH", os.defpath)))
     command = [str(program), "-n", "50", "-h", repr(step), *fmus, "--", "0"]

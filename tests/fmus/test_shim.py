@@ -1,4 +1,4 @@
-"""The shim in front of pythonfmu's Linux binary: hosts without Python, messages, failures, exit.
+"""The Linux binary of our Python FMUs, around slaves as pythonfmu has them: messages, failures, exit, memory.
 
 Everything runs in fresh processes, since a process that has built or run an FMU once is no longer a clean host.
 """
@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import pytest
 
-from gapsense.fmi.shim import BINARY, WRAPPER
+from gapsense.fmi.shim import BINARY
 from gapsense.fmi.shim.build import SHIM, headers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
@@ -76,11 +76,10 @@ print("STEPS", *(execution.step() for _ in range(6)), flush=True)
 
 
 def insert_shim(fmu: Path, name: str) -> None:
-    """Put the shim in the place of the wrapper, and the wrapper beside it, as the packager does."""
+    """Put our binary in the place of pythonfmu's, as the packager does."""
     library = f"binaries/linux64/{name}.so"
     with zipfile.ZipFile(fmu) as archive:
         entries = {item.filename: archive.read(item) for item in archive.infolist() if not item.is_dir()}
-    entries[f"binaries/linux64/{WRAPPER}"] = entries[library]
     entries[library] = BINARY.read_bytes()
     with zipfile.ZipFile(fmu, "w") as archive:
         for path, content in entries.items():
@@ -147,7 +146,7 @@ def in_host(
     fmus = []
     for folder in folders:
         name = next((folder / "binaries" / "linux64").glob("*.so"))
-        fmus += [str(name), uri or (folder / "resources").as_uri()]
+        fmus += [str(name), uri or (folder / "resources").as_uri(), ""]
     command = [str(host), *options.split(), *fmus, "--", "1"]
     return subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=60)
 
@@ -229,7 +228,7 @@ assert library.fmi2Instantiate(b"model", 1, b"", resources, callbacks, 0, 1)
 def test_libpython_can_be_named(host: Path, fmus: Path) -> None:
     run = in_host(host, fmus / "Lag", GAPSENSE_LIBPYTHON="/nonexistent/libpython3.11.so.1.0")
     assert run.returncode == 3
-    assert "LOG model 4 logStatusFatal This FMU needs Python" in run.stdout
+    assert "LOG model 3 logStatusError This FMU needs Python" in run.stdout
     assert "GAPSENSE_LIBPYTHON" in run.stdout and "/nonexistent/libpython3.11.so.1.0" in run.stdout
     assert "Set it to the full path" in run.stdout
 
@@ -290,11 +289,11 @@ def test_logging_can_be_off(host: Path, fmus: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "text"), [("Raiser", "cannot go on, 50 %s done %n"), ("InitRaiser", "bad start")])
-def test_exception_is_fatal_status_and_nothing_worse(host: Path, fmus: Path, name: str, text: str) -> None:
+def test_exception_is_an_error_and_nothing_worse(host: Path, fmus: Path, name: str, text: str) -> None:
     run = in_host(host, fmus / name, options="-c 2 -t 2")
-    assert run.returncode == 14, run.stdout + run.stderr  # the status after which the host still frees the instance
-    assert text in run.stdout
-    assert "LOG model 4 logStatusFatal " in run.stdout
+    assert run.returncode == 13, run.stdout + run.stderr  # the status after which the host still frees the instance
+    assert run.stdout.count(f"LOG model 3 logStatusError `model` ({name}): ValueError: {text}\nTraceback") == 3
+    assert run.stdout.count("LOG ") == 3  # one message for each failure; after one, the main thread does not run again
 
 
 def test_failure_to_instantiate_is_told_even_without_logging(host: Path, fmus: Path, tmp_path: Path) -> None:
@@ -311,7 +310,7 @@ def test_failure_to_instantiate_is_told_even_without_logging(host: Path, fmus: P
 def test_exception_in_fmpy(fmus: Path, name: str) -> None:
     run = in_python(FMPY, fmus / name, name, 10)
     assert run.returncode == 1
-    assert "status 4" in run.stderr
+    assert "status 3" in run.stderr
 
 
 @pytest.mark.skipif(find_spec("libcosimpy") is None, reason="libcosimpy is not installed")

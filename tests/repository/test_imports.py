@@ -23,12 +23,13 @@ OF_FILES = (  # likewise
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "fmi"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "embedded", "fmi"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi"},
+    "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "report": NUMBERS | {"report"},
     "cli": NUMBERS | {"report", "studies", "cli"},
     "studies": NUMBERS | {"report", "studies"},
@@ -39,6 +40,7 @@ REACHES_UP = {"src/gapsense/cosim/show.py": {"report"}}  # in functions, when so
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE},
     "fmi": {"pythonfmu", "markdown_it"},
+    "embedded": set(),
     **{part: {"numpy", "tomli"} for part in GENERAL},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},

@@ -6,15 +6,29 @@ import math
 from itertools import count
 from typing import Any
 
-from gapsense.emit.printer import Printer
+from gapsense.emit.printer import Graph, Printer
 from gapsense.records import ARRAYS, names
 from gapsense.trace import BOOLEAN, Expr, Region, memory_of
+
+WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
+LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
+{
+    int low = 0, high = size; /* first element that is not below x */
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (table[middle] < x) low = middle + 1; else high = middle;
+    }
+    low -= 1;
+    return low < 0 ? 0 : low > size - 2 ? size - 2 : low;
+}
+"""
 
 
 class C(Printer):
     """C99 without dependencies; `-DSINGLE` builds it in float."""
 
     end = ";"
+    real = "real"  # what the type of a number is called
     forms = Printer.forms | {
         "unary": "F({op})({b[0]})",
         "not": "(!{a[0]})",
@@ -38,17 +52,11 @@ typedef double real;
 #define F(name) name
 #endif
 
-static inline int locate(const real *table, int size, real x)
-{
-    int low = 0, high = size; /* first element that is not below x */
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (table[middle] < x) low = middle + 1; else high = middle;
-    }
-    low -= 1;
-    return low < 0 ? 0 : low > size - 2 ? size - 2 : low;
-}
-"""
+""" + LOCATE.replace("{real}", "real")
+
+    def __init__(self, graph: Graph) -> None:
+        super().__init__(graph)
+        self.whole: set[int] = set()  # variables of loops that are whole numbers
 
     def _number(self, value: Any) -> str:
         if isinstance(value, bool):
@@ -59,29 +67,46 @@ static inline int locate(const real *table, int size, real x)
 
     def _let(self, node: Expr, text: str) -> str:
         name = self.fresh()
-        self.write(
-            f"const {'int' if node.op in (*BOOLEAN, 'locate') or self.is_index(node) else 'real'} {name} = {text};"
-        )
+        self.write(f"const {'int' if self.is_index(node) else self.type_of(node)} {name} = {text};")
         return name
 
+    def type_of(self, value: Any) -> str:
+        """Type of a value: truth values and places in tables are whole numbers, also where they are chosen from."""
+        return "int" if self._is_whole(value) else self.real
+
+    def _is_whole(self, value: Any) -> bool:
+        if not isinstance(value, Expr):
+            return isinstance(value, bool)
+        if value.op == "where":
+            return all(map(self._is_whole, value.args[1:]))
+        if value.op == "get":
+            holder = value.args[0]
+            chosen = [*holder.extra[2].values()][value.extra] if holder.op == "if" else [holder.args[value.extra]]
+            return all(map(self._is_whole, chosen))
+        return value.op in WHOLE or value.id in self.whole
+
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        if targets:
-            self.write(f"real {', '.join(targets)};")
+        for kind, whole in (("int", True), (self.real, False)):
+            found = [t for t, x, y in zip(targets, a, b) if (self._is_whole(x) and self._is_whole(y)) is whole]
+            if found:
+                self.write(f"{kind} {', '.join(found)};")
         self.block(f"if ({self.bare(c)}) {{", regions[0], targets, a)
         self.block("} else {", regions[1], targets, b)
         self.write("}")
 
     def _repeat(self, node: Expr, targets: list[str]) -> None:
         body, _, new, stop, limit = node.extra
-        for target, start in zip(targets, node.args):
-            self.write(f"real {target} = {self.bare(start)};")
-        self.write(f"for (int k = 0; k < {limit}; k++) {{")
+        for target, start, variable in zip(targets, node.args, node.extra[1]):
+            self.whole |= {variable.id} if self._is_whole(start) else set()
+            self.write(f"{self.type_of(start)} {target} = {self.bare(start)};")
+        round_ = self.fresh("k")
+        self.write(f"for (int {round_} = 0; {round_} < {limit}; {round_}++) {{")
         self.depth += 1
         self.region(body)
         done = self.fresh("b")
         self.write(f"const int {done} = {self.bare(stop)};")
         for target, value in zip(targets, new):
-            self.write(f"const real next_{target} = {self.bare(value)};")
+            self.write(f"const {self.type_of(value)} next_{target} = {self.bare(value)};")
         for target in targets:
             self.write(f"{target} = next_{target};")
         self.write(f"if ({done}) break;")

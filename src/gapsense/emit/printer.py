@@ -169,11 +169,15 @@ class Printer(ABC):
         """Text of an operation; what is nothing but an index becomes a whole number here, once."""
         a = [self.ref(arg) for arg in node.args]
         op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
-        form = self.forms.get(op, self.forms["unary"] if op in UNARY else "({a[0]} {op} {a[1]})")
+        form = self.form(op)
         index = self._index(node.args[1]) if node.op in ("load", "store") else ""
         shift = f" + {node.extra}" if node.extra else ""
         text = form.format(op=op, a=a, b=[*map(_bare, a)], i=index, shift=shift)
         return self.forms["whole"].format(_bare(text)) if self.is_index(node) and node.op != "locate" else text
+
+    def form(self, op: str) -> str:
+        """What an operation looks like."""
+        return self.forms.get(op, self.forms["unary"] if op in UNARY else "({a[0]} {op} {a[1]})")
 
     def is_index(self, node: Expr) -> bool:
         """Whether the value is used as an index only."""

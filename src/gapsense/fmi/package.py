@@ -8,6 +8,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -49,6 +50,7 @@ from .slave import Slave
 
 class {name}(Slave):
     component, kernel, build = table.COMPONENT, kernel, "{build}"
+    guid = "{guid}"  # of the model description; the Linux binary compares it with the host's
 '''
 
 
@@ -75,10 +77,10 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     identity = hashlib.sha256(repr(content).encode()).hexdigest()
     with tempfile.TemporaryDirectory() as temporary:
-        stock = _build_stock(Path(temporary), component, files, identity[:12], resources)
+        stock = _build_stock(Path(temporary), component, files, identity, resources)
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
-    _complete(members, component, folder, UUID(identity[:32]))
+    _complete(members, component, folder, _guid(identity))
     members |= references.files(folder, values or {})
     destination.mkdir(parents=True, exist_ok=True)
     return write(members, destination / f"{component.name}.fmu")
@@ -159,11 +161,17 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
-def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, paths: list[Path]) -> Path:
+def _guid(identity: str) -> str:
+    return f"{{{UUID(identity[:32])}}}"
+
+
+def _build_stock(work: Path, component: Component, files: dict[str, str], identity: str, paths: list[Path]) -> Path:
     """What pythonfmu makes of the generated class; names carry the build, so that no two FMUs mix up their modules."""
+    build = identity[:12]
     package = work / f"_gapsense_{component.name.lower()}_{build}"
     package.mkdir()
-    about = {"name": component.name, "description": component.description, "package": package.name, "build": build}
+    about = {"name": component.name, "description": component.description, "package": package.name}
+    about |= {"build": build, "guid": _guid(identity)}
     for name, text in {**files, "__init__.py": ENTRY.format(**about)}.items():
         (package / name).write_text(text, encoding="utf-8")
     script = work / f"{component.name}_{build}.py"
@@ -174,18 +182,22 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
         return Path(builder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
 
 
-def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:
+def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: str) -> None:
     root = ElementTree.fromstring(members["modelDescription.xml"])
-    describe.complete(root, component, f"{{{guid}}}", gapsense.__version__)
+    describe.complete(root, component, guid, gapsense.__version__)
     members["modelDescription.xml"] = describe.text(root)
-    binary = f"binaries/linux64/{component.name}.so"
-    members[f"binaries/linux64/{shim.WRAPPER}"] = members[binary]
-    members[binary] = shim.BINARY.read_bytes()
+    members[f"binaries/linux64/{component.name}.so"] = shim.BINARY.read_bytes()
     members["model.png"] = (HERE / "icon.png").read_bytes()
     markdown, drawing = (folder / "page.md").read_text(encoding="utf-8"), picture.figure(component, folder)
     text = page.html(component, markdown, gapsense.__version__, drawing)
     members["documentation/index.html"] = text.encode()
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
+    members["documentation/licenses/pythonfmu.txt"] = _license_of("pythonfmu")  # travels in the FMU
+
+
+def _license_of(package: str) -> bytes:
+    file = next(f for f in metadata.files(package) or () if f.name == "LICENSE")
+    return file.read_binary()
 
 
 def write(members: dict[str, bytes], path: Path) -> Path:

@@ -164,7 +164,8 @@ def _rules(component: Component, index: dict[str, int]) -> Sequence[str]:
         for k, limit in enumerate(component.limits)
     ]
     limits = (
-        f"{{factors_{k}, {len(limit.powers)}, {_number(limit.below)}, {literal(limit.text())}, {literal(limit.reason)}}}"
+        f"{{factors_{k}, {len(limit.powers)}, {_number(limit.below)}, {literal(limit.text())},"
+        f" {literal(limit.reason)}}}"
         for k, limit in enumerate(component.limits)
     )
     rising = (f"{{{index[lower]}, {index[upper]}}}" for lower, upper in component.rising)

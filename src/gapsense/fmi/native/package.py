@@ -33,7 +33,7 @@ bits, and shows its arithmetic as Python source. The folder `sources` holds all 
 them together, with `-std=c99 -ffp-contract=off`.
 A good communication step is {{step:g}} s. Inputs are held during a step, outputs are valid at its end.
 
-Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise the whole state.
+Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise all its state.
 """
 NAMES = {"linux64": "Linux", "win64": "Windows", "darwin64": "macOS", "aarch64-linux": "Linux on aarch64"}
 

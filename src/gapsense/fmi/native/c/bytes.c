@@ -56,7 +56,7 @@ static unsigned char *put_word(unsigned char *to, size_t value)
 static void put_content(const State *s, unsigned char *to)
 {
     to = put_word(to, (size_t)s->phase);
-    to = put_word(to, (size_t)s->is_configuring);
+    to = put_word(to, (size_t)(s->phase == INSTANTIATED && s->is_configuring));
     to = put_word(to, (size_t)s->is_timed);
     to = put_word(to, (size_t)s->is_due);
     const double times[] = {s->start_time, s->time, s->period, s->elapsed};

@@ -85,23 +85,24 @@ void fmi3FreeInstance(fmi3Instance c)
 
 /* --- life --- */
 
-Status outside_configuration(Instance *i, const char *name)
+int is_configuring(const Instance *i) { return i->state->is_configuring && i->state->phase == INSTANTIATED; }
+
+Status outside_configuration(Instance *i, Call call, const char *name)
 {
-    return i->state->is_configuring ? refuse(i, SAY_WRONG_PHASE, name, "configuring", "`instantiated`") : FINE;
+    return is_configuring(i) ? refuse(i, SAY_WRONG_PHASE, name, "configuring", instance_phases(call)) : FINE;
 }
 
 Status in_configuration(Instance *i, const char *name)
 {
     static const char *const names[] = PHASES;
-    if (i->state->is_configuring)
-        return FINE;
-    return refuse(i, SAY_WRONG_PHASE, name, names[i->state->phase], "`configuring`");
+    return is_configuring(i) ? FINE : refuse(i, SAY_WRONG_PHASE, name, names[i->state->phase], "`configuring`");
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)
 {
     Instance *i = c;
-    if (!i || outside_configuration(i, __func__) || instance_may(i, CALL_EnterInitializationMode, __func__))
+    if (!i || outside_configuration(i, CALL_EnterInitializationMode, __func__) ||
+        instance_may(i, CALL_EnterInitializationMode, __func__))
         return fmi3Error;
     i->state->is_configuring = 1;
     return fmi3OK;
@@ -120,19 +121,19 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean has_tolerance
                                        fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
-    if (!c || outside_configuration(c, __func__) || instance_set_start(c, __func__, start))
+    if (!c || outside_configuration(c, CALL_EnterInitializationMode, __func__) || instance_set_start(c, __func__, start))
         return fmi3Error;
     return (fmi3Status)instance_enter_initialization(c, __func__);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
-    return CALLED(c && !outside_configuration(c, __func__), instance_exit_initialization(c, __func__));
+    return CALLED(c && !outside_configuration(c, CALL_ExitInitializationMode, __func__), instance_exit_initialization(c, __func__));
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c)
 {
-    return CALLED(c && !outside_configuration(c, __func__), instance_terminate(c, __func__));
+    return CALLED(c && !outside_configuration(c, CALL_Terminate, __func__), instance_terminate(c, __func__));
 }
 
 fmi3Status fmi3Reset(fmi3Instance c) { return CALLED(c, instance_reset(c)); }
@@ -141,7 +142,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Bo
                       fmi3Boolean *event, fmi3Boolean *ends, fmi3Boolean *early, fmi3Float64 *last)
 {
     (void)no_setting_of_past_states;
-    const fmi3Status status = CALLED(c && !outside_configuration(c, __func__), instance_step(c, __func__, time, step));
+    const fmi3Status status = CALLED(c && !outside_configuration(c, CALL_DoStep, __func__), instance_step(c, __func__, time, step));
     if (event)
         *event = fmi3False;
     if (ends)

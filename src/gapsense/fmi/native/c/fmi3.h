@@ -15,8 +15,9 @@ typedef struct {
 /* Without an instance there is nobody to tell what is wrong. */
 #define CALLED(condition, call) ((condition) ? (fmi3Status)(call) : fmi3Error)
 
+int is_configuring(const Instance *instance);
 /* Refuse what has no place in the configuration mode, and what has its place only there. */
-Status outside_configuration(Instance *instance, const char *name);
+Status outside_configuration(Instance *instance, Call call, const char *name);
 Status in_configuration(Instance *instance, const char *name);
 
 #endif

@@ -80,7 +80,7 @@ static int are_scalars(const unsigned *references, size_t count)
 static Status begin_get(Instance *i, const char *name, Type type, const unsigned *references, size_t count, size_t values)
 {
     static const unsigned none = 0;
-    if (outside_configuration(i, name) || instance_begin_get(i, name, REAL, &none, 0))
+    if (outside_configuration(i, CALL_Get, name) || instance_begin_get(i, name, REAL, &none, 0))
         return REFUSED;
     return check(i, name, type, references, count, values);
 }
@@ -157,7 +157,7 @@ fmi3Status fmi3GetUInt64(fmi3Instance c, const fmi3ValueReference references[], 
     Instance *i = c; /* also in the configuration mode, which is there for them */
     if (!i || check(i, __func__, UINT64, references, count, value_count))
         return fmi3Error;
-    if (!i->state->is_configuring && instance_may(i, CALL_Get, __func__))
+    if (!is_configuring(i) && instance_may(i, CALL_Get, __func__))
         return fmi3Error;
     for (size_t k = 0; k < count; k++)
         values[k] = (fmi3UInt64)table_rows(i->state, place_of(references[k]).table);
@@ -168,7 +168,7 @@ fmi3Status fmi3GetUInt64(fmi3Instance c, const fmi3ValueReference references[], 
 
 static Status begin_set(Instance *i, const char *name, Type type, const unsigned *references, size_t count, size_t values)
 {
-    if (outside_configuration(i, name) || instance_may(i, CALL_Set, name))
+    if (outside_configuration(i, CALL_Set, name) || instance_may(i, CALL_Set, name))
         return REFUSED;
     return check(i, name, type, references, count, values);
 }

@@ -1,0 +1,95 @@
+"""The command that writes components as C for microcontrollers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense.cli.common import command, show, written
+from gapsense.cli.components import Root
+from gapsense.fmi.components import components_folder, find_components, load_component
+from gapsense.fmi.values import ValuesError, fields, unknown
+from gapsense.problems import InputError
+from gapsense.tables import Value, parsed_value
+
+Real = Enum("Real", {"float": "float", "double": "double"}, type=str)
+FLOAT = Real("float")
+
+
+@command("export-c")
+def export_c(
+    names: Annotated[list[str], typer.Argument(help="Components, see `gapsense list`", show_default=False)],
+    to: Annotated[Path, typer.Option("--out", help="Folder to write to", show_default=False)],
+    real: Annotated[Real, typer.Option(help="Type of all numbers")] = FLOAT,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Outputs, with commas between; nothing else is computed", show_default="all that a component has"
+        ),
+    ] = None,
+    parameters: Annotated[
+        list[Path] | None,
+        typer.Option(help="Parameter-set file of start values; each component takes those it has", show_default=False),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="PARAMETER=VALUE: another start value", show_default=False),
+    ] = None,
+    bake: Annotated[bool, typer.Option("--bake", help="Make the parameters constants of the code")] = False,
+    root: Root = None,
+) -> None:
+    """Write components as C99 for microcontrollers: source, header, an example that runs, a README."""
+    from gapsense.embedded.design import check_outputs, designed
+    from gapsense.embedded.export import export
+
+    every = components_folder(root)
+    folders = [*dict.fromkeys(find_components(every, names))]
+    wanted = [name.strip() for text in outputs or () for name in text.split(",") if name.strip()]
+    check_outputs(folders, wanted)
+    values = given(folders, find_components(every), parameters or (), settings or ())
+    designs = [designed(folder, real.value, wanted, values[folder], bake) for folder in folders]
+    for design in designs:
+        show(f"{design.name:20} {', '.join(design.kept['outputs'])}")
+    files = export(designs, to)
+    written(*(file for file in files if file.suffix in (".c", ".h") and file.parent == to), to / "README.md")
+
+
+def given(
+    folders: Sequence[Path], known: Sequence[Path], files: Sequence[Path], settings: Sequence[str]
+) -> dict[Path, dict[str, Value]]:
+    """Start values of parameters for each component that has them: those of files, and over them the settings."""
+    from gapsense.studies.identification.transfer import taken
+
+    values = taken(folders, files, known) if files else {folder: {} for folder in folders}
+    names = {folder: {port.name for port in load_component(folder).of("parameter")} for folder in folders}
+    problems: list[str] = []
+    changes = _changes(settings, set().union(*names.values()), problems)
+    for folder in folders:
+        values[folder] = {**values[folder], **{name: v for name, v in changes.items() if name in names[folder]}}
+        try:
+            fields(load_component(folder), values[folder], folder)
+        except ValuesError as error:
+            problems += [f"{folder.name}: {problem}" for problem in error.problems]
+    if problems:
+        raise InputError(problems)
+    return values
+
+
+def _changes(settings: Sequence[str], known: Collection[str], problems: list[str]) -> dict[str, Value]:
+    """Values by name; notes what cannot be read, comes twice or is in no component."""
+    changes: dict[str, Value] = {}
+    for setting in settings:
+        name, equals, text = (part.strip() for part in setting.partition("="))
+        if not (name and equals):
+            problems.append(f"--set, {setting}: `parameter=value` expected. Correct it.")
+        elif name in changes:
+            problems.append(f"--set, {name}: given twice. Keep one.")
+        elif name not in known:
+            problems.append(f"--set: {unknown(name, known)}")
+        else:
+            changes[name] = parsed_value(text)
+    return changes

@@ -1,0 +1,123 @@
+"""Print the functions of a component as C that a reader can follow: records by name, the line of Python over its C."""
+
+from __future__ import annotations
+
+import linecache
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gapsense.emit import C, Graph
+from gapsense.records import names
+from gapsense.trace import UNARY, Expr, Place, Region, memory_of
+
+LARGEST, LEAST = 3.4028234e38, 1.5e-45  # of float
+LONGEST_QUOTE = 100
+
+
+class Function(C):
+    """The body of a function on records that pointers lead to, `name->entry`, in float or double."""
+
+    def __init__(self, graph: Graph, real: str, sizes: Mapping[str, str], is_baked: bool) -> None:
+        super().__init__(graph)
+        self.real, self.sizes, self.is_baked = real, sizes, is_baked  # of every table what holds its length
+        self.quoted = ""
+        self.size_of: dict[int, str] = {}
+
+    def body(self) -> list[str]:
+        """Its lines."""
+        for name, cls, symbols in self.graph.arguments:
+            for entry, symbol in zip(names(cls), symbols):
+                self._unpack_entry(name, entry, symbol)
+        self.region(self.graph.tape.root)
+        targets = ("constants",) if len(self.graph.results) == 1 else ("state", "outputs")
+        for name, (cls, entries) in zip(targets, self.graph.results):
+            for entry, value in zip(names(cls), entries):
+                self._pack_entry(name, entry, value)
+        return self.lines
+
+    def _unpack_entry(self, name: str, entry: str, symbol: Expr) -> None:
+        at, text = f"{name}->{entry}", f"{name}_{entry}"
+        if symbol.extra == "table":
+            before = "" if self.is_baked else f"{name}->"
+            text = before + entry
+            self.size_of[symbol.id] = before + self.sizes[entry]
+        elif symbol.extra == "memory":
+            text = at
+        elif symbol.id in self.uses:
+            self.write(f"const {self.type_of(symbol)} {text} = {at};")
+        self.text[symbol.id] = text
+
+    def _pack_entry(self, name: str, entry: str, value: Any) -> None:
+        target = f"{name}->{entry}"
+        if isinstance(value, list):
+            self.write(f"for (int k = 0; k < {len(value)}; k++) {target}[k] = {self._number(0.0)};")
+        elif memory_of(value) is None:
+            self.write(f"{target} = {self.bare(value)};")
+        if isinstance(value, Expr) and value.extra == "table":
+            self.write(f"{name}->{self.sizes[entry]} = {self.size_of[value.id]};")
+
+    def form(self, op: str) -> str:
+        """What an operation looks like; those of the library end in `f` for float."""
+        ending = "f" if self.real == "float" else ""
+        return f"{{op}}{ending}({{b[0]}})" if op in UNARY else super().form(op)
+
+    def expression(self, node: Expr) -> str:
+        """Text of an operation; tables know where their lengths are."""
+        if node.op != "locate":
+            return super().expression(node)
+        table, x = node.args
+        return f"locate({self.ref(table)}, {self.size_of[table.id]}, {self.bare(x)})"
+
+    def _number(self, value: Any) -> str:
+        """Text of a constant in the type; what is too large or too small for it is infinite or zero."""
+        return str(int(value)) if isinstance(value, bool) else number(value, self.real)
+
+    def _let(self, node: Expr, text: str) -> str:
+        self._quote(node)
+        return super()._let(node, text)
+
+    def _node(self, node: Expr) -> None:
+        if node.op in ("if", "loop", "store"):
+            self._quote(node)
+        super()._node(node)
+
+    def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
+        """Print a branch; what is quoted in it says nothing about what follows it."""
+        super().block(opening, region, targets, values)
+        self.quoted = ""
+
+    def _quote(self, node: Expr) -> None:
+        """Write the line of Python that the node is from, once."""
+        place = (self.graph.tape.places or {}).get(node.id)
+        text = quote(place) if place else ""
+        if text and text != self.quoted:
+            self.write(f"/* {text} */")
+            self.quoted = text
+
+
+def quote(place: Place) -> str:
+    """Where a line is, and what it says, fit for a comment."""
+    line = linecache.getline(place.file, place.line).strip().replace("/*", "/ *").replace("*/", "* /")
+    function = "" if place.function.startswith("<") else f".{place.function}"
+    return f"{Path(place.file).stem}{function}: {line[:LONGEST_QUOTE]}".rstrip()
+
+
+def number(value: float, real: str) -> str:
+    """A constant of type `real`."""
+    if real == "float":
+        size = abs(value)
+        value = math.copysign(math.inf, value) if size > LARGEST else 0.0 if size < LEAST else value
+    if math.isfinite(value):
+        return f"{float(value)!r}{'f' if real == 'float' else ''}"
+    text = f"({real})NAN" if math.isnan(value) else "HUGE_VALF" if real == "float" else "HUGE_VAL"
+    return f"(-{text})" if value < 0.0 else text
+
+
+def constant_table(name: str, values: list[float], real: str) -> Iterator[str]:
+    """Lines that define a table of numbers."""
+    yield f"static const {real} {name}[{len(values)}] = {{"
+    for k in range(0, len(values), 6):
+        yield "    " + " ".join(f"{number(value, real)}," for value in values[k : k + 6])
+    yield "};"

@@ -1,0 +1,61 @@
+"""What a component becomes in C: which outputs, which numbers, and the functions and records that these need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gapsense.emit import HARMLESS_IN_C, Graph, Python, needed, split
+from gapsense.fmi.components import kernel_of, load_component
+from gapsense.fmi.ports import Component
+from gapsense.fmi.values import fields
+from gapsense.kernel import Kernel
+from gapsense.problems import InputError, suggest
+
+REALS = ("float", "double")
+
+
+class Design(NamedTuple):
+    """A component for a microcontroller."""
+
+    name: str  # prefix of everything in C
+    folder: Path
+    component: Component
+    kernel: Kernel
+    real: str  # one of `REALS`
+    values: Mapping[str, Any]  # of the fields of `Parameters`
+    is_baked: bool  # the parameters are constants of the code
+    kept: Mapping[str, Sequence[str]]  # entries that are left of every record
+    initial: Graph
+    prepare: Graph | None  # what follows from the parameters alone
+    step: Graph
+
+
+def designed(
+    folder: Path, real: str = "float", outputs: Sequence[str] = (), given: Mapping[str, Any] | None = None,
+    is_baked: bool = False,
+) -> Design:  # fmt: skip
+    """The component in `folder` with some of its outputs, or all, and other start values where they are `given`."""
+    component = load_component(folder)
+    kernel, values = kernel_of(component), fields(component, given or {}, folder)
+    wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
+    initial, step, kept = needed(*kernel.traced(values if is_baked else None, with_places=True), wanted, Python)
+    has_parameters = bool(kept["par"]) and not is_baked
+    prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
+    return Design(folder.name, folder, component, kernel, real, values, is_baked, kept, initial, prepare, step)
+
+
+def check_outputs(folders: Sequence[Path], outputs: Sequence[str]) -> None:
+    """Refuse names that no component has, and components that have none of them."""
+    if not outputs:
+        return
+    known = {folder.name: {port.name for port in load_component(folder).of("output")} for folder in folders}
+    every = set().union(*known.values())
+    here = ", ".join(f"`{name}`" for name in known)
+    problems = [f"--outputs: {here}: no output `{n}`. {suggest(n, every)}" for n in outputs if n not in every]
+    for name, own in known.items():
+        if not problems and not own.intersection(outputs):
+            problems.append(f"--outputs: `{name}` has none of these. {suggest('', own)}")
+    if problems:
+        raise InputError(problems)

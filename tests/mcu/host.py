@@ -1,0 +1,59 @@
+"""Exported components built and run on this machine, and what the Python kernel gives in their place."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from gapsense.embedded.design import Design
+from gapsense.embedded.example import record, sample_time, signals
+from gapsense.embedded.export import export
+from gapsense.records import flat, names
+from gapsense.records import record as made
+
+ROOT = Path(__file__).resolve().parents[2]
+FLAGS = ("-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
+
+
+def played(design: Design, folder: Path, *flags: str) -> list[list[float]]:
+    """Export a component, build its example, run it: the rows that it prints."""
+    export([design], folder)
+    program = folder / design.name
+    files = [str(folder / f"{design.name}{ending}.c") for ending in ("", "_main")]
+    compile_("gcc", "-std=c99", "-O0", *flags, *files, "-lm", "-o", str(program))
+    text = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
+    titles, *rows = text.splitlines()
+    assert titles.split(",") == [*design.kept["outputs"]]
+    return [[float(cell) for cell in row.split(",")] for row in rows]
+
+
+def compile_(*command: str) -> None:
+    """Run a compiler that must find nothing to say."""
+    done = subprocess.run([command[0], *FLAGS, "-Werror", *command[1:]], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:2000]
+
+
+def expected(design: Design) -> list[list[float]]:
+    """What the example must print, by the Python kernel."""
+    module, kernel = design.kernel.module, design.kernel
+    par = made(module.Parameters, (design.values[name] for name in names(module.Parameters)))
+    times, rows = record(design)
+    period = sample_time(design) or times[1]
+    steps = max(1, round(times[1] / period))
+    state: Any = None
+    found = []
+    for k, row in enumerate(rows):
+        for n in range(steps if k else 1):
+            clock = {"time": period * ((k - 1) * steps + n + 1) if k else 0.0, "dt": period if k else 0.0}
+            given = {**dict.fromkeys(module.Inputs._fields, 0.0), **clock, **dict(zip(signals(design), row))}
+            inputs = module.Inputs(**{name: given[name] for name in module.Inputs._fields})
+            state, outputs = kernel.step(state, inputs, par) if k else kernel.initial(inputs, par)
+        found.append(chosen(design, outputs))
+    return found
+
+
+def chosen(design: Design, outputs: Any) -> list[float]:
+    """The outputs of a design among all of its kernel."""
+    values = dict(zip(names(type(outputs)), flat(outputs)))
+    return [float(values[name]) for name in design.kept["outputs"]]
