@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from host import ROOT, compile_, expected, played
+from host import ROOT, expected, played
 
 from gapsense.embedded.design import designed
-from gapsense.embedded.export import export, written
 from gapsense.fmi.components import find_components, load_component
 
 FOLDERS = {folder.name: folder for folder in find_components(ROOT / "fmus")}

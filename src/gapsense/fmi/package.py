@@ -71,7 +71,7 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, kernel, resources, replaced = prepared(folder, values or {})
+    component, kernel, resources = prepared(folder, values or {})
     with code(str(kernel.module.__file__)):
         files = _sources(component, kernel)
     content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
@@ -81,7 +81,7 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, _guid(identity))
-    members |= references.files(folder, replaced)
+    members |= references.files(folder, values or {})
     destination.mkdir(parents=True, exist_ok=True)
     return write(members, destination / f"{component.name}.fmu")
 
@@ -92,7 +92,6 @@ class Prepared(NamedTuple):
     component: Component  # with its start values
     kernel: Kernel
     resources: list[Path]  # files that travel with it
-    replaced: tuple[str, ...]  # of them those that hold a user's tables
 
 
 def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
@@ -107,7 +106,7 @@ def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
         check_records(component, kernel)
     component, tables = started(component, given)
     resources = [tables.get(name, folder / name) for name in component.resources]
-    return Prepared(component, kernel, resources, tuple(tables))
+    return Prepared(component, kernel, resources)
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
