@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from gapsense.native import ZIG, NativeError, zig_version
 
-FLAGS: tuple[str, ...] = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
-FLAGS += ("-Wno-unused-function",)  # a kernel need not search tables
+FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 # Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
 NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
 ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")

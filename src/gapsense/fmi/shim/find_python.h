@@ -181,10 +181,11 @@ static int start_python(Reason *why)
         pthread_join(thread, NULL);
     if (py.Py_IsInitialized())
         return 1;
-    explain(why, "This FMU could not start Python %s: %s. Install it again with its standard library, or set the "
+    const char *version = py.Py_GetVersion();
+    explain(why, "This FMU could not start Python %.*s: %s. Install it again with its standard library, or set the "
                  "environment variable " LIBPYTHON_VARIABLE " to the full path of another libpython3.x.so.1.0, and "
                  "start the tool again.",
-            py.Py_GetVersion(), status.message ? status.message : "it gives no reason");
+            (int)strcspn(version, " "), version, status.message ? status.message : "it gives no reason");
     return 0;
 }
 

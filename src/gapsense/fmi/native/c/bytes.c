@@ -47,18 +47,14 @@ static unsigned char *put(unsigned char *to, const void *from, size_t size)
     return to + size;
 }
 
-static unsigned char *put_word(unsigned char *to, size_t value)
-{
-    const uint64_t word = value;
-    return put(to, &word, WORD);
-}
+static unsigned char *put_word(unsigned char *to, uint64_t word) { return put(to, &word, WORD); }
 
 static void put_content(const State *s, unsigned char *to)
 {
-    to = put_word(to, (size_t)s->phase);
-    to = put_word(to, (size_t)(s->phase == INSTANTIATED && s->is_configuring));
-    to = put_word(to, (size_t)s->is_timed);
-    to = put_word(to, (size_t)s->is_due);
+    to = put_word(to, (uint64_t)s->phase);
+    to = put_word(to, (uint64_t)(s->phase == INSTANTIATED && s->is_configuring));
+    to = put_word(to, (uint64_t)s->is_timed);
+    to = put_word(to, (uint64_t)s->is_due);
     const double times[] = {s->start_time, s->time, s->period, s->elapsed};
     to = put(to, times, sizeof times);
     to = put(to, s->block, numbers(s) * WORD);
@@ -68,12 +64,12 @@ static void put_content(const State *s, unsigned char *to)
             to = put(to, s->texts[k], strlen(s->texts[k]));
         }
     for (int k = 0; k < model.table_count; k++) {
-        to = put_word(to, (size_t)s->sizes[k]);
+        to = put_word(to, (uint64_t)s->sizes[k]);
         to = s->sizes[k] ? put(to, s->tables[k], (size_t)s->sizes[k] * WORD) : to;
     }
     for (int k = 0; k < model.port_count; k++)
         if (model.ports[k].head_count) {
-            to = put_word(to, (size_t)s->rows[k]);
+            to = put_word(to, (uint64_t)s->rows[k]);
             to = s->rows[k] ? put(to, s->columns[k], state_given(s, k) * WORD) : to;
         }
 }
@@ -85,7 +81,7 @@ void state_write(const State *s, unsigned char *bytes)
     to = put(to, model.build, BUILD);
     to = put_word(to, size);
     put_content(s, bytes + HEAD);
-    put_word(to, (size_t)checksum(bytes + HEAD, size - HEAD));
+    put_word(to, checksum(bytes + HEAD, size - HEAD));
 }
 
 /* Where reading has come to; `left` bytes follow. */
@@ -227,32 +223,38 @@ static const char *take_content(Reader *from, State *s)
 static const char *damage(const unsigned char *bytes, size_t size)
 {
     uint64_t said[2];
+    if (size < HEAD || memcmp(bytes, MAGIC, WORD) != 0)
+        return "checksum";
     memcpy(said, bytes + WORD + BUILD, sizeof said);
-    if (said[0] != size)
-        return "length";
-    return said[1] == (size_t)checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
+    return said[0] == size && said[1] == checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
+}
+
+static int is_own(const unsigned char *bytes, Text *problem)
+{
+    char build[BUILD + 1] = {0};
+    memcpy(build, bytes + WORD, BUILD);
+    if (!strcmp(build, model.build))
+        return 1;
+    text_add(problem, SAY_OTHER_BUILD, build, model.build);
+    return 0;
 }
 
 State *state_read(const unsigned char *bytes, size_t size, Text *problem)
 {
-    char build[BUILD + 1] = {0};
-    if (size < HEAD || memcmp(bytes, MAGIC, WORD) != 0) {
-        text_add(problem, SAY_OTHER_BUILD, "unknown (its bytes cannot be read)", model.build);
-        return NULL;
-    }
-    memcpy(build, bytes + WORD, BUILD);
-    if (memcmp(build, model.build, BUILD) != 0) {
-        text_add(problem, SAY_OTHER_BUILD, build, model.build);
-        return NULL;
-    }
     const char *wrong = damage(bytes, size);
+    if (!wrong && !is_own(bytes, problem))
+        return NULL;
     State *s = wrong ? NULL : state_new();
-    Reader reader = {bytes + HEAD, size - HEAD};
-    if (s)
+    if (s) {
+        Reader reader = {bytes + HEAD, size - HEAD};
         wrong = take_content(&reader, s);
-    if (!wrong && s)
-        return s;
-    text_add(problem, wrong ? SAY_DAMAGED_STATE : SAY_NO_MEMORY, wrong);
+        if (!wrong)
+            return s;
+    }
+    if (wrong)
+        text_add(problem, SAY_DAMAGED_STATE, wrong);
+    else
+        text_add(problem, SAY_NO_MEMORY);
     state_free(s);
     return NULL;
 }

@@ -271,25 +271,27 @@ int read_columns(State *s, int port, Text *problem)
 
 /* --- the file --- */
 
-static void add_heads(Text *text, const Port *port)
+static int refuse_file(const Port *port, const char *file, const char *format, Text *problem)
 {
+    Text heads = {NULL, 0, 0};
     for (int h = 0; h < port->head_count; h++)
-        text_join(text, ", ", "%s", port->heads[h].text);
+        text_join(&heads, ", ", "%s", port->heads[h].text);
+    text_add(problem, format, file, text_of(&heads));
+    text_free(&heads);
+    return 0;
 }
 
 int read_table(State *s, const Port *port, const char *folder, const char *file, Text *problem)
 {
     size_t size = 0;
+    if (!is_csv(file)) /* what other files hold is nobody's business: messages tell cells and headers */
+        return refuse_file(port, file, SAY_NO_CSV_NAME, problem);
     char *shipped = path_in(folder, file);
     char *content = shipped ? file_content(shipped, &size) : NULL;
     if (!content)
         content = file_content(file, &size);
     free(shipped);
-    if (content)
-        return read_content(s, port, last_part(file), content, size, problem);
-    Text heads = {NULL, 0, 0};
-    add_heads(&heads, port);
-    text_add(problem, SAY_NO_FILE, file, text_of(&heads));
-    text_free(&heads);
-    return 0;
+    if (!content)
+        return refuse_file(port, file, SAY_NO_FILE, problem);
+    return read_content(s, port, last_part(file), content, size, problem);
 }
