@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from native3 import ROOT, built
+from native3 import ROOT, built, placed  # noqa: F401
 
 from gapsense.cosim import Checkpoint, Master, ScenarioError, prepare
 from gapsense.cosim.apart import Plan, Watch, record_apart
