@@ -7,11 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from drivers import ROOT
 from hosting import build_slaves, environment, in_host
 from raw import KINDS
 
@@ -45,12 +47,12 @@ class Odd(Fmi2Slave):
 """
 
 
-def raw(function: str, folder: Path, guid: str | None = None) -> Any:
+def raw(function: str, folder: Path, *arguments: Any) -> Any:
     """What a function of raw.py returns for an extracted FMU."""
     name = next((folder / "binaries" / "linux64").glob("*.so"))
-    guid = guid or ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
+    guid = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
     command = [sys.executable, str(Path(__file__).with_name("raw.py")), function, str(name)]
-    command += [(folder / "resources").as_uri(), guid]
+    command += [(folder / "resources").as_uri(), guid, *map(json.dumps, arguments)]
     run = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stdout + run.stderr
     return json.loads(run.stdout.splitlines()[-1])
@@ -138,6 +140,24 @@ def test_name_in_latin_1_is_itself_in_messages(semera: Path) -> None:
     answer = raw("name_in_latin_1", semera)
     ((status, _, text),) = answer["said"]
     assert status == ERROR and text.startswith(f"`{answer['name']}` (Semera), t = 0 s, step = -1 s: ")
+
+
+def test_parameters_in_latin_1(fmus: Path, tmp_path: Path) -> None:
+    """A table in a folder with such a name is read; a choice that is none, and a file that is not there, are named."""
+    with zipfile.ZipFile(fmus / "SolenoidValve.fmu") as archive:
+        archive.extractall(tmp_path)
+    variables = ElementTree.parse(tmp_path / "modelDescription.xml").getroot().iter("ScalarVariable")
+    reference = {v.attrib["name"]: v.attrib["valueReference"] for v in variables}
+    law, file = reference["gap.law"], reference["gap.file"]
+    folder = tmp_path / os.fsdecode(b"H\xfcb %n")
+    folder.mkdir()
+    table = shutil.copy(ROOT / "fmus" / "solenoid_valve" / "fringing_19.csv", folder)
+    missing = str(folder / "none.csv")
+    cases = [[law, "table", file, str(table)], [law, os.fsdecode(b"\xfc %n")], [law, "table", file, missing]]
+    good, choice, absent = raw("texts", tmp_path, cases)
+    assert good == [0, []]
+    assert choice[0] == ERROR and is_one_error(choice[1], "`gap.law` is `\udcfc %n`; expected one of")
+    assert absent[0] == ERROR and is_one_error(absent[1], "`gap.file`", missing)
 
 
 # Calls ----------------------------------------------------------------------------------------------------------------
