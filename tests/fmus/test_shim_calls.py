@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -14,7 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 from drivers import ROOT
-from hosting import build_slaves, environment, in_host
+from hosting import build_slaves, in_host, raw
 from raw import KINDS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
@@ -45,17 +43,6 @@ class Odd(Fmi2Slave):
             self.log("\\ud800 \\0 %n", Fmi2Status.warning)
         return [[], (1.0,), None, ["text"], 1.0, [], [], [7.0]][self.k] if self.k >= 0 else [self.y]
 """
-
-
-def raw(function: str, folder: Path, *arguments: Any) -> Any:
-    """What a function of raw.py returns for an extracted FMU."""
-    name = next((folder / "binaries" / "linux64").glob("*.so"))
-    guid = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
-    command = [sys.executable, str(Path(__file__).with_name("raw.py")), function, str(name)]
-    command += [(folder / "resources").as_uri(), guid, *map(json.dumps, arguments)]
-    run = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
-    assert run.returncode == 0, run.stdout + run.stderr
-    return json.loads(run.stdout.splitlines()[-1])
 
 
 # Instantiation --------------------------------------------------------------------------------------------------------
@@ -236,3 +223,8 @@ def test_child_of_a_host_that_forks_goes_on(c_host: Path, stock: Path) -> None:
     run = in_host(c_host, stock / "Lag", stock / "Talker", options="-f -n 60 -t 2")
     assert run.returncode == 0, run.stdout + run.stderr
     assert run.stdout.count("\n0 0.6 ") == 3  # two threads, then the child
+
+
+def test_thousands_of_any_calls(semera: Path) -> None:
+    stati = raw("fuzz", semera, 3000, 1)
+    assert set(stati) == {"0", "3"} and sum(stati.values()) == 3000
