@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 from drivers import ROOT
-from hosting import build_slaves, in_host, raw
+from hosting import build_slaves, in_host, in_python, raw
 from raw import KINDS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
@@ -114,6 +114,20 @@ def test_resources_that_are_not_whole_are_refused(
 
 def copied(folder: Path, target: Path) -> Path:
     return Path(shutil.copytree(folder, target))
+
+
+def test_python_of_the_host_without_its_standard_library_is_told(stock: Path) -> None:
+    code = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from raw import Host
+sys.modules["traceback"] = None
+host = Host(*sys.argv[2:], "")
+print(host.instantiate(logging=0), *host.heard())
+"""
+    library, resources = stock / "Lag/binaries/linux64/Lag.so", (stock / "Lag/resources").as_uri()
+    run = in_python(code, Path(__file__).parent, library, resources)
+    assert run.stdout.startswith("None (3, 'logStatusError', 'This FMU cannot start, and Python cannot say why"), run
 
 
 def test_folder_and_name_in_latin_1(c_host: Path, stock: Path, tmp_path: Path) -> None:
