@@ -1,10 +1,12 @@
 /* A small FMI 2.0 co-simulation host in plain C, as a tool vendor would write it; for test_shim.py.
  *
- *     host [-n steps] [-h step] [-c cycles] [-t threads] [-i name] [-q] library resources guid [...] -- vr [vr ...]
+ *     host [-n steps] [-h step] [-c cycles] [-t threads] [-i name] [-q] [-f]
+ *          library resources guid [library resources guid ...] -- vr [vr ...]
  *
  * Each thread makes an instance of each FMU, steps them in turn, and prints FMU, time and the real outputs vr after
  * each step; every second thread makes them in reverse order, so that different FMUs load Python at the same time.
- * A cycle is dlopen, run, dlclose. -q turns the FMU's logging off. Exit code: 0, or 2 when a library does not load,
+ * A cycle is dlopen, run, dlclose. -q turns the FMU's logging off. With -f a child process
+ * forked after the first cycle's runs makes one more run. Exit code: 0, or 2 when a library does not load,
  * 3 when an instance is NULL, 10 + status when a call is not OK. After a failure it still frees the instance.
  */
 #include <dlfcn.h>
@@ -13,6 +15,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "fmi2Functions.h"
@@ -20,7 +23,7 @@
 enum { MOST = 8 };
 static struct { const char *library, *resources, *guid; void *handle; } fmus[MOST];
 static const char *name = "model";
-static int n_fmus, steps = 10, cycles = 1, threads = 1, logging = 1;
+static int n_fmus, steps = 10, cycles = 1, threads = 1, logging = 1, forks = 0;
 static double step = 0.01;
 static fmi2ValueReference outputs[MOST];
 static size_t n_outputs;
@@ -88,15 +91,27 @@ static void *run(void *backwards)
     return (void *)(code || worst == fmi2OK ? code : 10 + worst);
 }
 
+/* Exit code of a child process that makes one more run. */
+static long run_in_child(void)
+{
+    int status = 0;
+    fflush(stdout);
+    if (fork() == 0)
+        exit((int)(long)run(NULL));
+    wait(&status);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
 int main(int argc, char **argv)
 {
-    for (int option; (option = getopt(argc, argv, "+n:h:c:t:i:q")) != -1;) {
+    for (int option; (option = getopt(argc, argv, "+n:h:c:t:i:qf")) != -1;) {
         if (option == 'n') steps = atoi(optarg);
         if (option == 'h') step = atof(optarg);
         if (option == 'c') cycles = atoi(optarg);
         if (option == 't') threads = atoi(optarg);
         if (option == 'i') name = optarg;
         if (option == 'q') logging = 0;
+        if (option == 'f') forks = 1;
     }
     for (; optind + 2 < argc && strcmp(argv[optind], "--") != 0; optind += 3, n_fmus++) {
         fmus[n_fmus].library = argv[optind];
@@ -119,6 +134,8 @@ int main(int argc, char **argv)
             pthread_join(thread[t], &code);
             worst = worst ? worst : (long)code;
         }
+        if (forks && !worst)
+            worst = run_in_child();
         for (int i = 0; i < n_fmus; i++)
             dlclose(fmus[i].handle);
     }

@@ -147,7 +147,7 @@ def test_component_without_a_fitting_reference_has_no_experiment(tmp_path: Path,
         reference.unlink()
     else:
         reference.write_text(reference.read_text().replace("quality", "qualities", 1))
-    members = references.files(folder)
+    members = references.files(folder, {})
     assert references.FOLDER + references.EXPERIMENTS not in members
     assert references.FOLDER + "fmi-ls-manifest.xml" in members
 

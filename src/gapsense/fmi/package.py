@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 from xml.etree import ElementTree
 
@@ -81,13 +81,21 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         with zipfile.ZipFile(stock) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
     _complete(members, component, folder, _guid(identity))
-    members |= references.files(folder, replaced={path.name for path in resources if path.parent != folder})
+    members |= references.files(folder, values or {})
     destination.mkdir(parents=True, exist_ok=True)
     return write(members, destination / f"{component.name}.fmu")
 
 
-def prepared(folder: Path, given: Mapping[str, Any]) -> tuple[Component, Kernel, list[Path]]:
-    """Component with these start values, its kernel, and the files that travel with it; they fit each other."""
+class Prepared(NamedTuple):
+    """What any FMU of a component is made of."""
+
+    component: Component  # with its start values
+    kernel: Kernel
+    resources: list[Path]  # files that travel with it
+
+
+def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
+    """The component of a folder with other start values, checked: table of ports, kernel and files fit each other."""
     component = load_component(folder)
     checked(component, given, folder)
     if not (folder / "page.md").is_file():
@@ -97,7 +105,8 @@ def prepared(folder: Path, given: Mapping[str, Any]) -> tuple[Component, Kernel,
     with code(str(kernel.module.__file__)):
         check_records(component, kernel)
     component, tables = started(component, given)
-    return component, kernel, [tables.get(name, folder / name) for name in component.resources]
+    resources = [tables.get(name, folder / name) for name in component.resources]
+    return Prepared(component, kernel, resources)
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Collection
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -60,14 +60,15 @@ class Related(NamedTuple):
     description: str
 
 
-def files(folder: Path, replaced: Collection[str] = (), fmi: int = 2) -> dict[str, bytes]:
-    """Members of the FMU of the component in `folder`.
+def files(folder: Path, given: Mapping[str, Any], fmi: int = 2) -> dict[str, bytes]:
+    """Members of the FMU of the component in `folder`, which was built with the start values `given`.
 
     There is no experiment where nothing can be expected: without a reference run of this port table, or where a
-    user's table has taken the place, by its name, of a `replaced` one that the run was made with.
+    user's table has the name, and so the place, of one that the run was made with.
     """
     component = load_component(folder)
-    run = None if {*replaced} & {*component.resources} else reference(component, folder / REFERENCE)
+    tables = {Path(given[port.name]).name for port in component.ports if port.columns and port.name in given}
+    run = None if tables & {*component.resources} else reference(component, folder / REFERENCE)
     found = [*related(component, run, fmi), *typical(folder / TYPICAL)]
     members = {FOLDER + item.name: item.data for item in found}
     members[FOLDER + "fmi-ls-manifest.xml"] = manifest(found)

@@ -13,7 +13,7 @@ from gapsense.native import NativeError
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
 PROCESSORS = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}  # type and subtype, as macOS numbers them
-OWN = ("model.c", "kernel.c")  # what differs between components
+OWN = ("model.c", "kernel.c", "arrays.c")  # what differs between components
 
 
 def compile_common(files: Mapping[str, str], compiler: Compiler, work: Path) -> None:
@@ -53,6 +53,15 @@ def fat(libraries: Mapping[str, bytes]) -> bytes:
         head += struct.pack(">IIIII", *kind, step + len(body), len(library), FAT_ALIGNMENT)
         body += library
     return head.ljust(step, b"\0") + body
+
+
+def thin(library: bytes) -> dict[str, bytes]:
+    """The libraries in one of `fat`, by processor."""
+    found = {}
+    for k in range(struct.unpack_from(">I", library, 4)[0]):
+        *kind, start, length, _ = struct.unpack_from(">IIIII", library, 8 + 20 * k)
+        found[next(name for name, own in PROCESSORS.items() if own == tuple(kind))] = library[start : start + length]
+    return found
 
 
 def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path) -> bytes:

@@ -164,9 +164,8 @@ def _rules(component: Component, index: dict[str, int]) -> Sequence[str]:
         for k, limit in enumerate(component.limits)
     ]
     limits = (
-        f"{{factors_{k}, {len(limit.powers)}, {_number(limit.below)}, {literal(limit.text())},"
-        f" {literal(limit.reason)}}}"
-        for k, limit in enumerate(component.limits)
+        f"{{factors_{k}, {len(at.powers)}, {_number(at.below)}, {literal(at.text())}, {literal(at.reason)}}}"
+        for k, at in enumerate(component.limits)
     )
     rising = (f"{{{index[lower]}, {index[upper]}}}" for lower, upper in component.rising)
     return [*factors, _array("Limit", "limits", limits), _array("Rising", "rising", rising)]

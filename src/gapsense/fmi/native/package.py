@@ -11,13 +11,17 @@ from typing import Any, NamedTuple
 from uuid import UUID
 
 import gapsense
-from gapsense.fmi import package, page, picture
-from gapsense.fmi.native import SOURCES, headers, model
+from gapsense.fmi import package, page, picture, references
+from gapsense.fmi.fmi3.arrays import shapes
+from gapsense.fmi.fmi3.constants import arrays_c
+from gapsense.fmi.fmi3.variables import Variable, variables
+from gapsense.fmi.native import SOURCES, headers, model, package3
 from gapsense.fmi.native.compile import binary, compile_common
 from gapsense.fmi.native.description import description
 from gapsense.fmi.native.platforms import FLAGS, NO_FOLDING, PLATFORMS, compilers
 from gapsense.fmi.ports import Component
 from gapsense.fmi.shim.build import headers as fmi_headers
+from gapsense.fmi.tables import heads, read_table
 from gapsense.kernel import Kernel
 
 COMPILERS_AT_ONCE = 2
@@ -29,7 +33,7 @@ bits, and shows its arithmetic as Python source. The folder `sources` holds all 
 them together, with `-std=c99 -ffp-contract=off`.
 A good communication step is {{step:g}} s. Inputs are held during a step, outputs are valid at its end.
 
-Profile: FMI 2.0 co-simulation, variable communication step, several instances, get, set and serialise the whole state.
+Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise all its state.
 """
 NAMES = {"linux64": "Linux", "win64": "Windows", "darwin64": "macOS", "aarch64-linux": "Linux on aarch64"}
 
@@ -38,7 +42,9 @@ class Parts(NamedTuple):
     """What the native FMUs of a component are made of, whatever the version of FMI."""
 
     component: Component
+    given: Mapping[str, Any]  # start values in place of those of the port table
     guid: str
+    variables: list[Variable]  # of FMI 3.0
     files: dict[str, str]  # C sources and headers
     resources: dict[str, bytes]
     folder: Path  # of the component
@@ -48,11 +54,20 @@ def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
     """Parts of the component in a folder, with these start values of its parameters."""
     component, kernel, paths = package.prepared(folder, values)
     resources = {path.name: path.read_bytes() for path in paths}
-    files = {**common(), "kernel.c": kernel.c()}
+    tables = shipped(component, {path.name: path for path in paths})
+    files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
     flags = (FLAGS, NO_FOLDING, sorted(PLATFORMS.items()))
     content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
-    return with_identity(Parts(component, f"{{{UUID(identity)}}}", files, resources, folder), kernel, identity)
+    found = variables(component, tables, shapes(kernel))
+    parts = Parts(component, values, f"{{{UUID(identity)}}}", found, files, resources, folder)
+    return with_identity(parts, kernel, identity)
+
+
+def shipped(component: Component, paths: Mapping[str, Path]) -> dict[str, list[list[float]]]:
+    """Columns of the tables that travel with the component, by parameter."""
+    named = {port.name: (paths[port.start], tuple(heads(port.columns))) for port in component.ports if port.columns}
+    return {name: read_table(path, columns) for name, (path, columns) in named.items()}
 
 
 def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
@@ -63,7 +78,7 @@ def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
 
 def common() -> dict[str, str]:
     """C sources and headers that are the same for all components."""
-    paths = (*SOURCES.glob("*.[ch]"), *fmi_headers().glob("fmi2*.h"))
+    paths = (*SOURCES.glob("*.[ch]"), *fmi_headers().glob("fmi[23]*.h"))
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(paths)}
     return {**files, "sentences.h": headers.sentences(), "life.h": headers.life()}
 
@@ -96,7 +111,7 @@ def build(
 
 
 def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:
-    """Write the FMUs of FMI 2.0."""
+    """Write the FMUs of FMI 2.0, and that of FMI 3.0."""
     apart = {name for name in binaries if name != PLATFORMS[name].folder}
     for together in (sorted(binaries.keys() - apart), *([name] for name in sorted(apart))):
         if together:
@@ -104,6 +119,9 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
             folder.mkdir(parents=True, exist_ok=True)
             members = {**members_of(parts, together), **libraries(parts, binaries, together)}
             yield package.write(members, folder / f"{parts.component.name}.fmu")
+    members = package3.members_of(parts, binaries, documentation(parts, sorted(binaries), "3.0"))
+    (destination / "fmi3").mkdir(parents=True, exist_ok=True)
+    yield package.write(members, destination / "fmi3" / f"{parts.component.name}.fmu")
 
 
 def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
@@ -122,12 +140,13 @@ def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
         "model.png": (package.HERE / "icon.png").read_bytes(),
         **{f"resources/{name}": content for name, content in parts.resources.items()},
         **{f"sources/{name}": text.encode() for name, text in parts.files.items()},
+        **references.files(parts.folder, parts.given),
     }
 
 
-def documentation(parts: Parts, platforms: Sequence[str]) -> str:
+def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> str:
     """The page of a component, which says what this FMU runs on."""
     markdown = (parts.folder / "page.md").read_text(encoding="utf-8")
-    run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms))
+    run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=fmi)
     drawing = picture.figure(parts.component, parts.folder)
     return page.html(parts.component, markdown, gapsense.__version__, drawing, run)

@@ -22,6 +22,8 @@ typedef struct {
     int exit_code;
 } PyStatus;
 
+enum { FILE_INPUT = 257 }; /* Py_file_input: a whole file */
+
 static struct {
 #define FUNCTION(type, name, parameters) type(*name) parameters;
 #include "python_functions.h"
@@ -158,12 +160,17 @@ static PyStatus initialize(void)
 }
 
 /* Runs in a thread of its own: the thread that starts Python becomes its main thread and holds the GIL, and none of the
- * host's threads should. `threading` is imported here because it takes the importing thread for the main one. */
+ * host's threads should. `threading` is imported here because it takes the importing thread for the main one. What
+ * is printed must not wait for the end of Python, which never comes. */
 static void *interpreter_thread(void *status)
 {
+    static const char first[] = "import sys, threading\nif sys.stdout: sys.stdout.reconfigure(line_buffering=True)\n";
     *(PyStatus *)status = initialize();
     if (py.Py_IsInitialized()) {
-        py.Py_DecRef(py.PyImport_ImportModule("threading"));
+        PyObject *code = py.Py_CompileString(first, "first of all", FILE_INPUT);
+        py.Py_DecRef(code ? py.PyImport_ExecCodeModule("_gapsense_first", code) : NULL);
+        py.Py_DecRef(code);
+        py.PyErr_Clear();
         py.PyEval_SaveThread();
     }
     return NULL;
@@ -181,10 +188,11 @@ static int start_python(Reason *why)
         pthread_join(thread, NULL);
     if (py.Py_IsInitialized())
         return 1;
-    explain(why, "This FMU could not start Python %s: %s. Install it again with its standard library, or set the "
+    const char *version = py.Py_GetVersion();
+    explain(why, "This FMU could not start Python %.*s: %s. Install it again with its standard library, or set the "
                  "environment variable " LIBPYTHON_VARIABLE " to the full path of another libpython3.x.so.1.0, and "
                  "start the tool again.",
-            py.Py_GetVersion(), status.message ? status.message : "it gives no reason");
+            (int)strcspn(version, " "), version, status.message ? status.message : "it gives no reason");
     return 0;
 }
 

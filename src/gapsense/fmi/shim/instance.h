@@ -103,3 +103,22 @@ static fmi2Status plain_call(fmi2Component c, const char *method)
         return fmi2Fatal;
     return leave_with(&call, py.PyObject_CallMethod(call.instance->slave, method, NULL));
 }
+
+/* A method that is called often: its name becomes an object of Python once. */
+typedef struct {
+    const char *name;
+    PyObject *object;
+} Method;
+
+/* Calls a method of the slave; takes the references to the arguments, of which the last may be NULL. */
+static PyObject *call_slave(const Instance *instance, Method *method, PyObject *one, PyObject *two)
+{
+    const size_t may_write_before = (size_t)1 << (8 * sizeof(size_t) - 1); /* PY_VECTORCALL_ARGUMENTS_OFFSET */
+    PyObject *room[4] = {NULL, instance->slave, one, two};
+    if (!method->object)
+        method->object = py.PyUnicode_InternFromString(method->name);
+    PyObject *result = py.PyObject_VectorcallMethod(method->object, room + 1, (two ? 3 : 2) | may_write_before, NULL);
+    py.Py_DecRef(one);
+    py.Py_DecRef(two);
+    return result;
+}

@@ -85,11 +85,12 @@ FMI2_Export fmi2Status fmi2Terminate(fmi2Component c)
 
 FMI2_Export fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_rollback)
 {
+    static Method do_step = {"do_step", NULL};
     (void)no_rollback;
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
-    PyObject *done = call_slave(call.instance, "do_step", py.PyFloat_FromDouble(time), py.PyFloat_FromDouble(step));
+    PyObject *done = call_slave(call.instance, &do_step, py.PyFloat_FromDouble(time), py.PyFloat_FromDouble(step));
     int is_complete = done && py.PyObject_IsTrue(done);
     py.Py_DecRef(done);
     return leave(&call, is_complete ? fmi2OK : fmi2Discard);

@@ -4,7 +4,7 @@
 
 /* A kind: the slave's methods, and how its values become objects of Python and come back; 0 if they do not fit. */
 typedef struct {
-    const char *get, *set;
+    Method get, set;
     PyObject *(*boxed)(const void *values, size_t k);
     int (*unboxed)(PyObject *object, void *values, size_t k);
 } Kind;
@@ -65,10 +65,10 @@ static int unboxed_string(PyObject *object, void *values, size_t k)
     return value != NULL;
 }
 
-static const Kind REAL = {"get_real", "set_real", boxed_real, unboxed_real};
-static const Kind INTEGER = {"get_integer", "set_integer", boxed_integer, unboxed_integer};
-static const Kind BOOLEAN = {"get_boolean", "set_boolean", boxed_boolean, unboxed_boolean};
-static const Kind STRING = {"get_string", "set_string", boxed_string, unboxed_string};
+static Kind REAL = {{"get_real", NULL}, {"set_real", NULL}, boxed_real, unboxed_real};
+static Kind INTEGER = {{"get_integer", NULL}, {"set_integer", NULL}, boxed_integer, unboxed_integer};
+static Kind BOOLEAN = {{"get_boolean", NULL}, {"set_boolean", NULL}, boxed_boolean, unboxed_boolean};
+static Kind STRING = {{"get_string", NULL}, {"set_string", NULL}, boxed_string, unboxed_string};
 
 static PyObject *list_of(size_t n, const void *values, PyObject *(*boxed)(const void *, size_t))
 {
@@ -83,30 +83,18 @@ static PyObject *boxed_reference(const void *vr, size_t k)
     return py.PyLong_FromUnsignedLong(((const fmi2ValueReference *)vr)[k]);
 }
 
-/* Calls a method of the slave; takes the references to the arguments, of which the last may be NULL. */
-static PyObject *call_slave(const Instance *instance, const char *method, PyObject *one, PyObject *two)
-{
-    PyObject *name = py.PyUnicode_InternFromString(method), *room[4] = {NULL, instance->slave, one, two};
-    const size_t may_write_before = (size_t)1 << (8 * sizeof(size_t) - 1); /* PY_VECTORCALL_ARGUMENTS_OFFSET */
-    PyObject *result = py.PyObject_VectorcallMethod(name, room + 1, (two ? 3 : 2) | may_write_before, NULL);
-    py.Py_DecRef(name);
-    py.Py_DecRef(one);
-    py.Py_DecRef(two);
-    return result;
-}
-
-static fmi2Status set(REFERENCES, const Kind *kind, const void *values)
+static fmi2Status set(REFERENCES, Kind *kind, const void *values)
 {
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
-    return leave_with(&call, call_slave(call.instance, kind->set, list_of(nvr, vr, boxed_reference),
+    return leave_with(&call, call_slave(call.instance, &kind->set, list_of(nvr, vr, boxed_reference),
                                         list_of(nvr, values, kind->boxed)));
 }
 
-static PyObject *gotten(Instance *instance, const Kind *kind, const fmi2ValueReference vr[], size_t nvr)
+static PyObject *gotten(Instance *instance, Kind *kind, const fmi2ValueReference vr[], size_t nvr)
 {
-    PyObject *found = call_slave(instance, kind->get, list_of(nvr, vr, boxed_reference), NULL);
+    PyObject *found = call_slave(instance, &kind->get, list_of(nvr, vr, boxed_reference), NULL);
     if (kind != &STRING || !found)
         return found;
     PyObject *texts = py.PyObject_CallMethod(loader, "encoded", "(N)", found);
@@ -116,7 +104,7 @@ static PyObject *gotten(Instance *instance, const Kind *kind, const fmi2ValueRef
     return texts;
 }
 
-static fmi2Status get(REFERENCES, const Kind *kind, void *values)
+static fmi2Status get(REFERENCES, Kind *kind, void *values)
 {
     Call call;
     if (!enter(&call, c))

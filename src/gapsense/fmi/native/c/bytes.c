@@ -31,11 +31,13 @@ static size_t numbers(const State *s)
 
 size_t state_size(const State *s)
 {
-    size_t size = HEAD + (3 + 4 + numbers(s)) * WORD;
+    size_t size = HEAD + (4 + 4 + numbers(s)) * WORD;
     for (int k = 0; k < model.port_count; k++)
         size += s->texts[k] ? WORD + strlen(s->texts[k]) : 0;
     for (int k = 0; k < model.table_count; k++)
         size += WORD + (size_t)s->sizes[k] * WORD;
+    for (int k = 0; k < model.port_count; k++)
+        size += model.ports[k].head_count ? WORD + state_given(s, k) * WORD : 0;
     return size;
 }
 
@@ -45,17 +47,14 @@ static unsigned char *put(unsigned char *to, const void *from, size_t size)
     return to + size;
 }
 
-static unsigned char *put_word(unsigned char *to, size_t value)
-{
-    const uint64_t word = value;
-    return put(to, &word, WORD);
-}
+static unsigned char *put_word(unsigned char *to, uint64_t word) { return put(to, &word, WORD); }
 
 static void put_content(const State *s, unsigned char *to)
 {
-    to = put_word(to, (size_t)s->phase);
-    to = put_word(to, (size_t)s->is_timed);
-    to = put_word(to, (size_t)s->is_due);
+    to = put_word(to, (uint64_t)s->phase);
+    to = put_word(to, (uint64_t)(s->phase == INSTANTIATED && s->is_configuring));
+    to = put_word(to, (uint64_t)s->is_timed);
+    to = put_word(to, (uint64_t)s->is_due);
     const double times[] = {s->start_time, s->time, s->period, s->elapsed};
     to = put(to, times, sizeof times);
     to = put(to, s->block, numbers(s) * WORD);
@@ -65,9 +64,14 @@ static void put_content(const State *s, unsigned char *to)
             to = put(to, s->texts[k], strlen(s->texts[k]));
         }
     for (int k = 0; k < model.table_count; k++) {
-        to = put_word(to, (size_t)s->sizes[k]);
+        to = put_word(to, (uint64_t)s->sizes[k]);
         to = s->sizes[k] ? put(to, s->tables[k], (size_t)s->sizes[k] * WORD) : to;
     }
+    for (int k = 0; k < model.port_count; k++)
+        if (model.ports[k].head_count) {
+            to = put_word(to, (uint64_t)s->rows[k]);
+            to = s->rows[k] ? put(to, s->columns[k], state_given(s, k) * WORD) : to;
+        }
 }
 
 void state_write(const State *s, unsigned char *bytes)
@@ -77,7 +81,7 @@ void state_write(const State *s, unsigned char *bytes)
     to = put(to, model.build, BUILD);
     to = put_word(to, size);
     put_content(s, bytes + HEAD);
-    put_word(to, (size_t)checksum(bytes + HEAD, size - HEAD));
+    put_word(to, checksum(bytes + HEAD, size - HEAD));
 }
 
 /* Where reading has come to; `left` bytes follow. */
@@ -101,10 +105,13 @@ static int take_word(Reader *from, uint64_t most, uint64_t *word) { return take(
 
 static int take_flags(Reader *from, State *s)
 {
-    uint64_t phase, is_timed, is_due;
-    if (!take_word(from, FAILED, &phase) || !take_word(from, 1, &is_timed) || !take_word(from, 1, &is_due))
+    uint64_t phase, is_configuring, is_timed, is_due;
+    if (!take_word(from, FAILED, &phase) || !take_word(from, phase == INSTANTIATED, &is_configuring))
+        return 0;
+    if (!take_word(from, 1, &is_timed) || !take_word(from, 1, &is_due))
         return 0;
     s->phase = (Phase)phase;
+    s->is_configuring = (int)is_configuring;
     s->is_timed = (int)is_timed;
     s->is_due = (int)is_due;
     return 1;
@@ -159,6 +166,24 @@ static int take_tables(Reader *from, State *s)
             if (!(s->tables[k][row] - s->tables[k][row] == 0.0))
                 return 0;
     }
+    return 1;
+}
+
+/* Arrays may hold anything before they are judged. */
+static int take_columns(Reader *from, State *s)
+{
+    for (int k = 0; k < model.port_count; k++) {
+        const size_t heads = (size_t)model.ports[k].head_count;
+        uint64_t rows;
+        if (!heads)
+            continue;
+        if (!take_word(from, INT_MAX, &rows) || rows > from->left / WORD / heads)
+            return 0;
+        if (rows && !(s->columns[k] = malloc(heads * (size_t)rows * WORD)))
+            return 0;
+        take(from, s->columns[k], heads * (size_t)rows * WORD);
+        s->rows[k] = (int)rows;
+    }
     return from->left == 0;
 }
 
@@ -190,7 +215,7 @@ static const char *take_content(Reader *from, State *s)
         return "length";
     if (!take_texts(from, s))
         return "text";
-    if (!take_tables(from, s))
+    if (!take_tables(from, s) || !take_columns(from, s))
         return "table";
     return is_sound(s) ? NULL : "parameters";
 }
@@ -198,32 +223,38 @@ static const char *take_content(Reader *from, State *s)
 static const char *damage(const unsigned char *bytes, size_t size)
 {
     uint64_t said[2];
+    if (size < HEAD || memcmp(bytes, MAGIC, WORD) != 0)
+        return "checksum";
     memcpy(said, bytes + WORD + BUILD, sizeof said);
-    if (said[0] != size)
-        return "length";
-    return said[1] == (size_t)checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
+    return said[0] == size && said[1] == checksum(bytes + HEAD, size - HEAD) ? NULL : "checksum";
+}
+
+static int is_own(const unsigned char *bytes, Text *problem)
+{
+    char build[BUILD + 1] = {0};
+    memcpy(build, bytes + WORD, BUILD);
+    if (!strcmp(build, model.build))
+        return 1;
+    text_add(problem, SAY_OTHER_BUILD, build, model.build);
+    return 0;
 }
 
 State *state_read(const unsigned char *bytes, size_t size, Text *problem)
 {
-    char build[BUILD + 1] = {0};
-    if (size < HEAD || memcmp(bytes, MAGIC, WORD) != 0) {
-        text_add(problem, SAY_OTHER_BUILD, "unknown (its bytes cannot be read)", model.build);
-        return NULL;
-    }
-    memcpy(build, bytes + WORD, BUILD);
-    if (memcmp(build, model.build, BUILD) != 0) {
-        text_add(problem, SAY_OTHER_BUILD, build, model.build);
-        return NULL;
-    }
     const char *wrong = damage(bytes, size);
+    if (!wrong && !is_own(bytes, problem))
+        return NULL;
     State *s = wrong ? NULL : state_new();
-    Reader reader = {bytes + HEAD, size - HEAD};
-    if (s)
+    if (s) {
+        Reader reader = {bytes + HEAD, size - HEAD};
         wrong = take_content(&reader, s);
-    if (!wrong && s)
-        return s;
-    text_add(problem, wrong ? SAY_DAMAGED_STATE : SAY_NO_MEMORY, wrong);
+        if (!wrong)
+            return s;
+    }
+    if (wrong)
+        text_add(problem, SAY_DAMAGED_STATE, wrong);
+    else
+        text_add(problem, SAY_NO_MEMORY);
     state_free(s);
     return NULL;
 }

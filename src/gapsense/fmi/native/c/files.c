@@ -92,6 +92,14 @@ const char *last_part(const char *path)
     return path;
 }
 
+int is_csv(const char *path)
+{
+    const char *name = last_part(path), *end = strrchr(name, '.');
+    if (!end || end == name || strlen(end) != 4)
+        return 0;
+    return (end[1] | 32) == 'c' && (end[2] | 32) == 's' && (end[3] | 32) == 'v';
+}
+
 static int nibble(char c)
 {
     const char *const digits = "0123456789abcdef";

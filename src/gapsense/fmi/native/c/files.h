@@ -10,6 +10,7 @@ int is_file(const char *path);
 /* `folder` and `name` as a path, to be freed; the name alone if it is a full path. */
 char *path_in(const char *folder, const char *name);
 const char *last_part(const char *path);
+int is_csv(const char *path); /* by the end of its name */
 /* The folder that a location means, to be freed: an URI of the scheme `file`, or a path. */
 char *folder_of(const char *location);
 

@@ -53,6 +53,8 @@ void say_to(Tell *tell, void *host, const char *name, const char *format, ...)
     va_end(values);
 }
 
+const char *instance_phases(Call call) { return RULES[call].text; }
+
 Status instance_may(Instance *i, Call call, const char *name)
 {
     if (RULES[call].phases >> i->state->phase & 1u)

@@ -36,6 +36,7 @@ Status refuse(Instance *instance, const char *format, ...) FORMAT(2, 3);
 Status report(Instance *instance, const char *format, ...) FORMAT(2, 3);
 
 /* `name` is what the host called, for the message. */
+const char *instance_phases(Call call); /* those in which it is allowed, as a sentence names them */
 Status instance_may(Instance *instance, Call call, const char *name);
 Status instance_set_start(Instance *instance, const char *name, double time);
 Status instance_enter_initialization(Instance *instance, const char *name);

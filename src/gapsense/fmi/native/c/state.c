@@ -21,7 +21,9 @@ static int allocate(State *s)
     s->texts = calloc((size_t)model.port_count + 1, sizeof *s->texts);
     s->tables = calloc((size_t)model.table_count + 1, sizeof *s->tables);
     s->sizes = calloc((size_t)model.table_count + 1, sizeof *s->sizes);
-    return s->block && s->memory && s->texts && s->tables && s->sizes;
+    s->columns = calloc((size_t)model.port_count + 1, sizeof *s->columns);
+    s->rows = calloc((size_t)model.port_count + 1, sizeof *s->rows);
+    return s->block && s->memory && s->texts && s->tables && s->sizes && s->columns && s->rows;
 }
 
 static void divide(State *s)
@@ -56,6 +58,10 @@ void state_free(State *s)
         free(s->texts[k]);
     for (int k = 0; s->tables && k < model.table_count; k++)
         free(s->tables[k]);
+    for (int k = 0; s->columns && k < model.port_count; k++)
+        free(s->columns[k]);
+    free(s->columns);
+    free(s->rows);
     free(s->block);
     free(s->memory);
     free(s->texts);
@@ -83,16 +89,31 @@ int state_reset(State *s)
     for (int k = 0; k < model.port_count; k++)
         s->values[k] = model.ports[k].start;
     memset(s->sizes, 0, (size_t)model.table_count * sizeof *s->sizes);
+    memset(s->rows, 0, (size_t)model.port_count * sizeof *s->rows);
     s->phase = INSTANTIATED;
+    s->is_configuring = 0;
     s->is_timed = 0;
     s->is_due = 1;
     s->start_time = s->time = s->period = s->elapsed = 0.0;
     return 1;
 }
 
+/* Room for at least so many numbers; those that are there stay. */
+static int grow(double **numbers, size_t count)
+{
+    double *grown = realloc(*numbers, (count + 1) * sizeof **numbers);
+    *numbers = grown ? grown : *numbers;
+    return grown != NULL;
+}
+
+size_t state_given(const State *s, int port) { return (size_t)model.ports[port].head_count * (size_t)s->rows[port]; }
+
 /* Make room for what is of another length; what is there stays. */
 static int make_room(State *to, const State *from)
 {
+    for (int k = 0; k < model.port_count; k++)
+        if (state_given(from, k) > state_given(to, k) && !grow(to->columns + k, state_given(from, k)))
+            return 0;
     for (int k = 0; k < model.port_count; k++) {
         if (from->texts[k] && strlen(from->texts[k]) > strlen(to->texts[k])) {
             char *text = realloc(to->texts[k], strlen(from->texts[k]) + 1);
@@ -102,12 +123,8 @@ static int make_room(State *to, const State *from)
         }
     }
     for (int k = 0; k < model.table_count; k++) {
-        if (from->sizes[k] > to->sizes[k]) {
-            double *table = realloc(to->tables[k], (size_t)from->sizes[k] * sizeof *table);
-            if (!table)
-                return 0;
-            to->tables[k] = table;
-        }
+        if (from->sizes[k] > to->sizes[k] && !grow(to->tables + k, (size_t)from->sizes[k]))
+            return 0;
     }
     return 1;
 }
@@ -122,9 +139,14 @@ int state_copy(State *to, const State *from)
     for (int k = 0; k < model.table_count; k++)
         if (from->sizes[k])
             memcpy(to->tables[k], from->tables[k], (size_t)from->sizes[k] * sizeof **to->tables);
+    for (int k = 0; k < model.port_count; k++)
+        if (from->rows[k])
+            memcpy(to->columns[k], from->columns[k], state_given(from, k) * sizeof **to->columns);
     memcpy(to->sizes, from->sizes, (size_t)model.table_count * sizeof *to->sizes);
+    memcpy(to->rows, from->rows, (size_t)model.port_count * sizeof *to->rows);
     memcpy(to->block, from->block, block_size() * sizeof *to->block);
     to->phase = from->phase;
+    to->is_configuring = from->is_configuring;
     to->is_timed = from->is_timed;
     to->is_due = from->is_due;
     to->start_time = from->start_time;

@@ -10,6 +10,7 @@
 
 typedef struct {
     Phase phase;
+    int is_configuring; /* FMI 3.0: between instantiated and itself */
     int is_timed; /* the next step has to begin at `time` */
     int is_due;   /* in initialization: the outputs do not follow the values yet */
     double start_time, time, period, elapsed;
@@ -21,12 +22,15 @@ typedef struct {
     char **texts;    /* of the ports that are a String, by value reference */
     double **tables;
     int *sizes; /* rows of the tables */
+    double **columns; /* as arrays give them, by value reference of what else names a file, column after column, */
+    int *rows; /* and how many of these; 0: they were not given */
 } State;
 
 State *state_new(void); /* as at instantiation; NULL without memory */
 void state_free(State *state);
 int state_copy(State *to, const State *from); /* all or, without memory, nothing: then 0 */
 int state_reset(State *state);
+size_t state_given(const State *state, int port); /* how many numbers arrays give for the table of this port */
 int state_set_text(State *state, int port, const char *text);
 
 size_t state_size(const State *state); /* of its bytes */

@@ -6,7 +6,9 @@
 #include "sentences.h"
 #include "values.h"
 
-#define TOLERANCE 1e-9 /* relative, on times: hosts round */
+#define TOLERANCE 1e-9 /* relative, on sizes of steps: hosts round */
+#define SHIFT 1e-6     /* of a step by which it may begin too early or too late, */
+#define ROUNDINGS 8    /* and of its time */
 
 static const double *kernel_inputs(State *s, double time, double dt)
 {
@@ -87,45 +89,55 @@ static double rounding(double x) { return nextafter(fabs(x), INFINITY) - fabs(x)
 static Status is_next(Instance *i, double time, double step)
 {
     const State *s = i->state;
-    if (!s->is_timed || time == s->time || fabs(time - s->time) <= 1e-6 * step + 8.0 * rounding(time))
+    if (!s->is_timed || time == s->time)
+        return FINE;
+    if (fabs(time - s->time) <= SHIFT * step + ROUNDINGS * rounding(fmax(fabs(time), fabs(s->time))))
         return FINE;
     return refuse(i, SAY_JUMP, time - s->time, s->time);
 }
 
-/* How many samples fall due in this step, during which inputs are held; -1 if it does not fit them. */
-static double samples_due(Instance *i, double end, double step)
+/* How many samples fall due in this step, during which inputs are held, and the time from the last one to its end. */
+static Status samples_due(Instance *i, double end, double step, double *count, double *elapsed)
 {
-    State *s = i->state;
-    const double period = s->period;
+    const double period = i->state->period;
     const double tolerance = TOLERANCE + 2.0 * rounding(end) / step; /* a step may be a difference of times */
     const double ratio = step >= period ? step / period : period / step;
-    const double elapsed = s->elapsed + step, count = floor(elapsed / period * (1.0 + tolerance));
-    if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio)) {
-        refuse(i, SAY_NO_FRACTION, step, period);
-        return -1.0;
-    }
-    if (count > 0.0 && fabs(elapsed - count * period) > tolerance * elapsed) {
-        refuse(i, SAY_PAST_SAMPLE, step, elapsed - count * period, period);
-        return -1.0;
-    }
-    s->elapsed = count > 0.0 ? 0.0 : elapsed;
-    return count;
+    if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio))
+        return refuse(i, SAY_NO_FRACTION, step, period);
+    *elapsed = i->state->elapsed + step;
+    *count = floor(*elapsed / period * (1.0 + tolerance));
+    if (*count > 0.0 && fabs(*elapsed - *count * period) > tolerance * *elapsed)
+        return refuse(i, SAY_PAST_SAMPLE, step, *elapsed - *count * period, period);
+    *elapsed = *count > 0.0 ? 0.0 : *elapsed;
+    return FINE;
+}
+
+/* The outputs of all samples, or of none if one fails. */
+static Status sample(Instance *i, double end, double step)
+{
+    State *s = i->state;
+    const size_t size = (size_t)(model.signals - model.inputs) * sizeof *s->values;
+    double count = 0.0, elapsed = 0.0;
+    if (samples_due(i, end, step, &count, &elapsed))
+        return REFUSED;
+    memcpy(i->before, s->values + model.inputs, size);
+    for (double k = count - 1.0; k >= 0.0; k -= 1.0)
+        if (compute(i, model.step, end - k * s->period, s->period)) {
+            memcpy(s->values + model.inputs, i->before, size);
+            return REFUSED;
+        }
+    s->elapsed = elapsed;
+    return FINE;
 }
 
 static Status advance(Instance *i, double end, double step)
 {
-    State *s = i->state;
+    const State *s = i->state;
     if (s->period == 0.0)
         return compute(i, model.step, end, step);
     if (step == s->period && s->elapsed == 0.0)
         return compute(i, model.step, end, s->period);
-    const double count = samples_due(i, end, step);
-    if (count < 0.0)
-        return REFUSED;
-    for (double k = count - 1.0; k >= 0.0; k -= 1.0)
-        if (compute(i, model.step, end - k * s->period, s->period))
-            return REFUSED;
-    return FINE;
+    return sample(i, end, step);
 }
 
 static Status take_step(Instance *i, const char *name, double time, double step)

@@ -23,6 +23,9 @@ typedef struct {
     int name_length, unit_length;
 } Title;
 
+/* Where a row is in the file; arrays count from 1. */
+static int line_of(const Reading *r, int row) { return r->csv.rows ? r->csv.rows[row + 1].line : row + 1; }
+
 static const double *column(const Reading *r, int head) { return r->numbers + (size_t)head * (size_t)r->rows; }
 
 /* --- the header --- */
@@ -162,17 +165,15 @@ static void note_disorder(Reading *r, int h)
     const double *x = column(r, h);
     for (int k = 1; k < r->rows && (h == 0 || head->is_rising); k++) {
         if (x[k] < x[k - 1])
-            text_join(&r->problems, "; ", SAY_DECREASES, r->csv.rows[k + 1].line, head->name, x[k - 1], x[k]);
+            text_join(&r->problems, "; ", SAY_DECREASES, line_of(r, k), head->name, x[k - 1], x[k]);
         else if (x[k] == x[k - 1] && head->is_rising)
-            text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, r->csv.rows[k + 1].line, head->name, x[k - 1], x[k]);
+            text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, line_of(r, k), head->name, x[k - 1], x[k]);
     }
 }
 
-static void read_rows(Reading *r)
+static void judge_rows(Reading *r)
 {
     const double *x = r->numbers;
-    for (int h = 0; h < r->port->head_count; h++)
-        read_numbers(r, h);
     for (int h = 0; h < r->port->head_count; h++)
         note_disorder(r, h);
     if (r->rows < r->port->fewest_rows || x[r->rows - 1] <= x[0])
@@ -217,8 +218,11 @@ static int understand(State *s, Reading *r)
     r->numbers = malloc((size_t)r->port->head_count * ((size_t)r->rows + 1) * sizeof *r->numbers);
     if (!r->places || !r->numbers)
         return 0;
-    if (find_columns(r))
-        read_rows(r);
+    if (find_columns(r)) {
+        for (int h = 0; h < r->port->head_count; h++)
+            read_numbers(r, h);
+        judge_rows(r);
+    }
     return r->problems.length || make_all(s, r);
 }
 
@@ -239,27 +243,55 @@ static int read_content(State *s, const Port *port, const char *name, char *cont
     return problem->length == 0;
 }
 
+/* --- arrays --- */
+
+static void judge_numbers(Reading *r)
+{
+    char number[REPR];
+    for (int h = 0; h < r->port->head_count; h++)
+        for (int k = 0; k < r->rows; k++) {
+            const double x = column(r, h)[k];
+            if (!(x - x == 0.0))
+                text_join(&r->problems, "; ", SAY_NO_NUMBER, k + 1, r->port->heads[h].name, repr(x, number));
+        }
+}
+
+int read_columns(State *s, int port, Text *problem)
+{
+    Reading r = {model.ports + port, {NULL, NULL, 0, NULL, 0}, NULL, s->columns[port], s->rows[port], {NULL, 0, 0}};
+    judge_numbers(&r);
+    judge_rows(&r);
+    if (r.problems.length)
+        text_add(problem, SAY_WRONG_ARRAYS, text_of(&r.problems));
+    else if (!make_all(s, &r))
+        text_add(problem, SAY_NO_MEMORY);
+    text_free(&r.problems);
+    return problem->length == 0;
+}
+
 /* --- the file --- */
 
-static void add_heads(Text *text, const Port *port)
+static int refuse_file(const Port *port, const char *file, const char *format, Text *problem)
 {
+    Text heads = {NULL, 0, 0};
     for (int h = 0; h < port->head_count; h++)
-        text_join(text, ", ", "%s", port->heads[h].text);
+        text_join(&heads, ", ", "%s", port->heads[h].text);
+    text_add(problem, format, file, text_of(&heads));
+    text_free(&heads);
+    return 0;
 }
 
 int read_table(State *s, const Port *port, const char *folder, const char *file, Text *problem)
 {
     size_t size = 0;
+    if (!is_csv(file)) /* what other files hold is nobody's business: messages tell cells and headers */
+        return refuse_file(port, file, SAY_NO_CSV_NAME, problem);
     char *shipped = path_in(folder, file);
     char *content = shipped ? file_content(shipped, &size) : NULL;
     if (!content)
         content = file_content(file, &size);
     free(shipped);
-    if (content)
-        return read_content(s, port, last_part(file), content, size, problem);
-    Text heads = {NULL, 0, 0};
-    add_heads(&heads, port);
-    text_add(problem, SAY_NO_FILE, file, text_of(&heads));
-    text_free(&heads);
-    return 0;
+    if (!content)
+        return refuse_file(port, file, SAY_NO_FILE, problem);
+    return read_content(s, port, last_part(file), content, size, problem);
 }

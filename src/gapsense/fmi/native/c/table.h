@@ -8,6 +8,9 @@
  * file if it cannot be. */
 int read_table(State *state, const Port *port, const char *folder, const char *file, Text *problem);
 
+/* The same from the columns that arrays give. */
+int read_columns(State *state, int port, Text *problem);
+
 /* From columns of `rows` numbers, as `tables.py` computes them, to the last bit. */
 void integrate(const double *xs, const double *ys, int rows, double *to);
 int spline(const double *xs, const double *ys, int rows, double *to); /* 0 without memory */

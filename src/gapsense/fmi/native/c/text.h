@@ -26,7 +26,7 @@ void text_join(Text *text, const char *between, const char *format, ...) FORMAT(
 const char *text_of(const Text *text);
 void text_free(Text *text);
 
-/* The shortest decimal number that is this one, written as Python's `repr` does. */
+/* The shortest decimal number that is this one, written as Python's `repr` does; but a power of two may get a digit more. */
 const char *repr(double value, char to[REPR]);
 /* The number that a text holds as Python's `float` reads it; NaN if it holds none, or one that is not finite. */
 double number_in(const char *text);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "arrays.h"
 #include "sentences.h"
 #include "table.h"
 
@@ -115,11 +116,22 @@ void judge(const State *s, Text *problems)
             judge_limit(s, model.limits + k, problems);
 }
 
+/* From the file, or from arrays if these are others than those that are shipped. */
+static int take_table(State *s, int port, const char *folder, Text *problem)
+{
+    if (!is_table_changed(s, table_of(port)))
+        return read_table(s, model.ports + port, folder, s->texts[port], problem);
+    if (!strcmp(s->texts[port], model.ports[port].text))
+        return read_columns(s, port, problem);
+    text_add(problem, SAY_BOTH_TABLES);
+    return 0;
+}
+
 void read_tables(State *s, const char *folder, Text *problems)
 {
     for (int k = model.signals; k < model.port_count; k++) {
         Text problem = {NULL, 0, 0};
-        if (model.ports[k].columns && !read_table(s, model.ports + k, folder, s->texts[k], &problem))
+        if (model.ports[k].columns && !take_table(s, k, folder, &problem))
             text_join(problems, " ", SAY_OF_PARAMETER, model.ports[k].name, text_of(&problem));
         text_free(&problem);
     }
