@@ -68,7 +68,7 @@ class Slave(Variables):
         self.start_time = 0.0
         self.end = math.nan  # of the last step, where the next one is expected
         self.elapsed = 0.0  # since the last sample
-        self.phase = "instantiated"
+        self.enter("instantiated")
         for port in component.ports:
             self.register_variable(variable(port), nested=False)
 
@@ -90,7 +90,7 @@ class Slave(Variables):
             self._demand(call)
             if phase == "running":
                 self._initialize()
-            self.phase = phase
+            self.enter(phase)
         except BaseException as error:
             self._fail(error)
 
@@ -169,6 +169,7 @@ class Slave(Variables):
             self._fail(Refusal(state["refused"]))
         for name, value in state.items():
             setattr(self, name, _copy(value))
+        self.enter(self.phase)
         self.constants = self.kernel.constants(self.par) if self.par else ()
         self.period = self._given().get("sample_time", 0.0)
 
@@ -178,7 +179,7 @@ class Slave(Variables):
     # --- what pythonfmu asks and is told ---
 
     def to_xml(self, *options: Any) -> Any:
-        self.phase = "terminated"  # in which start values can be read
+        self.enter("terminated")  # in which start values can be read
         return super().to_xml(*options)
 
     def log(self, msg: str, status: Any = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
@@ -189,7 +190,7 @@ class Slave(Variables):
         """Log what happened and where, and let the call fail."""
         if not getattr(error, "is_logged", False):
             error.is_logged = True  # type: ignore[attr-defined]
-            self.phase = "failed"
+            self.enter("failed")
             tell(self, error, time, step)
         raise error
 

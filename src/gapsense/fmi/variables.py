@@ -33,15 +33,10 @@ class Variables(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _fail(self, error: BaseException) -> NoReturn:
         raise NotImplementedError
 
-    @property
-    def phase(self) -> str:
-        """Phase of the instance; to set it is to begin it."""
-        return self._phase
-
-    @phase.setter
-    def phase(self, phase: str) -> None:
+    def enter(self, phase: str) -> None:
+        """Begin a phase; the binary says so when a call has failed."""
         inputs, outputs = [*range(self.inputs)], [*range(self.inputs, len(self.signals))]  # value references
-        self._phase, self.is_running = phase, phase == "running"
+        self.phase, self.is_running = phase, phase == "running"
         # What get_real and set_real may do without a further look: all outputs, all inputs.
         self.readable = outputs if phase in ALLOWED["fmi2GetReal"] and phase != "initializing" else None
         self.writable = inputs if phase in ALLOWED["fmi2SetReal"] else None
