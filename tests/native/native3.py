@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -16,27 +14,25 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Slave
 
 from gapsense.fmi.components import find_components, load_component
-from gapsense.fmi.native import package, platforms
 from gapsense.fmi.ports import Component
-from gapsense.native import NativeError
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = find_components(ROOT / "fmus")
 ERROR = 3
 
 
-@cache
+PLACE: list[Path] = []
+
+
+@pytest.fixture(scope="session", autouse=True)
+def placed(natives: Path) -> None:
+    """Lets the functions below find the FMUs; to be imported by every module that uses them."""
+    PLACE[:] = [natives]
+
+
 def built() -> Path:
     """Folder with the native FMUs of all components for this machine; those of FMI 3.0 are in `fmi3`."""
-    out, own = Path(tempfile.mkdtemp(prefix="native-")), platforms.here()
-    try:
-        for _ in package.build(FOLDERS, out, [own] if own else [], {}):
-            pass
-    except NativeError as error:
-        pytest.skip(f"needs a C compiler: {error}")
-    if own is None:
-        pytest.skip(f"native FMUs are not made for {sys.platform}")
-    return out
+    return PLACE[0]
 
 
 class Reference(NamedTuple):

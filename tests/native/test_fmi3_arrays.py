@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from native3 import FOLDERS, Instance, bits, fmu, reference
+from native3 import FOLDERS, Instance, bits, fmu, placed, reference  # noqa: F401
 
-from gapsense.fmi.components import kernel_of, own
+from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.fmi3.arrays import shapes
 
 DRIVE, EKF = own("drive_voltage"), own("ekf")
@@ -158,7 +158,7 @@ def test_saved_state_holds_arrays(is_running: bool) -> None:
             assert bits(played(instance)[1:]) == bits(expected[1:])
 
 
-WITH_COVARIANCE = [folder for folder in FOLDERS if shapes(kernel_of(fmu(folder).component))]
+WITH_COVARIANCE = [folder for folder in FOLDERS if shapes(kernel_of(load_component(folder)))]
 
 
 def test_estimators_with_a_covariance_in_their_state_show_it() -> None:

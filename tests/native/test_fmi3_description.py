@@ -12,7 +12,7 @@ import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
-from native3 import FOLDERS, Fmu, Instance, built, fmu
+from native3 import FOLDERS, Fmu, Instance, built, fmu, placed  # noqa: F401
 
 from gapsense.fmi import references
 from gapsense.fmi.fmi3.terminals import ICON, NAME, terminals

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from fmpy.fmi1 import FMICallException
-from native3 import ERROR, Instance, fmu, reference
+from native3 import ERROR, Instance, fmu, placed, reference  # noqa: F401
 
 from gapsense.fmi.components import own
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from native3 import FOLDERS, Instance, bits, built, fmu, reference
+from native3 import FOLDERS, Instance, bits, built, fmu, placed, reference  # noqa: F401
 
 from gapsense.fmi.shim.build import headers
 
