@@ -48,7 +48,7 @@ class Core:
         for name, text in parts.files.items():
             (work / name).write_text(text, encoding="utf-8")
         sources = [path.name for path in sorted(work.glob("*.c"))]
-        command = ["cc", *STRICT, "-shared", "-fPIC", *sources, "-o", "core.so", "-lm"]
+        command = ["cc", *STRICT, "-O0", "-shared", "-fPIC", *sources, "-o", "core.so", "-lm"]
         done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         self.library = ctypes.CDLL(str(work / "core.so"))

@@ -19,8 +19,8 @@ from gapsense.fmi.tables import read_table
 
 DRIVE = ROOT / "fmus" / "drive_voltage"  # has an integral
 ACTUATOR = ROOT / "fmus" / "reluctance_actuator"  # has a spline
-EDGES = (0.0, -0.0, 1.0, 1e16, 1e15, 123456789012345680.0, 1e-4, 1e-5, 5e-324, 2**-44, 2.0**60, 1.7976931348623157e308,
-         9007199254740993.0, 0.1, 1 / 3, math.nan, math.inf, -math.inf, 100.0, 0.00012345, 999999.5, 1e22,
+EDGES = (0.0, -0.0, 1.0, 1e16, 1e15, 123456789012345680.0, 1e-4, 1e-5, 5e-324, 2**-44, 2.0**60, 9007199254740993.0,
+         1.7976931348623157e308, 0.1, 1 / 3, math.nan, math.inf, -math.inf, 100.0, 0.00012345, 999999.5, 1e22,
          1e23)  # fmt: skip
 NUMBERS = (" 1", "1_000", "1__0", "_1", "1_", "1.e5", ".5", ".", "", "+.5e-3", "1e", "1e+", "0x10", "inf", "nan", "-",
            "1e999", "1e-999", "\u00a02\u2003", "\t3\n", "1 2", "1,5", "00.10", "1._5", "1e1_0")  # fmt: skip
