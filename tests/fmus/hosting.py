@@ -37,7 +37,7 @@ class {name}(Fmi2Slave):
 SLAVES = {
     "Lag": ("pass", "pass"),
     "Raiser": ("pass", "if current_time > 0.025: raise ValueError('cannot go on, 50 %s done %n')"),
-    "Talker": ("pass", f"self.log('{PERCENT_TEXT}', Fmi2Status.warning, 'logStatusWarning')"),
+    "Talker": ("pass", f"self.log('{PERCENT_TEXT}', Fmi2Status.warning, 'logStatusWarning'); print('printed')"),
     "InitRaiser": ("raise ValueError('bad start')", "pass"),
 }
 BUILD = "import sys; from pythonfmu import FmuBuilder; [FmuBuilder.build_FMU(s, dest='.') for s in sys.argv[1:]]"

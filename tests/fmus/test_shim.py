@@ -157,6 +157,7 @@ def test_percent_in_messages_survives(c_host: Path, stock: Path) -> None:
     run = in_host(c_host, stock / "Talker", options="-n 2")
     assert run.returncode == 0, run.stdout + run.stderr
     assert run.stdout.count(f"LOG model 1 logStatusWarning {PERCENT_TEXT}\n") == 2
+    assert run.stdout.count("printed\n") == 2  # Python is not ended, so what it prints must not wait for that
 
 
 def test_percent_in_messages_survives_in_fmpy(stock: Path) -> None:

@@ -42,7 +42,7 @@ def build(
     platforms: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of native FMUs, with commas: linux64, win64, darwin64, aarch64-linux",
+            help="Of native FMUs, with commas: linux64, win64, darwin64, aarch64-linux, here",
             show_default="all with ziglang, else this machine's",
         ),
     ] = None,
@@ -77,13 +77,11 @@ def fmus(folders: list[Path], to: Path, values: Values) -> Built:
 def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] | None) -> Built:
     """Build the native FMUs."""
     from gapsense.fmi.native import package
-    from gapsense.fmi.native.platforms import PLATFORMS, default
+    from gapsense.fmi.native.platforms import chosen
 
-    chosen = [name for text in platforms or () for name in text.replace(",", " ").split()] or default()
-    if unknown := [name for name in chosen if name not in PLATFORMS]:
-        raise InputError([f"there is no platform {', '.join(unknown)}. There are: {', '.join(PLATFORMS)}."])
+    names = [name for text in platforms or () for name in text.replace(",", " ").split()]
     try:
-        for folder, path in package.build(folders, to, chosen, values):
+        for folder, path in package.build(folders, to, chosen(names), values):
             yield path, values.get(folder, {})
     except NativeError as error:
         raise InputError([str(error)]) from error

@@ -35,7 +35,8 @@ RUN = """## How to run
 The FMU runs in Python: it needs a Python 3.9 or later with its shared library on the machine
 (`needsExecutionTool`), and no packages. On Linux it
 asks the `python3` on the PATH where its library is; the environment variable
-`GAPSENSE_LIBPYTHON` names another one. On Windows the folder of `python3.dll` must be on the PATH.
+`GAPSENSE_LIBPYTHON` names another one; `PYTHONHOME` and `PYTHONPATH` do not count.
+On Windows the folder of `python3.dll` must be on the PATH.
 In Simulink, use the out-of-process setting of the FMU block if your release crashes on the second run.
 A good communication step is {step:g} s. Inputs are held during a step, outputs are valid at its end.
 

@@ -70,6 +70,11 @@ def compilers(name: str) -> list[Compiler]:
     raise NativeError(f"{what}; {more}. Run `pip install ziglang=={ZIG}`.")
 
 
-def default() -> list[str]:
-    """Every platform that can be compiled for here."""
-    return list(PLATFORMS) if zig_version() == ZIG else [here()] if here() else []  # type: ignore[list-item]
+def chosen(names: list[str]) -> list[str]:
+    """Platforms by name, of which `here` is the machine's own; without names all that can be compiled for here."""
+    names = names or (list(PLATFORMS) if zig_version() == ZIG else ["here"])
+    own = here() or f"{platform.system()} on {platform.machine()}"
+    found = [own if name == "here" else name for name in names]
+    if unknown := [name for name in found if name not in PLATFORMS]:
+        raise NativeError(f"there is no platform `{', '.join(unknown)}`. There are: {', '.join(PLATFORMS)}.")
+    return list(dict.fromkeys(found))

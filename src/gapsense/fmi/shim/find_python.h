@@ -22,6 +22,8 @@ typedef struct {
     int exit_code;
 } PyStatus;
 
+enum { FILE_INPUT = 257 }; /* Py_file_input: a whole file */
+
 static struct {
 #define FUNCTION(type, name, parameters) type(*name) parameters;
 #include "python_functions.h"
@@ -158,12 +160,17 @@ static PyStatus initialize(void)
 }
 
 /* Runs in a thread of its own: the thread that starts Python becomes its main thread and holds the GIL, and none of the
- * host's threads should. `threading` is imported here because it takes the importing thread for the main one. */
+ * host's threads should. `threading` is imported here because it takes the importing thread for the main one. What
+ * is printed must not wait for the end of Python, which never comes. */
 static void *interpreter_thread(void *status)
 {
+    static const char first[] = "import sys, threading\nif sys.stdout: sys.stdout.reconfigure(line_buffering=True)\n";
     *(PyStatus *)status = initialize();
     if (py.Py_IsInitialized()) {
-        py.Py_DecRef(py.PyImport_ImportModule("threading"));
+        PyObject *code = py.Py_CompileString(first, "first of all", FILE_INPUT);
+        py.Py_DecRef(code ? py.PyImport_ExecCodeModule("_gapsense_first", code) : NULL);
+        py.Py_DecRef(code);
+        py.PyErr_Clear();
         py.PyEval_SaveThread();
     }
     return NULL;

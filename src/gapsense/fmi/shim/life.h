@@ -30,11 +30,10 @@ static void put(PyObject **slot, PyObject *object)
 }
 
 /* All copies of this library with the same loader share its module: a host may unpack an FMU anew for each run. While
- * another thread is still running it, the module is there but not complete; then it is run twice, which does no harm. */
+ * another thread still runs it, the module is there but not complete; then it is run twice, which does no harm. */
 static int find_loader(void)
 {
     static const char name[] = "_gapsense_loader_" SHIM_FINGERPRINT;
-    enum { FILE_INPUT = 257 };
     if (loader)
         return 1;
     PyObject *key = py.PyUnicode_InternFromString(name), *found = py.PyImport_GetModule(key);
@@ -118,6 +117,7 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
     Instance *instance = new_instance(name, host);
     if (!instance)
         return NULL;
+    explain(&why, "This FMU needs Python, which has ended in this process. Start the tool again.");
     if (!local_path(location, resources, sizeof resources, &why) || !load(&why) || !enter(&call, instance)) {
         tell(&instance->host, instance->name, fmi2Error, "logStatusError", why.text);
         drop(instance);

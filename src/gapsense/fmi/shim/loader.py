@@ -103,8 +103,8 @@ def refuse(slave: Any, key: str, *values: Any) -> None:
 
 def log_failure(slave: Any, error: BaseException) -> None:
     """Log an exception, unless the slave has done so.  For our shell, a call that failed is the end of the run."""
-    if hasattr(slave, "phase") and not isinstance(error, NotProvided):
-        slave.phase = "failed"
+    if hasattr(slave, "enter") and not isinstance(error, NotProvided):
+        slave.enter("failed")
     if not getattr(error, "is_logged", False):
         message = as_message(f"`{slave.instance_name}` ({type(slave).__name__})", error)
         slave._get_log_queue().append(message)

@@ -26,7 +26,6 @@ FUNCTION(void, PyErr_NormalizeException, (PyObject **, PyObject **, PyObject **)
 FUNCTION(int, PyException_SetTraceback, (PyObject *, PyObject *))
 
 FUNCTION(PyObject *, Py_CompileString, (const char *, const char *, int))
-FUNCTION(PyObject *, PyImport_ImportModule, (const char *))
 FUNCTION(PyObject *, PyImport_GetModule, (PyObject *))
 FUNCTION(PyObject *, PyImport_ExecCodeModule, (const char *, PyObject *))
 FUNCTION(PyObject *, PyObject_CallObject, (PyObject *, PyObject *))
