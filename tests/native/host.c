@@ -83,6 +83,12 @@ static Table read_table(const char *path, int inputs, int outputs)
     return t;
 }
 
+static void free_table(const Table *t)
+{
+    free(t->times);
+    free(t->values);
+}
+
 static void check(fmi2Status status, const char *call)
 {
     if (status != fmi2OK)
@@ -163,5 +169,6 @@ int main(int count, char **words)
         run(c, &t);
     check(CALL(fmi2Terminate)(c), "fmi2Terminate");
     CALL(fmi2FreeInstance)(c);
+    free_table(&t);
     return 0;
 }

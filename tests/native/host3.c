@@ -92,5 +92,6 @@ int main(int count, char **words)
         run3(c, &t);
     check3(CALL(fmi3Terminate)(c), "fmi3Terminate");
     CALL(fmi3FreeInstance)(c);
+    free_table(&t);
     return 0;
 }

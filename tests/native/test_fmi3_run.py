@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
-import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
 import pytest
 from native3 import FOLDERS, Instance, bits, built, fmu, placed, reference  # noqa: F401
-
-from gapsense.fmi.shim.build import headers
+from parts import Part
+from unpacked_native import STRICT, compiled_host, expected, outputs, unpack
 
 
 @pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
@@ -61,20 +60,21 @@ def test_simulation_by_fmpy_gives_what_it_gives_with_fmi_2(folder: Path) -> None
 @pytest.fixture(scope="module")
 def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The host of host3.c."""
-    gcc = shutil.which("gcc")
-    if gcc is None or sys.platform != "linux":
-        pytest.skip("gcc on Linux compiles the C host")
-    program, source = tmp_path_factory.mktemp("host") / "host3", Path(__file__).with_name("host3.c")
-    subprocess.run([gcc, f"-I{headers()}", str(source), "-o", str(program), "-ldl"], check=True)
-    return program
+    return compiled_host(("cc",), tmp_path_factory.mktemp("host") / "host3", source="host3.c")
 
 
-def test_host_in_c_reads_the_reference(folder: Path, host: Path) -> None:
-    own, run = fmu(folder), reference(folder)
-    library = own.folder / "binaries" / fmpy.platform_tuple / f"{own.component.name}.so"
-    counts = [str(len(own.component.of(causality))) for causality in ("input", "output")]
-    table, resources = str(folder / "reference.csv"), f"{own.folder / 'resources'}/"
-    command = [str(host), str(library), own.description.guid, resources, table, *counts]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert bits([[float(word) for word in line.split()] for line in done.stdout.splitlines()]) == bits(run.outputs)
+def test_sources_compile_as_a_stranger_compiles_them(host: Path, tmp_path: Path) -> None:
+    folder = next(folder for folder in FOLDERS if folder.name == "drive_voltage")
+    part = Part(folder, fmu(folder).component, fmu(folder).path)
+    unpacked = unpack(part.path, tmp_path)
+    root = ElementTree.parse(unpacked.folder / "sources" / "buildDescription.xml").getroot()
+    files = [file.attrib["name"] for file in root.iter("SourceFile")]
+    command = ["cc", *STRICT, "-shared", "-fPIC", *files, "-o", str(unpacked.library()), "-lm"]
+    done = subprocess.run(command, cwd=unpacked.folder / "sources", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+def test_host_in_c_reads_the_reference(folder: Path, host: Path, tmp_path: Path) -> None:
+    part = Part(folder, fmu(folder).component, fmu(folder).path)
+    assert bits(outputs([host], unpack(part.path, tmp_path), part)) == bits(expected(part))

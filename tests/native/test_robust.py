@@ -123,6 +123,15 @@ def test_sanitizers_find_nothing_in_the_reference_run(part: Part, unpacked: Unpa
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("gcc")
+def test_sanitizers_find_nothing_in_the_reference_run_of_fmi_3(part: Part, tmp_path: Path) -> None:
+    unpacked = unpack(part.path.parent / "fmi3" / part.path.name, tmp_path / "fmu")
+    sanitized(unpacked)
+    host = compiled_host(("gcc",), tmp_path / "host", *SANITIZED, source="host3.c")
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize("part", [f for f in FOLDERS if f.name in OFTEN], indirect=True, ids=lambda f: f.name)
 def test_sanitizers_find_nothing_in_refusals_and_saved_states(
     part: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -25,38 +25,43 @@ class Unpacked(NamedTuple):
 
     folder: Path
     guid: str
+    fmi: int = 2
 
     @property
     def resources(self) -> str:
-        """Location of the resources, as a host gives it."""
-        return (self.folder / "resources").as_uri()
+        """Location of the resources, as a host gives it: an URI, or in FMI 3.0 a path."""
+        folder = self.folder / "resources"
+        return folder.as_uri() if self.fmi == 2 else f"{folder}/"
 
-    def library(self, ending: str = ".so") -> Path:
+    def library(self, ending: str = ".so", platform: str = "*") -> Path:
         """The binary of a platform."""
-        return next(self.folder.glob(f"binaries/*/*{ending}"))
+        return next(self.folder.glob(f"binaries/{platform}/*{ending}"))
 
 
 def unpack(fmu: Path, folder: Path) -> Unpacked:
     """Extract an FMU."""
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(folder)
-    return Unpacked(folder, ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"])
+    about = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib
+    return Unpacked(folder, about["guid"]) if "guid" in about else Unpacked(folder, about["instantiationToken"], 3)
 
 
-def compiled_host(compiler: Sequence[str], to: Path, *more: str) -> Path:
-    """The plain host in C."""
+def compiled_host(compiler: Sequence[str], to: Path, *more: str, source: str = "host.c") -> Path:
+    """The plain host in C, or that of FMI 3.0, host3.c."""
     libraries = () if to.suffix == ".exe" or sys.platform != "linux" else ("-ldl",)
     options = ("-std=c99", "-O2", "-Wall", "-Wextra", f"-I{headers()}")
-    command = [*compiler, *options, *more, str(HERE / "host.c"), "-o", str(to), *libraries]
+    command = [*compiler, *options, *more, str(HERE / source), "-o", str(to), *libraries]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return to
 
 
-def outputs(command: Sequence[object], fmu: Unpacked, part: Part, ending: str = ".so") -> list[list[float]]:
+def outputs(
+    command: Sequence[object], fmu: Unpacked, part: Part, ending: str = ".so", platform: str = "*"
+) -> list[list[float]]:
     """What the host gets of the FMU on the inputs of its reference run."""
     counts = len(part.component.of("input")), len(part.component.of("output"))
-    words = (fmu.library(ending), fmu.guid, fmu.resources, part.folder / "reference.csv", *counts)
+    words = (fmu.library(ending, platform), fmu.guid, fmu.resources, part.folder / "reference.csv", *counts)
     done = subprocess.run([*map(str, (*command, *words))], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return [[float(value) for value in line.split()] for line in done.stdout.splitlines()]

@@ -49,6 +49,11 @@ class Parts(NamedTuple):
     resources: dict[str, bytes]
     folder: Path  # of the component
 
+    def sources(self, fmi: int) -> dict[str, bytes]:
+        """C sources and headers that it takes to compile the library for one version of FMI."""
+        other = f"fmi{5 - fmi}"
+        return {f"sources/{n}": text.encode() for n, text in self.files.items() if not n.startswith(other)}
+
 
 def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
     """Parts of the component in a folder, with these start values of its parameters."""
@@ -119,7 +124,8 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
             folder.mkdir(parents=True, exist_ok=True)
             members = {**members_of(parts, together), **libraries(parts, binaries, together)}
             yield package.write(members, folder / f"{parts.component.name}.fmu")
-    members = package3.members_of(parts, binaries, documentation(parts, sorted(binaries), "3.0"))
+    page3 = documentation(parts, sorted(binaries), "3.0")
+    members = package3.members_of(parts, binaries, listed(parts.sources(3)), page3)
     (destination / "fmi3").mkdir(parents=True, exist_ok=True)
     yield package.write(members, destination / "fmi3" / f"{parts.component.name}.fmu")
 
@@ -132,16 +138,21 @@ def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[s
 
 def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
     """All other files of an FMU of FMI 2.0."""
-    component, sources = parts.component, sorted(name for name in parts.files if name.endswith(".c"))
+    component, sources = parts.component, parts.sources(2)
     return {
-        "modelDescription.xml": description(component, parts.guid, gapsense.__version__, sources),
+        "modelDescription.xml": description(component, parts.guid, gapsense.__version__, listed(sources)),
         "documentation/index.html": documentation(parts, platforms).encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         "model.png": (package.HERE / "icon.png").read_bytes(),
         **{f"resources/{name}": content for name, content in parts.resources.items()},
-        **{f"sources/{name}": text.encode() for name, text in parts.files.items()},
+        **sources,
         **references.files(parts.folder, parts.given),
     }
+
+
+def listed(sources: Mapping[str, bytes]) -> list[str]:
+    """The files among these that are to be compiled."""
+    return sorted(Path(name).name for name in sources if name.endswith(".c"))
 
 
 def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import gapsense
@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux"}
 
 
-def members_of(parts: Parts, binaries: Mapping[str, bytes], documentation: str) -> dict[str, bytes]:
-    """All files of the FMU; `binaries` by platform, as for FMI 2.0."""
-    component, sources = parts.component, sorted(name for name in parts.files if name.endswith(".c"))
+def members_of(
+    parts: Parts, binaries: Mapping[str, bytes], compiled: Sequence[str], documentation: str
+) -> dict[str, bytes]:
+    """All files of the FMU; `binaries` by platform, as for FMI 2.0; `compiled` are the sources to compile."""
+    component = parts.component
     icon = (package.HERE / "icon.png").read_bytes()
     return {
         "modelDescription.xml": model_description(component, parts.variables, parts.guid, gapsense.__version__),
@@ -29,8 +31,8 @@ def members_of(parts: Parts, binaries: Mapping[str, bytes], documentation: str) 
         terminals.NAME: terminals.terminals_and_icons(component),
         terminals.ICON: icon,
         **{f"resources/{name}": content for name, content in parts.resources.items()},
-        **{f"sources/{name}": text.encode() for name, text in parts.files.items()},
-        "sources/buildDescription.xml": build_description(component.name, sources),
+        **parts.sources(3),
+        "sources/buildDescription.xml": build_description(component.name, compiled),
         **{place: library for name, content in binaries.items() for place, library in libraries(parts, name, content)},
         **references.files(parts.folder, parts.given, fmi=3),
     }

@@ -10,7 +10,6 @@
 
 typedef struct {
     Phase phase;
-    int is_configuring; /* FMI 3.0: between instantiated and itself */
     int is_timed; /* the next step has to begin at `time` */
     int is_due;   /* in initialization: the outputs do not follow the values yet */
     double start_time, time, period, elapsed;
@@ -24,6 +23,7 @@ typedef struct {
     int *sizes; /* rows of the tables */
     double **columns; /* as arrays give them, by value reference of what else names a file, column after column, */
     int *rows; /* and how many of these; 0: they were not given */
+    int is_configuring; /* FMI 3.0: an instantiated one in the configuration mode */
 } State;
 
 State *state_new(void); /* as at instantiation; NULL without memory */
