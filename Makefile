@@ -4,14 +4,14 @@ BIN := .venv/bin
 SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test fast lint types unit scenarios slow bench fmus clean
+.PHONY: demo test fast lint types unit scenarios slow bench fmus natives clean
 
 demo: fmus
 	$(BIN)/gapsense run scenarios/semera_valve
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint types fmus unit scenarios
+test: lint types fmus natives unit scenarios
 
 fast: fmus
 	$(BIN)/pytest -q -n 2 -m "not slow" -x
@@ -30,6 +30,7 @@ scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
 
 slow: fmus
+	@$(INSTALL) --editable '.[dev,native]' || echo "ziglang is not available: native FMUs of other platforms are not tested"
 	$(BIN)/pytest -q -n 2 -m slow
 
 bench: fmus
@@ -42,6 +43,13 @@ fmus: build/fmus/.built
 
 build/fmus/.built: .venv/installed $(SOURCES)
 	$(BIN)/python build_fmus.py
+	@touch $@
+
+natives: build/native/.built
+
+build/native/.built: .venv/installed $(SOURCES)
+	@mkdir -p build/native
+	@if command -v cc gcc clang >/dev/null; then $(BIN)/python build_fmus.py --native --platforms here; else echo "no C compiler: native FMUs are not built"; fi
 	@touch $@
 
 .venv/installed: pyproject.toml constraints.txt

@@ -2,24 +2,56 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from gapsense import locks
+from gapsense.fmi.native.platforms import chosen, compilers
+from gapsense.native import NativeError
+
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def built(factory: pytest.TempPathFactory, name: str, *options: str) -> Path:
+    """Folder with the FMU of every component, built once for all workers."""
+    base = factory.getbasetemp()
+    out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
+    with out.with_suffix(".lock").open("a+b") as file:
+        while not locks.lock(file):
+            time.sleep(0.1)
+        if not out.is_dir():
+            build(out.with_suffix(".part"), *options)
+            out.with_suffix(".part").rename(out)
+    return out
+
+
+def build(out: Path, *options: str) -> None:
+    """Another process does it, as FMUs should be built before they are loaded."""
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(out), *options],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the FMU of every component, built by another process, as FMUs should be before they are loaded."""
-    out = tmp_path_factory.getbasetemp() / "fmus"
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(out)],
-        capture_output=True,
-        text=True,
-        env={**__import__("os").environ, "PYTHONPATH": str(ROOT / "src")},
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return out
+    """The Python FMUs."""
+    return built(tmp_path_factory, "fmus")
+
+
+@pytest.fixture(scope="session")
+def natives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The native FMUs, for this machine only."""
+    try:
+        compilers(*chosen(["here"]))
+    except NativeError as error:
+        pytest.skip(f"no C compiler for native FMUs: {error}")
+    return built(tmp_path_factory, "natives", "--platforms", "here")

@@ -19,7 +19,7 @@ COMPONENT = Component(
         measured(
             "mode",
             "1",
-            "1: at the lower stop, 2: moving, 3: at the upper stop; NaN where it was lost",
+            "1: at the lower stop, 2: moving, 3: at the upper stop; anything else, as NaN, counts as lost",
             start=3.0,
             min=1.0,
             max=3.0,

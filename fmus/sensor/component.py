@@ -15,7 +15,7 @@ COMPONENT = Component(
         input_(
             "mode",
             "1",
-            "True mode: 1 lower stop, 2 moving, 3 upper stop",
+            "True mode: 1 lower stop, 2 moving, 3 upper stop; anything else is refused",
             start=2.0,
             min=1.0,
             max=3.0,

@@ -51,6 +51,7 @@ class Library:
     options: tuple[str, ...] = ()  # for the compiler
     libraries: tuple[str, ...] = ()  # for the linker, at the end of the command
     headers: Callable[[], Path] | None = None  # gives the folder of headers from elsewhere
+    embedded: tuple[str, ...] = ()  # files beside the source whose text is in the binary
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -60,7 +61,8 @@ class Library:
     def fingerprint(self) -> str:
         """SHA-256 of the C sources, the compiler's version and its options; line ends do not count."""
         digest = hashlib.sha256()
-        texts = (file.read_text("utf-8") for file in sorted(self.source.parent.glob("*.[ch]")))
+        files = (*sorted(self.source.parent.glob("*.[ch]")), *map(self.source.with_name, self.embedded))
+        texts = (file.read_text("utf-8") for file in files)
         for part in (*texts, ZIG, *ZIG_FLAGS, *self.flags, *self.libraries):
             digest.update(part.encode())
             digest.update(b"\0")

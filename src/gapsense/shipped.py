@@ -7,7 +7,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 INSTALLED = PACKAGE / "_shipped"  # which setup.py makes in the wheel, laid out like a checkout
 ROOT = INSTALLED if INSTALLED.is_dir() else PACKAGE.parents[1]
-FMU_FOLDER = Path("build", "fmus")
+FMU_FOLDER, NATIVE_FOLDER = Path("build", "fmus"), Path("build", "native")
 COMPONENTS, FMUS, SCENARIOS = ROOT / "fmus", ROOT / FMU_FOLDER, ROOT / "scenarios"
 
 

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can be imported by its tests
 
 from drivers import ROOT, break_kernel, fresh
+from hosting import SLAVE, SLAVES, build_slaves
 from parts import FOLDERS, Part, tuned
 
 from gapsense.fmi.components import load_component
@@ -77,13 +79,36 @@ def saved(fmu: str, part: Part) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="session")
-def c_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The host of host.c."""
-    gcc = shutil.which("gcc")
-    if gcc is None or sys.platform != "linux":
+def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with `<name>.fmu` and the extracted `<name>/` of each slave in `SLAVES`, with our Linux binary."""
+    scripts = {name: SLAVE.format(name=name, on_init=init, on_step=step) for name, (init, step) in SLAVES.items()}
+    return build_slaves(tmp_path_factory.mktemp("stock"), scripts)
+
+
+@pytest.fixture(scope="session")
+def semera(fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One of our own FMUs, extracted."""
+    folder = tmp_path_factory.mktemp("extracted") / "Semera"
+    with zipfile.ZipFile(fmus / "Semera.fmu") as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def gcc() -> str:
+    """The compiler of the C host."""
+    found = shutil.which("gcc")
+    if found is None or sys.platform != "linux":
         pytest.skip("gcc on Linux compiles the C host")
+    return found
+
+
+@pytest.fixture(scope="session")
+def c_host(gcc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The host of host.c."""
     from gapsense.fmi.shim.build import headers
 
     program, source = tmp_path_factory.mktemp("host") / "host", Path(__file__).with_name("host.c")
-    subprocess.run([gcc, f"-I{headers()}", str(source), "-o", str(program), "-ldl", "-lpthread"], check=True)
+    warnings = ["-Wall", "-Wextra", "-Werror"]
+    subprocess.run([gcc, *warnings, f"-I{headers()}", str(source), "-o", str(program), "-ldl", "-lpthread"], check=True)
     return program

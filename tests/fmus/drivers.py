@@ -92,7 +92,7 @@ def life(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
     fmu = Fmu(path)
     rows, other = fmu.stimulus(STEPS, 0), fmu.stimulus(STEPS, 1)
     one = Instance(fmu)
-    facts: dict[str, Any] = {"starts": fmu.starts(), "read": one.get(fmu.starts())}
+    facts: dict[str, Any] = {"starts": fmu.starts(), "read": _at_start(one)}
     facts["first"] = one.run(rows)
     facts["second"] = Instance(fmu).run(other)
     facts["again"] = Instance(fmu).run(rows)
@@ -108,7 +108,7 @@ def life(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
     b.set(tuned)
     b.run(other[:20])
     b.slave.reset()
-    facts["read_after_reset"] = b.get(fmu.starts())
+    facts["read_after_reset"] = _at_start(b)
     facts["after_reset"] = b.run(rows)
 
     one.slave.terminate()
@@ -119,6 +119,15 @@ def life(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
         instance.free()
     facts["after_free"] = Instance(fmu).run(rows)
     return facts
+
+
+def _at_start(instance: Instance) -> dict[str, Any]:
+    """Values while the instance is being initialised; it is reset then."""
+    instance.slave.setupExperiment(startTime=0.0)
+    instance.slave.enterInitializationMode()
+    values = instance.get(instance.fmu.starts())
+    instance.slave.reset()
+    return values
 
 
 def _following(instance: Instance, values: list[float], fmu: Fmu) -> dict[str, list[str]]:
@@ -163,12 +172,19 @@ def _resident() -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def reference(path: str, step: float, rows: int, inputs: list[list[float]] | None = None) -> dict[str, Any]:
-    """A short run with default parameters: names, times, inputs (the stimulus, unless given) and outputs."""
+def reference(
+    path: str,
+    step: float,
+    rows: int,
+    inputs: list[list[float]] | None = None,
+    parameters: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """A short run: names, inputs (the stimulus, unless given; the first hold in the first step too) and outputs."""
     fmu = Fmu(path)
-    stimulus = inputs or fmu.stimulus(rows)
+    first, *others = inputs or fmu.stimulus(rows - 1)
+    stimulus = [first, *others] if inputs else [first, first, *others]
     one = Instance(fmu)
-    outputs = [one.start(stimulus[0])]
+    outputs = [one.start(stimulus[0], parameters)]
     outputs += [one.step(row, k * step, step) for k, row in enumerate(stimulus[1:])]
     names = [[v.name for v in fmu.of(causality)] for causality in ("input", "output")]
     nominal = [float(v.nominal) for v in fmu.of("output")]
@@ -184,7 +200,7 @@ def grids(path: str, cases: dict[str, tuple[dict[str, Any], int, list[tuple[floa
     for name, (parameters, per, grid) in cases.items():
         rows = fmu.stimulus(len(grid) // per, held=0.0)
         one = Instance(fmu)
-        one.start(rows[0], parameters)
+        one.start(rows[0], parameters, grid[0][0])
         outputs = [one.step(rows[1 + k // per], time, step) for k, (time, step) in enumerate(grid)]
         results[name] = outputs[per - 1 :: per]
         one.free()

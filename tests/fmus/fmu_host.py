@@ -111,10 +111,12 @@ class Instance:
         value = getattr(self.slave, f"get{variable.type}")([variable.valueReference])[0]
         return value.decode() if isinstance(value, bytes) else bool(value) if variable.type == "Boolean" else value
 
-    def start(self, inputs: Sequence[float] = (), parameters: Mapping[str, Any] | None = None) -> list[float]:
+    def start(
+        self, inputs: Sequence[float] = (), parameters: Mapping[str, Any] | None = None, time: float = 0.0
+    ) -> list[float]:
         """Initialise; the outputs."""
         self.set(parameters or {})
-        self.slave.setupExperiment(startTime=0.0)
+        self.slave.setupExperiment(startTime=time)
         self.slave.enterInitializationMode()
         self.slave.setReal(self.inputs[: len(inputs)], inputs)
         self.slave.exitInitializationMode()

@@ -1,10 +1,12 @@
 /* A small FMI 2.0 co-simulation host in plain C, as a tool vendor would write it; for test_shim.py.
  *
- *     host [-n steps] [-h step] [-c cycles] [-t threads] [-q] library resources [library resources ...] -- vr [vr ...]
+ *     host [-n steps] [-h step] [-c cycles] [-t threads] [-i name] [-q] [-f]
+ *          library resources guid [library resources guid ...] -- vr [vr ...]
  *
  * Each thread makes an instance of each FMU, steps them in turn, and prints FMU, time and the real outputs vr after
  * each step; every second thread makes them in reverse order, so that different FMUs load Python at the same time.
- * A cycle is dlopen, run, dlclose. -q turns the FMU's logging off. Exit code: 0, or 2 when a library does not load,
+ * A cycle is dlopen, run, dlclose. -q turns the FMU's logging off. With -f a child process
+ * forked after the first cycle's runs makes one more run. Exit code: 0, or 2 when a library does not load,
  * 3 when an instance is NULL, 10 + status when a call is not OK. After a failure it still frees the instance.
  */
 #include <dlfcn.h>
@@ -13,18 +15,20 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "fmi2Functions.h"
 
 enum { MOST = 8 };
-static struct { const char *library, *resources; void *handle; } fmus[MOST];
-static int n_fmus, steps = 10, cycles = 1, threads = 1, logging = 1;
+static struct { const char *library, *resources, *guid; void *handle; } fmus[MOST];
+static const char *name = "model";
+static int n_fmus, steps = 10, cycles = 1, threads = 1, logging = 1, forks = 0;
 static double step = 0.01;
 static fmi2ValueReference outputs[MOST];
 static size_t n_outputs;
 
-static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+static void logger(fmi2ComponentEnvironment environment, fmi2String instance, fmi2Status status, fmi2String category,
                    fmi2String message, ...)
 {
     char text[4096];
@@ -32,7 +36,7 @@ static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2St
     va_start(arguments, message);
     vsnprintf(text, sizeof text, message, arguments);
     va_end(arguments);
-    printf("LOG %s %d %s %s%s\n", name, status, category, text, environment == fmus ? "" : " (WRONG ENVIRONMENT)");
+    printf("LOG %s %d %s %s%s\n", instance, status, category, text, environment == fmus ? "" : " (WRONG ENVIRONMENT)");
 }
 
 #define FUNCTION(fmu, name) ((name##TYPE *)dlsym(fmus[fmu].handle, #name))
@@ -43,7 +47,7 @@ static fmi2Component instantiate(int fmu)
     /* On the stack and gone when this returns, as in some hosts. */
     fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, fmus};
     return FUNCTION(fmu, fmi2Instantiate)
-        ("model", fmi2CoSimulation, "", fmus[fmu].resources, &callbacks, fmi2False, logging);
+        (name, fmi2CoSimulation, fmus[fmu].guid, fmus[fmu].resources, &callbacks, fmi2False, logging);
 }
 
 static fmi2Status advance(int fmu, fmi2Component c, int k)
@@ -87,18 +91,32 @@ static void *run(void *backwards)
     return (void *)(code || worst == fmi2OK ? code : 10 + worst);
 }
 
+/* Exit code of a child process that makes one more run. */
+static long run_in_child(void)
+{
+    int status = 0;
+    fflush(stdout);
+    if (fork() == 0)
+        exit((int)(long)run(NULL));
+    wait(&status);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
 int main(int argc, char **argv)
 {
-    for (int option; (option = getopt(argc, argv, "+n:h:c:t:q")) != -1;) {
+    for (int option; (option = getopt(argc, argv, "+n:h:c:t:i:qf")) != -1;) {
         if (option == 'n') steps = atoi(optarg);
         if (option == 'h') step = atof(optarg);
         if (option == 'c') cycles = atoi(optarg);
         if (option == 't') threads = atoi(optarg);
+        if (option == 'i') name = optarg;
         if (option == 'q') logging = 0;
+        if (option == 'f') forks = 1;
     }
-    for (; optind + 1 < argc && strcmp(argv[optind], "--") != 0; optind += 2, n_fmus++) {
+    for (; optind + 2 < argc && strcmp(argv[optind], "--") != 0; optind += 3, n_fmus++) {
         fmus[n_fmus].library = argv[optind];
         fmus[n_fmus].resources = argv[optind + 1];
+        fmus[n_fmus].guid = argv[optind + 2];
     }
     while (++optind < argc)
         outputs[n_outputs++] = (fmi2ValueReference)atoi(argv[optind]);
@@ -116,6 +134,8 @@ int main(int argc, char **argv)
             pthread_join(thread[t], &code);
             worst = worst ? worst : (long)code;
         }
+        if (forks && !worst)
+            worst = run_in_child();
         for (int i = 0; i < n_fmus; i++)
             dlclose(fmus[i].handle);
     }

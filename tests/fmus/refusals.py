@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from drivers import communication_step
+
 from gapsense.fmi.ports import Component, Port
 
 Case = tuple[dict[str, Any], list[str]]
@@ -25,7 +27,7 @@ def refusals(component: Component) -> dict[str, Case]:
 
 
 def _inputs(component: Component) -> Iterator[tuple[str, Case]]:
-    h = component.step_size
+    h = communication_step(component.step_size, component.stop_time)
     for port in () if component.survives else component.of("input"):
         for value in (math.nan, math.inf, -math.inf):
             words = [f"input `{port.name}` is not finite", *PLACE]
@@ -92,19 +94,22 @@ def _settings(component: Component) -> Iterator[tuple[str, Case]]:
 
 
 def _steps(component: Component) -> Iterator[tuple[str, Case]]:
-    h = component.step_size
+    h = communication_step(component.step_size, component.stop_time)
     for step in (-h, 0.0, math.nan, math.inf):
         yield f"step of {step} s", ({"step": (h, step)}, ["communication step", "Give a positive one", *PLACE])
     yield "step from no time", ({"step": (math.nan, h)}, ["finite time", *PLACE])
-    yield "step before the start", ({"phase": "before", "step": (0.0, h)}, ["`instantiated`", "Initialise", *PLACE])
+    yield "step before the start", ({"phase": "before", "step": (0.0, h)}, ["`instantiated`", "initialise", *PLACE])
 
 
 def _samples(component: Component) -> Iterator[tuple[str, Case]]:
     period = next((p.start for p in component.of("parameter") if p.name == "sample_time"), None)
     if period is None:
         return
+    h = communication_step(component.step_size, component.stop_time)
     for factor in (0.4, 0.9999, 1.0001, 1.37, 2.5):
         words = ["neither a whole multiple nor a whole fraction of `sample_time`", "Change one of them", *PLACE]
-        yield f"step of {factor} samples", ({"step": (period, factor * period)}, words)
-    halves = {"call": ["doStep", period, period / 2], "step": (1.5 * period, period)}
+        yield f"step of {factor} samples", ({"step": (h, factor * period)}, words)
+    words = ["holds 3e+07 samples of `sample_time`", "Take shorter steps", *PLACE]
+    yield "step of too many samples", ({"step": (h, 3e7 * period)}, words)
+    halves = {"call": ["doStep", h, period / 2], "step": (h + period / 2, period)}
     yield "step past a sample", (halves, ["communication point", *PLACE])

@@ -96,3 +96,10 @@ def test_component_without_that_file_has_no_picture(tmp_path):
 def test_marks_are_round_numbers_within_the_range(low, high, found):
     marks = picture.marks(low, high, 4)
     assert marks == pytest.approx(found)
+
+
+def test_page_says_what_becomes_of_inputs_that_cannot_be_right(folder, html):
+    component = load_component(folder)
+    words = "counts as lost" if component.survives else "is refused"
+    after_inputs = html.partition("<h2>Inputs</h2>")[2].partition("<h2>Outputs</h2>")[0]
+    assert words in after_inputs.rpartition("</table>")[2]

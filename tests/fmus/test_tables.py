@@ -88,8 +88,17 @@ def test_missing_file_is_told_with_its_columns(file: Path) -> None:
 
 
 def test_folder_is_no_file(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.csv"
+    folder.mkdir()
     with pytest.raises(ValueError, match="is not a file"):
-        read_table(tmp_path, COLUMNS)
+        read_table(folder, COLUMNS)
+
+
+@pytest.mark.parametrize("name", ["passwd", "some.key", "table.csv.txt", ".csv"])
+def test_other_files_are_not_even_opened(tmp_path: Path, name: str) -> None:
+    """Messages tell headers and cells, and go to logs that others read."""
+    text = refused(tmp_path / name, "hidden,b\n1,2\n")
+    assert "does not end in .csv" in text and "time, voltage" in text and "hidden" not in text
 
 
 def test_all_missing_columns_are_named_with_those_found(file: Path) -> None:

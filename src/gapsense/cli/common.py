@@ -19,7 +19,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from gapsense import cosim, interrupts
+from gapsense.cosim.document import scenario_file
+from gapsense.cosim.prepare import find_fmus
+from gapsense.problems import InputError
 from gapsense.report import table
+from gapsense.shipped import NATIVE_FOLDER
 from gapsense.trace import TraceError
 
 ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
@@ -65,6 +69,7 @@ Fmus = Annotated[
     Path | None,
     typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
+Native = Annotated[bool, typer.Option("--native", help="Take the native FMUs, those in build/native")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
@@ -101,6 +106,18 @@ def notice(sentence: str) -> None:
 
 
 APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
+
+
+def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
+    """Folder of the FMUs that options choose, if they do."""
+    if not native:
+        return fmus
+    folder = find_fmus(scenario_file(scenario), NATIVE_FOLDER)
+    if fmus:
+        raise InputError(["--native and --fmus both say which FMUs to take. Leave one out."])
+    if not folder.is_dir():
+        raise InputError([f"there is no folder `{folder}`. Make it with `gapsense build --native`."])
+    return folder
 
 
 def written(*files: Path) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,8 +13,10 @@ from gapsense.cli.common import FAILED, command, problem, show
 from gapsense.cosim.load import read_draft
 from gapsense.cosim.prepare import find_fmus
 from gapsense.fmi.components import components_folder, find_checkout, find_components, load_component
+from gapsense.native import NativeError
+from gapsense.problems import InputError
 from gapsense.report import runs
-from gapsense.shipped import FMU_FOLDER, ROOT
+from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 Root = Annotated[
     Path | None,
@@ -35,29 +38,64 @@ def build(
         typer.Option(help="Parameter-set file of start values; each FMU takes those it has", show_default=False),
     ] = None,
     root: Root = None,
+    native: Annotated[bool, typer.Option("--native", help="Native FMUs, compiled from C, into build/native")] = False,
+    platforms: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of native FMUs, with commas: linux64, win64, darwin64, aarch64-linux, here",
+            show_default="all with ziglang, else this machine's",
+        ),
+    ] = None,
 ) -> None:
-    """Build and validate the FMUs of the components, on request with other start values."""
-    from fmpy.validation import validate_fmu
-
-    from gapsense.fmi import package
+    """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.studies.identification.transfer import taken
 
     every = components_folder(root)
     folders = find_components(every, names or ())
     values = taken(folders, parameters, find_components(every)) if parameters else {}
-    to = to or (root or find_checkout() or Path()) / FMU_FOLDER
+    to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if native else FMU_FOLDER)
+    paths = natives(folders, to, values, platforms) if native or platforms else fmus(folders, to, values)
     failures = 0
+    for path, given in paths:
+        failures += not is_valid(path, f", {len(given)} start values given" if parameters else "")
+    raise typer.Exit(FAILED if failures else 0)
+
+
+Values = Mapping[Path, Mapping[str, Any]]
+Built = Iterator[tuple[Path, Mapping[str, Any]]]  # FMUs, and the start values that each was given
+
+
+def fmus(folders: list[Path], to: Path, values: Values) -> Built:
+    """Build the Python FMUs."""
+    from gapsense.fmi import package
+
     for folder in folders:
         given = values.get(folder, {})
-        path = package.build(folder, to, given)
-        problems = validate_fmu(str(path))
-        word = "INVALID" if problems else "valid"
-        more = f", {len(given)} start values given" if parameters else ""
-        show(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {word}{more}")
-        for sentence in problems:
-            problem(f"  {sentence}")
-        failures += bool(problems)
-    raise typer.Exit(FAILED if failures else 0)
+        yield package.build(folder, to, given), given
+
+
+def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] | None) -> Built:
+    """Build the native FMUs."""
+    from gapsense.fmi.native import package
+    from gapsense.fmi.native.platforms import chosen
+
+    names = [name for text in platforms or () for name in text.replace(",", " ").split()]
+    try:
+        for folder, path in package.build(folders, to, chosen(names), values):
+            yield path, values.get(folder, {})
+    except NativeError as error:
+        raise InputError([str(error)]) from error
+
+
+def is_valid(path: Path, more: str) -> bool:
+    """Validate an FMU, and show what was found."""
+    from fmpy.validation import validate_fmu
+
+    problems = validate_fmu(str(path))
+    show(f"{path.name:24} {path.stat().st_size / 1024:6.0f} kB  {'INVALID' if problems else 'valid'}{more}")
+    for sentence in problems:
+        problem(f"  {sentence}")
+    return not problems
 
 
 @command("list")

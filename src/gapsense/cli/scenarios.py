@@ -37,9 +37,11 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
     settings: cli.Set = None,
+    native: cli.Native = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
+    fmus = cli.chosen(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
     source, file = cosim.changed(scenario, settings or ()), cosim.result_file(to, scenario, variant)
@@ -141,6 +143,7 @@ def test(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios at any depth")] = Path("scenarios"),
     fmus: cli.Fmus = None,
     junit: Annotated[Path | None, typer.Option(help="JUnit XML file to write", show_default=False)] = None,
+    native: cli.Native = False,
 ) -> None:
     """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
 
@@ -150,7 +153,7 @@ def test(
         if junit:
             cosim.write_junit(outcomes, junit)
 
-    outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process")
+    outcomes = cosim.test_scenarios(folder, cli.chosen(folder, fmus, native), report, isolation="process")
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
@@ -165,12 +168,14 @@ def baseline(
     sensitive: Annotated[
         bool, typer.Option("--sensitivity", help="Show instead how changes of 1e-9 grow in its signals")
     ] = False,
+    native: cli.Native = False,
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write.
 
     With --sensitivity all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
     four runs. A signal that then leaves its tolerance tells more of rounding than of the scenario: exit code 1.
     """
+    fmus = cli.chosen(scenario, fmus, native)
     if sensitive:
         found = cosim.sensitivity(scenario, variant, fmus)
         cli.show(runs.growths(found))

@@ -122,7 +122,7 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
         raise UnusableError(f"{found}. Export it as that.")
     refuse_identifier(model.coSimulation.modelIdentifier)
     for v in model.modelVariables:
-        if v.type == "Clock" or (v.causality in USED and not is_scalar(v)):
+        if v.type == "Clock" or (v.causality in USED and not is_scalar(v) and not is_spare(v)):
             kind = "an array" if v.dimensions else f"of type {v.type}"
             found = f"its variable `{shown(v.name)}` is {kind}; scalars without clocks are supported"
             raise UnusableError(f"{found}. Export it without.")
@@ -152,6 +152,11 @@ def is_scalar(v: Any) -> bool:
     return not v.dimensions and v.type not in ("Binary", "Clock") and not is_second
 
 
+def is_spare(v: Any) -> bool:
+    """True for an array that a run can do without: an output, or a parameter, which then keeps its start value."""
+    return bool(v.dimensions) and v.causality in ("output", "parameter")
+
+
 def shortened(text: str) -> str:
     """The beginning of a long text."""
     return text.rstrip(".") if len(text) <= LONGEST else f"{text[:LONGEST]}..."
@@ -160,8 +165,8 @@ def shortened(text: str) -> str:
 def feedthrough(model: Any) -> dict[str, frozenset[str]]:
     """Inputs that each output depends on; FMI says that missing `dependencies` mean all inputs."""
     inputs = frozenset(v.name for v in model.modelVariables if v.causality == "input")
-    out = {v.name: inputs for v in model.modelVariables if v.causality == "output"}
+    out = {v.name: inputs for v in model.modelVariables if v.causality == "output" and is_scalar(v)}
     for unknown in model.outputs:
-        if unknown.dependencies is not None:
+        if unknown.dependencies is not None and unknown.variable.name in out:
             out[unknown.variable.name] = inputs & {v.name for v in unknown.dependencies}
     return out

@@ -13,11 +13,6 @@ from gapsense.cosim.instance import ENDS, STEP, WARNING, Instance, Message
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
-NEW = {
-    "fmi2GetFMUstate": "fmi3GetFMUState",
-    "fmi2SetFMUstate": "fmi3SetFMUState",
-    "fmi2FreeFMUstate": "fmi3FreeFMUState",
-}
 C_TYPES: Mapping[str, Any] = {
     "Float64": ctypes.c_double,
     "Float32": ctypes.c_float,

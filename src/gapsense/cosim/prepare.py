@@ -11,7 +11,7 @@ from gapsense.cosim.document import Source, scenario_file
 from gapsense.cosim.load import read_draft
 from gapsense.cosim.scenario import Scenario
 from gapsense.problems import ScenarioError
-from gapsense.shipped import FMU_FOLDER, FMUS
+from gapsense.shipped import FMU_FOLDER, ROOT
 
 
 def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
@@ -64,7 +64,7 @@ def inspect(
     return problems, read, descriptions
 
 
-def find_fmus(scenario: Path) -> Path:
+def find_fmus(scenario: Path, name: Path = FMU_FOLDER) -> Path:
     """Folder `build/fmus` in a folder above the scenario, or below the working directory, or else what was shipped."""
-    above = (folder / FMU_FOLDER for folder in scenario.resolve().parents)
-    return next((folder for folder in (*above, FMU_FOLDER, FMUS) if folder.is_dir()), FMU_FOLDER)
+    above = (folder / name for folder in scenario.resolve().parents)
+    return next((folder for folder in (*above, name, ROOT / name) if folder.is_dir()), name)

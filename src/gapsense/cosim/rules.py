@@ -12,16 +12,19 @@ from xml.etree.ElementTree import Element
 from gapsense.cosim.archive import UnusableError
 from gapsense.cosim.variables import Variable
 from gapsense.fmi.ports import Component, Limit, Port
-from gapsense.fmi.values import ValuesError, fields
+from gapsense.fmi.values import KINDS, ValuesError, fields
 from gapsense.tables import Value
 
-PLACE = "VendorAnnotations/Tool[@name='Gapsense']/Rules"
+PLACES = (  # of FMI 2.0 and of FMI 3.0
+    "VendorAnnotations/Tool[@name='Gapsense']/Rules",
+    "Annotations/Annotation[@type='gapsense.rules']/Rules",
+)
 HIGHEST_POWER = 9
 
 
 def read_rules(root: Element, variables: Mapping[str, Variable]) -> Component | None:
     """Rules of a model description, as a port table of the parameters that they can be applied to; None for none."""
-    rules = root.find(PLACE)
+    rules = next((found for place in PLACES if (found := root.find(place)) is not None), None)
     if rules is None:
         return None
     try:
@@ -29,7 +32,7 @@ def read_rules(root: Element, variables: Mapping[str, Variable]) -> Component | 
         ports = tuple(
             Port(v.name, "parameter", v.unit or "1", "", v.start, v.min, v.max, kind=v.type,
                  choices=texts["Choices"].get(v.name, ()), columns=texts["Table"].get(v.name, ()))
-            for v in variables.values() if v.is_parameter and v.start is not None
+            for v in variables.values() if v.is_parameter and v.start is not None and v.type in KINDS
         )  # fmt: skip
         known = {port.name for port in ports if port.kind == "Real"}
         rising = tuple((e.attrib["lower"], e.attrib["upper"]) for e in rules.findall("Rising"))

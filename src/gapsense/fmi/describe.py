@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense.fmi.ports import Component, Port
@@ -23,9 +24,11 @@ def complete(root: Element, component: Component, guid: str, version: str) -> El
     root.attrib.pop("generationDateAndTime", None)
     root.attrib.update(IDENTITY, guid=guid, version=version)
     times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
-    _insert(root, "LogCategories", _units(component))
+    _insert(root, "LogCategories", units(component))
     _insert(root, "ModelVariables", Element("DefaultExperiment", times))
-    _insert(root, "ModelVariables", _rules(component))
+    annotations = Element("VendorAnnotations")
+    SubElement(annotations, "Tool", name=TOOL).append(rules(component))
+    _insert(root, "ModelVariables", annotations)
     for variable, port in zip(root.iterfind("ModelVariables/ScalarVariable"), component.ports):
         if variable.get("name") != port.name:
             raise ValueError(f"{component.name}: variable {variable.get('name')} where {port.name} was expected.")
@@ -45,8 +48,9 @@ def _insert(root: Element, tag: str, new: Element) -> None:
     root.insert(list(root).index(_find(root, tag)), new)
 
 
-def _units(component: Component) -> Element:
-    definitions, names = Element("UnitDefinitions"), {port.unit for port in component.ports}
+def units(component: Component, more: Iterable[str] = ()) -> Element:
+    """Definitions of the units of a component, and of more."""
+    definitions, names = Element("UnitDefinitions"), {*(port.unit for port in component.ports), *more}
     if unknown := sorted(names - set(UNITS)):
         raise ValueError(f"{component.name}: unit {', '.join(unknown)} is not known. Add it to gapsense/units.py.")
     for name in sorted(names):
@@ -57,10 +61,9 @@ def _units(component: Component) -> Element:
     return definitions
 
 
-def _rules(component: Component) -> Element:
+def rules(component: Component) -> Element:
     """What FMI has no words for: choices, columns of tables, parameters that belong together; see `cosim/rules.py`."""
-    annotations = Element("VendorAnnotations")
-    rules = SubElement(SubElement(annotations, "Tool", name=TOOL), "Rules")
+    rules = Element("Rules")
     for port in component.of("parameter"):
         for tag, texts in (("Choices", port.choices), ("Table", port.columns)):
             parent = SubElement(rules, tag, variable=port.name) if texts else None
@@ -72,7 +75,7 @@ def _rules(component: Component) -> Element:
         element = SubElement(rules, "Limit", below=repr(float(limit.below)), reason=limit.reason)
         for name, power in limit.powers:
             SubElement(element, "Factor", variable=name, power=str(power))
-    return annotations
+    return rules
 
 
 def _complete_variable(variable: Element, port: Port) -> None:

@@ -8,13 +8,14 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 from xml.etree import ElementTree
 
 import gapsense
-from gapsense.fmi import describe, page, picture, shim
+from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
@@ -22,10 +23,11 @@ from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.problems import code
-from gapsense.records import choices, fields
+from gapsense.records import choices, fields, names
 
 HERE = Path(__file__).parent
-SHELL = ("ports.py", "slave.py", "tables.py", "values.py")  # travel in every FMU
+PARTS = ("failing", "life", "ports", "sentences", "slave", "state", "steps", "tables", "values", "variables")
+SHELL = tuple(f"{name}.py" for name in PARTS)  # travel in every FMU
 FLAGS = {
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,
@@ -48,6 +50,7 @@ from .slave import Slave
 
 class {name}(Slave):
     component, kernel, build = table.COMPONENT, kernel, "{build}"
+    guid = "{guid}"  # of the model description; the Linux binary compares it with the host's
 '''
 
 
@@ -68,7 +71,32 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, given = load_component(folder), values or {}
+    component, kernel, resources = prepared(folder, values or {})
+    with code(str(kernel.module.__file__)):
+        files = _sources(component, kernel)
+    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
+    identity = hashlib.sha256(repr(content).encode()).hexdigest()
+    with tempfile.TemporaryDirectory() as temporary:
+        stock = _build_stock(Path(temporary), component, files, identity, resources)
+        with zipfile.ZipFile(stock) as archive:
+            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
+    _complete(members, component, folder, _guid(identity))
+    members |= references.files(folder, values or {})
+    destination.mkdir(parents=True, exist_ok=True)
+    return write(members, destination / f"{component.name}.fmu")
+
+
+class Prepared(NamedTuple):
+    """What any FMU of a component is made of."""
+
+    component: Component  # with its start values
+    kernel: Kernel
+    resources: list[Path]  # files that travel with it
+
+
+def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
+    """The component of a folder with other start values, checked: table of ports, kernel and files fit each other."""
+    component = load_component(folder)
     checked(component, given, folder)
     if not (folder / "page.md").is_file():
         raise FileNotFoundError(f"{folder}: no page.md. {HOLDS}")
@@ -76,18 +104,9 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
         kernel = kernel_of(component)
     with code(str(kernel.module.__file__)):
         check_records(component, kernel)
-        component, tables = started(component, given)
-        files = _sources(component, kernel)
+    component, tables = started(component, given)
     resources = [tables.get(name, folder / name) for name in component.resources]
-    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
-    identity = hashlib.sha256(repr(content).encode()).hexdigest()
-    with tempfile.TemporaryDirectory() as temporary:
-        stock = _build_stock(Path(temporary), component, files, identity[:12], resources)
-        with zipfile.ZipFile(stock) as archive:
-            members = {name: archive.read(name) for name in archive.namelist() if "__pycache__" not in name}
-    _complete(members, component, folder, UUID(identity[:32]))
-    destination.mkdir(parents=True, exist_ok=True)
-    return _write(members, destination / f"{component.name}.fmu")
+    return Prepared(component, kernel, resources)
 
 
 def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
@@ -136,8 +155,11 @@ def _parameter_fields(port: Port) -> list[str]:
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     """Files of the private package that travels in the FMU."""
-    names = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
-    constants = "".join(f"{name} = {value!r}\n" for name, value in names.items())
+    constants: dict[str, tuple[Any, ...]]
+    constants = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
+    sizes = {name: field.size for name, field in fields(kernel.module.State).items() if field.kind == "memory"}
+    constants["STATE"] = tuple(sizes.get(name, 0) for name in names(kernel.module.State))  # 0 for a number
+    given = "".join(f"{name} = {value!r}\n" for name, value in constants.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
     table = (
         '"""The port table."""\n\nfrom .ports import Component, Limit, Port  # noqa: F401\n\n'
@@ -145,14 +167,20 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     )
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
     title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
-    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + constants, **shell}
+    return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
-def _build_stock(work: Path, component: Component, files: dict[str, str], build: str, paths: list[Path]) -> Path:
+def _guid(identity: str) -> str:
+    return f"{{{UUID(identity[:32])}}}"
+
+
+def _build_stock(work: Path, component: Component, files: dict[str, str], identity: str, paths: list[Path]) -> Path:
     """What pythonfmu makes of the generated class; names carry the build, so that no two FMUs mix up their modules."""
+    build = identity[:12]
     package = work / f"_gapsense_{component.name.lower()}_{build}"
     package.mkdir()
-    about = {"name": component.name, "description": component.description, "package": package.name, "build": build}
+    about = {"name": component.name, "description": component.description, "package": package.name}
+    about |= {"build": build, "guid": _guid(identity)}
     for name, text in {**files, "__init__.py": ENTRY.format(**about)}.items():
         (package / name).write_text(text, encoding="utf-8")
     script = work / f"{component.name}_{build}.py"
@@ -163,21 +191,29 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], build:
         return Path(builder.build_FMU(script, work / f"{component.name}.fmu", [package, *resources], **FLAGS))
 
 
-def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: UUID) -> None:
+def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: str) -> None:
     root = ElementTree.fromstring(members["modelDescription.xml"])
-    describe.complete(root, component, f"{{{guid}}}", gapsense.__version__)
+    describe.complete(root, component, guid, gapsense.__version__)
     members["modelDescription.xml"] = describe.text(root)
-    binary = f"binaries/linux64/{component.name}.so"
-    members[f"binaries/linux64/{shim.WRAPPER}"] = members[binary]
-    members[binary] = shim.BINARY.read_bytes()
+    members[f"binaries/linux64/{component.name}.so"] = shim.BINARY.read_bytes()
     members["model.png"] = (HERE / "icon.png").read_bytes()
     markdown, drawing = (folder / "page.md").read_text(encoding="utf-8"), picture.figure(component, folder)
     text = page.html(component, markdown, gapsense.__version__, drawing)
     members["documentation/index.html"] = text.encode()
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
+    members["documentation/licenses/pythonfmu.txt"] = _license_of("pythonfmu")  # travels in the FMU
 
 
-def _write(members: dict[str, bytes], path: Path) -> Path:
+def _license_of(package: str) -> bytes:
+    for file in metadata.files(package) or ():
+        if file.name == "LICENSE":
+            return file.read_binary()
+    raise FileNotFoundError(
+        f"The installed {package} lacks its licence, which travels in the FMU. Install it with pip."
+    )
+
+
+def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times, under a temporary name first."""
     temporary = path.with_suffix(".part")
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:

@@ -35,7 +35,8 @@ RUN = """## How to run
 The FMU runs in Python: it needs a Python 3.9 or later with its shared library on the machine
 (`needsExecutionTool`), and no packages. On Linux it
 asks the `python3` on the PATH where its library is; the environment variable
-`GAPSENSE_LIBPYTHON` names another one. On Windows the folder of `python3.dll` must be on the PATH.
+`GAPSENSE_LIBPYTHON` names another one; `PYTHONHOME` and `PYTHONPATH` do not count.
+On Windows the folder of `python3.dll` must be on the PATH.
 In Simulink, use the out-of-process setting of the FMU block if your release crashes on the second run.
 A good communication step is {step:g} s. Inputs are held during a step, outputs are valid at its end.
 
@@ -43,16 +44,18 @@ Profile: FMI 2.0 co-simulation, variable communication step, several instances, 
 """
 
 
-def html(component: Component, markdown: str, version: str, picture: str = "") -> str:
+def html(component: Component, markdown: str, version: str, picture: str = "", run: str = RUN) -> str:
     """The page: what it does, a picture, tables of its ports, how to run it."""
     renderer = MarkdownIt("commonmark").enable("table")
     text, said = parted(markdown)
+    taken = {"Inputs": taking(component)}
 
     def render(text: str) -> str:
         return boxed(str(renderer.render(text)))
 
     tables = "".join(
         f"<h2>{title}</h2>\n{render(said.get(title, ''))}{_table(component.of(causality))}"
+        f"{render(taken.get(title, ''))}"
         for causality, title in TITLES.items()
     )
     return (
@@ -60,8 +63,19 @@ def html(component: Component, markdown: str, version: str, picture: str = "") -
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
         f"{picture}{render(text)}\n{render(wiring.chapter(component))}\n{tables}\n"
-        f"{render(RUN.format(step=component.step_size))}</body></html>\n"
+        f"{render(run.format(step=component.step_size))}</body></html>\n"
     )
+
+
+def taking(component: Component) -> str:
+    """What becomes of inputs that cannot be right."""
+    if not component.of("input"):
+        return ""
+    if component.survives:
+        return "No value ends a run: one that cannot be a reading counts as lost."
+    has_range = any((port.min, port.max) != (None, None) for port in component.of("input"))
+    refused = "A value that is not finite" + (", or not between min and max," if has_range else "")
+    return f"{refused} is refused when it is used, with its name. An input that nothing drives keeps its start value."
 
 
 def parted(markdown: str) -> tuple[str, dict[str, str]]:

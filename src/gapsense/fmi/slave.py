@@ -1,41 +1,50 @@
 """The shell of every FMU: FMI 2.0 co-simulation callbacks around a kernel.  A copy travels in each FMU.
 
-What pythonfmu 0.7.0 leaves to us: an exception is logged with its context before it fails the call, non-finite numbers,
-parameters out of range and steps that do not fit are refused, and state saving covers everything.
+What pythonfmu 0.7.0 leaves to us: an exception is logged with its context before it fails the call; calls out of order,
+numbers that are not finite or not in their range and steps that do not fit are refused; state saving covers everything.
 """
 
 from __future__ import annotations
 
-import ctypes
-import json
 import math
 import sys
-import traceback
-from functools import partialmethod
+from collections.abc import Callable
+from functools import partial, partialmethod
 from typing import Any, NoReturn
 
-from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
-from .ports import Component, Port
-from .values import ValuesError, fields, problems
+from .failing import refuse_inputs, refuse_non_finite, tell
+from .ports import Port
+from .sentences import Refusal, say
+from .state import SAVED, from_bytes, to_bytes
+from .steps import SHIFT, refuse_jump, samples_due
+from .values import fields
+from .variables import Variables, variable
 
-KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "String": String}
-TOLERANCE = 1e-9  # relative, on times: hosts round
-SAVED = ("build", "signals", "parameters", "par", "state", "start_time", "period", "elapsed", "phase")
 # The script's globals, held because pythonfmu's wrapper drops one reference too many at each instantiation.
 HELD: list[dict[str, Any]] = []
 
 
-class Refusal(ValueError):
-    """The host or the user asked for something that cannot be done; the message says what to do."""
+class Reader:
+    """Reads bytes of a saved state.  Asked of the class, as by pythonfmu's own binary, it leaves refusals for later."""
+
+    def __get__(self, slave: Slave | None, cls: type[Slave]) -> Callable[[bytes], dict[str, Any]]:
+        return partial(self.read, slave, cls)
+
+    def read(self, slave: Slave | None, cls: type[Slave], data: bytes) -> dict[str, Any]:
+        """The state, or what `_set_fmu_state` refuses."""
+        try:
+            return from_bytes(bytes(data), cls.component, cls.kernel, cls.build)
+        except Refusal as error:
+            if slave is not None:
+                slave._fail(error)
+            return {"refused": str(error)}
 
 
-class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
+class Slave(Variables):
     """Base of the generated class, which sets `component`, `kernel` and `build` (a hash of interface and sources)."""
 
-    component: Component
-    kernel: Any
     build: str
 
     def __init__(self, **kwargs: Any) -> None:
@@ -46,120 +55,65 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.modelName, self.description = component.name, component.description
         self.inputs = len(component.of("input"))
         signals = self.inputs + len(component.of("output"))
-        self.all_inputs, self.all_outputs = [*range(self.inputs)], [*range(self.inputs, signals)]  # value references
-        self.signals: list[float] = [p.start or 0.0 for p in component.ports[:signals]]  # inputs, then outputs
-        self.parameters: list[Any] = [p.start for p in component.ports[signals:]]
+        self.signals: list[float] = [float(p.start or 0.0) for p in component.ports[:signals]]  # inputs, then outputs
+        self.parameters: list[Any] = [
+            float(p.start) if p.kind == "Real" else p.start for p in component.ports[signals:]
+        ]
         self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
+        self.ranges = [] if component.survives else ranges(component.of("input"))
         self.period = 0.0  # of the samples; 0 for a component that is not sampled
         self.par: tuple[Any, ...] = ()
         self.constants: tuple[Any, ...] = ()  # what a step needs of the parameters
         self.state: tuple[Any, ...] = ()
         self.start_time = 0.0
+        self.end = math.nan  # of the last step, where the next one is expected
         self.elapsed = 0.0  # since the last sample
-        self.phase = "instantiated"
+        self.enter("instantiated")
         for port in component.ports:
-            self.register_variable(_variable(port), nested=False)
-
-    # --- getting and setting: value reference = position in the port table ---
-
-    def get_real(self, refs: list[int]) -> list[float]:
-        signals = self.signals
-        try:
-            if self.phase == "initializing" and any(self.inputs <= r < len(signals) for r in refs):
-                self._initialize()
-            return signals[self.inputs :] if refs == self.all_outputs else [signals[r] for r in refs]
-        except IndexError:
-            return [float(value) for value in self._get("Real", refs)]
-        except BaseException as error:
-            self._fail(error)
-
-    def set_real(self, refs: list[int], values: list[float]) -> None:
-        signals, inputs = self.signals, self.inputs
-        if refs == self.all_inputs:
-            signals[:inputs] = values
-            return
-        for r, value in zip(refs, values):
-            if 0 <= r < inputs:
-                signals[r] = value
-            else:
-                self._set("Real", [r], [value])
-
-    def _get(self, kind: str, refs: list[int]) -> list[Any]:
-        try:
-            for ref in refs:
-                self._port(ref, kind)
-            values = [*self.signals, *self.parameters]
-            return [values[ref] for ref in refs]
-        except BaseException as error:
-            self._fail(error)
-
-    def _port(self, ref: int, kind: str) -> Port:
-        ports = self.component.ports
-        if not 0 <= ref < len(ports) or ports[ref].kind != kind:
-            raise Refusal(f"there is no {kind} variable with value reference {ref}. Read the model description again.")
-        return ports[ref]
-
-    def _set(self, kind: str, refs: list[int], values: list[Any]) -> None:
-        try:
-            for ref, value in zip(refs, values):
-                self._set_parameter(self._port(ref, kind), ref, value)
-        except BaseException as error:
-            self._fail(error)
-
-    get_integer, set_integer = partialmethod(_get, "Integer"), partialmethod(_set, "Integer")
-    get_boolean, set_boolean = partialmethod(_get, "Boolean"), partialmethod(_set, "Boolean")
-    get_string, set_string = partialmethod(_get, "String"), partialmethod(_set, "String")
-
-    def _set_parameter(self, port: Port, ref: int, value: Any) -> None:
-        if port.causality == "output":
-            raise Refusal(f"`{port.name}` is an output and cannot be set.")
-        is_running = self.phase in ("running", "terminated")
-        if is_running and port.variability != "tunable":
-            raise Refusal(
-                f"`{port.name}` is fixed and cannot be set during a run. Set it before, or reset the instance."
-            )
-        self.parameters[ref - len(self.signals)] = value
-        if is_running:
-            if found := problems(self.component, self._given()):
-                raise ValuesError(found)
-            par = list(self.par)
-            par[self.kernel.PARAMETERS.index(port.field)] = float(value)
-            self._take(tuple(par))
+            self.register_variable(variable(port), nested=False)
 
     # --- life ---
 
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        self.start_time = start_time
-
-    def enter_initialization_mode(self) -> None:
-        self.phase = "initializing"
-
-    def exit_initialization_mode(self) -> None:
         try:
-            self._initialize()
-            self.phase = "running"
+            self._demand("fmi2SetupExperiment")
+            if not math.isfinite(start_time):
+                raise Refusal(say("start_time", repr(start_time)))
+            self.start_time = self.end = start_time
         except BaseException as error:
             self._fail(error)
 
-    def terminate(self) -> None:
-        self.phase = "terminated"
+    def _go(self, call: str, phase: str) -> None:
+        try:
+            self._demand(call)
+            if phase == "running":
+                self._initialize()
+            self.enter(phase)
+        except BaseException as error:
+            self._fail(error)
+
+    enter_initialization_mode = partialmethod(_go, "fmi2EnterInitializationMode", "initializing")
+    exit_initialization_mode = partialmethod(_go, "fmi2ExitInitializationMode", "running")
+    terminate = partialmethod(_go, "fmi2Terminate", "terminated")
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         try:
-            if self.phase != "running":
-                raise Refusal(f"a step in phase `{self.phase}`. Initialise the instance first, or reset it.")
+            if not self.is_running:
+                self._demand("fmi2DoStep")
             end = current_time + step_size
             if not step_size > 0.0 or end - end != 0.0:  # infinite or NaN
-                raise Refusal(f"the communication step is {step_size!r} s. Give a positive one, from a finite time on.")
+                raise Refusal(say("step_size", repr(step_size)))
+            if current_time != self.end and not abs(current_time - self.end) <= SHIFT * step_size:
+                refuse_jump(current_time, step_size, self.end)
             if not self.period:
                 self._advance(end, step_size)
             elif step_size == self.period and not self.elapsed:
                 self._advance(end, self.period)
             else:
-                for k in range(self._samples_due(end, step_size) - 1, -1, -1):
-                    self._advance(end - k * self.period, self.period)
+                self._sample(end, step_size)
+            self.end = end
             return True
         except BaseException as error:
             self._fail(error, current_time, step_size)
@@ -172,28 +126,17 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.state, outputs = self.kernel.initial(self._inputs(self.start_time, 0.0), self.par)
         self._publish(outputs)
 
-    def _take(self, par: tuple[Any, ...]) -> None:
-        self.par, self.constants = par, self.kernel.constants(par)
-
-    def _samples_due(self, end: float, step: float) -> int:
-        """How many samples fall due in this step; inputs are held within it."""
-        period, tolerance = self.period, TOLERANCE + 2.0 * math.ulp(end) / step  # a step may be a difference of times
-        ratio = step / period if step >= period else period / step
-        if abs(ratio - round(ratio)) > tolerance * ratio:
-            raise Refusal(
-                f"a communication step of {step:.9g} s is neither a whole multiple nor a whole fraction of"
-                f" `sample_time` = {period:.9g} s. Change one of them."
-            )
-        elapsed = self.elapsed + step
-        count = int(elapsed / period * (1.0 + tolerance))
-        if count and abs(elapsed - count * period) > tolerance * elapsed:
-            raise Refusal(
-                f"after steps of other sizes, this step of {step:.9g} s ends {elapsed - count * period:.3g} s after a"
-                f" sample. Let every sample, at multiples of `sample_time` = {period:.9g} s from the start, be a"
-                " communication point."
-            )
-        self.elapsed = 0.0 if count else elapsed
-        return count
+    def _sample(self, end: float, step: float) -> None:
+        """The samples that fall due in a step; the outputs of all of them, or of none if one fails."""
+        count, elapsed = samples_due(end, step, self.period, self.elapsed)
+        signals = [*self.signals]
+        try:
+            for k in range(count - 1, -1, -1):
+                self._advance(end - k * self.period, self.period)
+        except BaseException:
+            self.signals = signals
+            raise
+        self.elapsed = elapsed
 
     def _advance(self, time: float, dt: float) -> None:
         self.state, outputs = self.kernel.advance(self.state, self._inputs(time, dt), self.constants)
@@ -203,49 +146,41 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         inputs = self.signals[: self.inputs]
         total = sum(inputs)
         if total - total != 0.0 and not self.component.survives:  # infinite or NaN
-            self._refuse_non_finite(inputs, 0, "input", "Check the component that drives it")
+            refuse_non_finite(self.component.ports, inputs, "inputs_not_finite")
+        for k, low, high in self.ranges:
+            if not low <= inputs[k] <= high:
+                refuse_inputs(self.component.ports, inputs)
         return [time, dt, *inputs] if self.clock == 2 else [time, *inputs] if self.clock else inputs
 
     def _publish(self, outputs: tuple[float, ...]) -> None:
         total = sum(outputs)
         if total - total != 0.0:
-            self._refuse_non_finite(outputs, self.inputs, "output", "Check the parameters, or reduce the step")
+            refuse_non_finite(self.component.of("output"), outputs, "outputs_not_finite")
         self.signals[self.inputs :] = outputs
-
-    def _refuse_non_finite(self, values: Any, first: int, what: str, advice: str) -> None:
-        names = [p.name for p, v in zip(self.component.ports[first:], values) if not math.isfinite(v)]
-        if names:
-            raise Refusal(f"{what} {', '.join(f'`{n}`' for n in names)} is not finite. {advice}.")
-
-    def _given(self) -> dict[str, Any]:
-        return {port.name: value for port, value in zip(self.component.of("parameter"), self.parameters)}
 
     # --- saving the state: all of it ---
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {name: _copy(getattr(self, name)) for name in SAVED}
+        state = {name: _copy(getattr(self, name)) for name in SAVED}
+        return state if self.phase == "running" else {**state, "par": [], "state": []}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        saved = state.get("build", "unknown (its bytes cannot be read)")
-        if saved != self.build:
-            self._fail(Refusal(f"the saved state is of build {saved}, this is {self.build}. Save it with this FMU."))
+        if "refused" in state:
+            self._fail(Refusal(state["refused"]))
         for name, value in state.items():
             setattr(self, name, _copy(value))
+        self.enter(self.phase)
         self.constants = self.kernel.constants(self.par) if self.par else ()
+        self.period = self._given().get("sample_time", 0.0)
 
-    @staticmethod
-    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
-        return json.dumps(state).encode()
+    _fmu_state_to_bytes = staticmethod(to_bytes)
+    _fmu_state_from_bytes = Reader()
 
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
-        try:
-            loaded = json.loads(bytes(state).decode())
-        except ValueError:
-            loaded = None
-        return loaded if isinstance(loaded, dict) else {}  # which `_set_fmu_state` refuses; here is no instance to log
+    # --- what pythonfmu asks and is told ---
 
-    # --- errors ---
+    def to_xml(self, *options: Any) -> Any:
+        self.enter("terminated")  # in which start values can be read
+        return super().to_xml(*options)
 
     def log(self, msg: str, status: Any = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
         """Log a text.  On Linux our shim passes it as data; elsewhere pythonfmu's wrapper takes it as a format."""
@@ -255,33 +190,16 @@ class Slave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         """Log what happened and where, and let the call fail."""
         if not getattr(error, "is_logged", False):
             error.is_logged = True  # type: ignore[attr-defined]
-            where = f"`{self.instance_name}` ({self.component.name})"
-            where += "" if time is None else f", t = {time:.9g} s, step = {step:.9g} s"
-            self.log(f"{where}: {self._cause(error)}", Fmi2Status.error, "logStatusError")
-            for held in (self, type(self), self.log_queue):  # the wrapper drops these once too often after an exception
-                ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
+            self.enter("failed")
+            tell(self, error, time, step)
         raise error
 
-    def _cause(self, error: BaseException) -> str:
-        if isinstance(error, ValuesError):
-            return f"{error} Correct the parameters."
-        if isinstance(error, Refusal):
-            return str(error)
-        inputs = ", ".join(f"{p.name} = {v!r}" for p, v in zip(self.component.ports, self.signals[: self.inputs]))
-        text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
-        return f"{type(error).__name__}: {error}\ninputs: {inputs or 'none'}\n{text}"
 
-
-def _variable(port: Port) -> Any:
-    """The pythonfmu variable of a port; describe.py completes its XML."""
-    return KINDS[port.kind](
-        port.name,
-        causality=Fmi2Causality[port.causality],
-        variability=Fmi2Variability[port.variability],
-        description=port.description,
-        getter=lambda: port.start,
-        **({"initial": Fmi2Initial.calculated} if port.causality == "output" else {"start": port.start}),
-    )
+def ranges(ports: tuple[Port, ...]) -> list[tuple[int, float, float]]:
+    """Place, least and greatest value of those that have a range."""
+    with_range = [(k, port) for k, port in enumerate(ports) if (port.min, port.max) != (None, None)]
+    least, greatest = -math.inf, math.inf
+    return [(k, least if p.min is None else p.min, greatest if p.max is None else p.max) for k, p in with_range]
 
 
 def _copy(value: Any) -> Any:

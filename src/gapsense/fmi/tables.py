@@ -8,6 +8,8 @@ import re
 from itertools import accumulate
 from pathlib import Path
 
+from .sentences import say
+
 SPLINE_ROWS = 4  # a cubic spline needs them
 HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")  # name and unit, `time [s]` or `time (s)`
 
@@ -20,24 +22,25 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
     may leave out; another unit is refused, nothing is converted.  A ValueError has all problems of the file: missing
     columns, cells without a finite number, too few rows, rows out of order.
     """
+    if path.suffix.lower() != ".csv":  # what other files hold is nobody's business: messages tell cells and headers
+        raise ValueError(say("no_csv_name", path, ", ".join(heads(columns))))
     if not path.is_file():
-        wanted = ", ".join(heads(columns))
-        raise ValueError(f"`{path}` is not a file. Give the path of a CSV file with the columns {wanted}.")
+        raise ValueError(say("no_file", path, ", ".join(heads(columns))))
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             rows = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.") from error
+        raise ValueError(say("no_csv", path.name, error)) from error
     problems: list[str] = []
     places = _places(rows[0][1] if rows else [], heads(columns), problems)
     if len(places) < len(heads(columns)):
-        raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
+        raise ValueError(say("wrong_file", path.name, "; ".join(problems)))
     lines = [n for n, _ in rows[1:]]
     data = {c: [_number(row, k, c, n, problems) for n, row in rows[1:]] for c, k in places.items()}
     problems += _faults(data, lines, columns)
     if problems:
-        raise ValueError(f"{path.name}: {'; '.join(problems)}. Correct the file.")
+        raise ValueError(say("wrong_file", path.name, "; ".join(problems)))
     xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
     return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
 
@@ -72,12 +75,12 @@ def _places(header: list[str], wanted: list[str], problems: list[str]) -> dict[s
         at = [k for k, other in enumerate(names) if other == name]
         places |= {name: at[0]} if at else {}
         if len(at) > 1:
-            problems.append(f"columns {' and '.join(str(k + 1) for k in at)} are both called `{name}`")
+            problems.append(say("columns_twice", " and ".join(str(k + 1) for k in at), name))
         elif at and unit and found[at[0]][1] not in ("", unit):
-            problems.append(f"`{name}` is in `{found[at[0]][1]}`, but `{unit}` is expected, and nothing is converted")
+            problems.append(say("column_unit", name, found[at[0]][1], unit))
     if missing := [head for head in wanted if _parts(head)[1] not in places]:
-        has = ", ".join(map(str.strip, header)) or "nothing"
-        problems.append(f"column {', '.join(missing)} is missing; the header has {has}")
+        has = ", ".join(map(str.strip, header)) or say("no_header")
+        problems.append(say("column_missing", ", ".join(missing), has))
     return places
 
 
@@ -89,14 +92,14 @@ def _faults(data: dict[str, list[float]], lines: list[int], columns: tuple[str, 
     fewest = SPLINE_ROWS if any(kind == "spline" for kind, _, _ in map(_parts, columns)) else 2
     xs = data[first]
     if len(xs) < fewest or xs[-1] <= xs[0]:
-        problems.append(f"{len(xs)} rows, but at least {fewest} with different `{first}` are needed")
+        problems.append(say("few_rows", len(xs), fewest, first))
     return problems
 
 
 def _disorder(name: str, values: list[float], lines: list[int], is_rising: bool) -> list[str]:
     """Rows at which a column decreases, or stays although it must rise."""
     return [
-        f"row {n}: `{name}` {'decreases' if b < a else 'does not rise'} from {a:g} to {b:g}"
+        say("decreases" if b < a else "does_not_rise", n, name, a, b)
         for n, a, b in zip(lines[1:], values, values[1:])
         if b < a or (is_rising and b == a)
     ]
@@ -109,7 +112,7 @@ def _number(row: list[str], index: int, column: str, line: int, problems: list[s
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        problems.append(f"row {line}: `{column}` is `{text}`, not a finite number")
+        problems.append(say("no_number", line, column, text))
         return math.nan
     return value
 

@@ -12,8 +12,6 @@ from pathlib import Path
 from gapsense.fmi.shim import BINARY, SOURCE
 from gapsense.native import Library, NativeError
 
-CALLS = SOURCE.with_name("calls.h")
-
 
 def headers() -> Path:
     """Folder with `fmi2Functions.h`, inside the installed FMPy."""
@@ -28,9 +26,8 @@ def headers() -> Path:
 
 def exported() -> tuple[str, ...]:
     """Names of all functions that the shim must export."""
-    forwarded = re.findall(r"^CALL\((\w+),", CALLS.read_text("utf-8"), flags=re.MULTILINE)
-    written_out = re.findall(r"^FMI2_Export [^=]*?(fmi2\w+)\(", SOURCE.read_text("utf-8"), flags=re.MULTILINE)
-    return tuple(sorted({*forwarded, *written_out}))
+    text = "".join(file.read_text("utf-8") for file in SOURCE.parent.glob("*.[ch]"))
+    return tuple(sorted(set(re.findall(r"^(?:STATUS\(|FMI2_Export [^=;]*?)(fmi2\w+)\b[(,]", text, flags=re.MULTILINE))))
 
 
 SHIM = Library(
@@ -38,6 +35,7 @@ SHIM = Library(
     source=SOURCE,
     binary=BINARY,
     exports=exported(),
+    embedded=("loader.py",),
     libraries=("-ldl", "-lpthread"),  # part of libc since glibc 2.34
     headers=headers,
 )

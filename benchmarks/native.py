@@ -1,0 +1,114 @@
+"""What set, step and get take together: native FMU and Python FMU of every component, from C and through FMPy's calls.
+
+python benchmarks/native.py [NAME ...]    after `python build_fmus.py` and `python build_fmus.py --native`
+
+Microseconds per step of the component's own step size, the median of five, every one in a process of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+import zipfile
+from ctypes import c_double, c_uint
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from xml.etree import ElementTree
+
+from gapsense.fmi.components import COMPONENTS, find_components, load_component
+from gapsense.fmi.ports import Component
+from gapsense.fmi.shim.build import headers
+
+ROOT = Path(__file__).resolve().parents[1]
+HOST = ROOT / "tests" / "native" / "host.c"
+KINDS = {"native": ROOT / "build" / "native", "Python": ROOT / "build" / "fmus"}
+ROUNDS, STEPS = 5, 20_000
+ROWS = 41
+
+
+def main(names: list[str]) -> None:
+    """Print the table."""
+    columns = [f"{kind} from {caller}" for caller in ("C", "FMPy") for kind in KINDS]
+    print(f"{'us per step':20}" + "".join(f"{column:>18}" for column in columns))
+    for folder in find_components(COMPONENTS, names):
+        component = load_component(folder)
+        with tempfile.TemporaryDirectory() as work:
+            values = [
+                measured(caller, kind, component, folder, Path(work)) for caller in (from_c, apart) for kind in KINDS
+            ]
+        print(f"{component.name:20}" + "".join(f"{value:18.3f}" for value in values), flush=True)
+
+
+def measured(caller: object, kind: str, component: Component, folder: Path, work: Path) -> float:
+    """Median of several rounds."""
+    unpacked = work / kind
+    with zipfile.ZipFile(KINDS[kind] / f"{component.name}.fmu") as archive:
+        archive.extractall(unpacked)
+    table = write_table(component, folder, work / "table.csv")
+    return median(caller(component, unpacked, table) for _ in range(ROUNDS))  # type: ignore[operator]
+
+
+def write_table(component: Component, folder: Path, to: Path) -> Path:
+    """The inputs of the reference run, in steps of the component's own size."""
+    count = len(component.of("input"))
+    with (folder / "reference.csv").open(newline="", encoding="utf-8") as file:
+        rows = [row[1 : 1 + count] for row in list(csv.reader(file))[1 : 1 + ROWS]]
+    lines = [",".join([repr(k * component.step_size), *row]) for k, row in enumerate(rows)]
+    to.write_text("\n".join(["time", *lines]) + "\n", encoding="utf-8")
+    return to
+
+
+def from_c(component: Component, unpacked: Path, table: Path) -> float:
+    """With the plain host."""
+    host = table.with_name("host")
+    if not host.is_file():
+        command = ["cc", "-std=c99", "-O2", f"-I{headers()}", str(HOST), "-o", str(host), "-ldl"]
+        subprocess.run(command, check=True)
+    library = unpacked / "binaries" / "linux64" / f"{component.name}.so"
+    guid = ElementTree.parse(unpacked / "modelDescription.xml").getroot().attrib["guid"]
+    counts = [str(len(component.of(causality))) for causality in ("input", "output")]
+    words = [str(library), guid, (unpacked / "resources").as_uri(), str(table), *counts, str(STEPS // (ROWS - 1))]
+    return float(subprocess.run([str(host), *words], capture_output=True, text=True, check=True).stdout)
+
+
+def apart(component: Component, unpacked: Path, table: Path) -> float:
+    """With FMPy, in another process."""
+    words = [sys.executable, __file__, "--through-fmpy", component.name, str(unpacked), str(table)]
+    return float(json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout))
+
+
+def through_fmpy(name: str, unpacked: Path, table: Path) -> float:
+    """FMPy's raw functions, with arrays made beforehand."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    description = fmpy.read_model_description(str(unpacked), validate=False)
+    counts = [sum(v.causality == causality for v in description.modelVariables) for causality in ("input", "output")]
+    slave = FMU2Slave(guid=description.guid, unzipDirectory=str(unpacked), modelIdentifier=name, instanceName="one")
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = [[float(value) for value in row] for row in list(csv.reader(file))[1:]]
+    given, got = (c_uint * counts[0])(*range(counts[0])), (c_uint * counts[1])(*range(counts[0], sum(counts)))
+    inputs = [(c_double * counts[0])(*row[1:]) for row in rows]
+    outputs, step, c = (c_double * counts[1])(), rows[1][0], slave.component
+    set_, go, get = slave.dll.fmi2SetReal, slave.dll.fmi2DoStep, slave.dll.fmi2GetReal
+    begin = perf_counter()
+    for k in range(STEPS):
+        set_(c, given, counts[0], inputs[k % ROWS])
+        go(c, k * step, step, 1)
+        get(c, got, counts[1], outputs)
+    return 1e6 * (perf_counter() - begin) / STEPS
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--through-fmpy"]:
+        print(json.dumps(through_fmpy(sys.argv[2], Path(sys.argv[3]), Path(sys.argv[4]))))
+    else:
+        main(sys.argv[1:])

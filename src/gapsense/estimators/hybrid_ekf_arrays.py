@@ -1,0 +1,22 @@
+"""What a host that knows arrays can read of the state of `hybrid_ekf`."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.estimators.hybrid_ekf import Parameters, State
+from gapsense.records import Array, Covariance
+
+ROWS = ("current_estimated", "position", "velocity")
+
+
+class Arrays(NamedTuple):
+    """Covariance of the outputs `ROWS`."""
+
+    covariance: Annotated[Array, Covariance(3)]
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """That of the state."""
+    del par
+    return Arrays(state.P)

@@ -1,0 +1,102 @@
+"""modelDescription.xml of FMI 3.0, and buildDescription.xml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from gapsense.fmi import describe
+from gapsense.fmi.fmi3.variables import Variable
+from gapsense.fmi.ports import Component
+from gapsense.units import UNITS
+
+RULES = "gapsense.rules"  # type of our annotation
+ABILITIES = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
+CATEGORIES = {"logStatusError": "Refusals and errors"}
+LANGUAGE = "C99"
+OPTIONS = "-ffp-contract=off -fno-builtin"
+
+
+def model_description(component: Component, variables: Sequence[Variable], token: str, version: str) -> bytes:
+    """The XML file; equal arguments give equal bytes."""
+    about = {**describe.IDENTITY, "generationTool": "Gapsense", "version": version}
+    own = {"fmiVersion": "3.0", "modelName": component.name, "instantiationToken": token}
+    root = Element("fmiModelDescription", {**own, "description": component.description, **about})
+    SubElement(root, "CoSimulation", {"modelIdentifier": component.name, **dict.fromkeys(ABILITIES, "true")})
+    root.append(describe.units(component, {variable.unit for variable in variables} - {""}))
+    if types := [variable for variable in variables if variable.choices]:
+        _add_types(SubElement(root, "TypeDefinitions"), types)
+    categories = SubElement(root, "LogCategories")
+    for name, text in CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=text)
+    times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
+    SubElement(root, "DefaultExperiment", times)
+    known = SubElement(root, "ModelVariables")
+    for variable in variables:
+        _add_variable(known, variable)
+    _add_structure(SubElement(root, "ModelStructure"), variables)
+    SubElement(SubElement(root, "Annotations"), "Annotation", type=RULES).append(describe.rules(component))
+    return describe.text(root)
+
+
+def build_description(name: str, sources: Sequence[str]) -> bytes:
+    """How to compile the sources, for whoever has no binary for his machine."""
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    files = SubElement(SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet")
+    files.attrib.update(language=LANGUAGE, compilerOptions=OPTIONS)
+    for source in sources:
+        SubElement(files, "SourceFile", name=source)
+    return describe.text(root)
+
+
+def _add_types(parent: Element, variables: Sequence[Variable]) -> None:
+    for variable in variables:
+        node = SubElement(parent, "EnumerationType", name=_type_name(variable))
+        for number, choice in enumerate(variable.choices, 1):
+            SubElement(node, "Item", name=choice, value=str(number))
+
+
+def _type_name(variable: Variable) -> str:
+    return f"Choices of {variable.name}"
+
+
+def _add_variable(parent: Element, variable: Variable) -> None:
+    node = SubElement(parent, variable.type, name=variable.name, valueReference=str(variable.reference))
+    node.attrib.update(causality=variable.causality, variability=variable.variability)
+    node.set("description", variable.description)
+    if variable.choices:
+        node.set("declaredType", _type_name(variable))
+    if variable.unit:
+        node.set("unit", variable.unit)
+        if display := UNITS[variable.unit].display:
+            node.set("displayUnit", display.name)
+    limits = (("nominal", variable.nominal), ("min", variable.min), ("max", variable.max))
+    node.attrib.update({key: _text(variable, value) for key, value in limits if value is not None})
+    if variable.type == "String":
+        SubElement(node, "Start", value=variable.start[0])
+    elif variable.start:
+        node.set("start", " ".join(_text(variable, value) for value in variable.start))
+    for size in variable.shape:
+        SubElement(node, "Dimension", start=str(size))
+    if variable.rows is not None:
+        SubElement(node, "Dimension", valueReference=str(variable.rows))
+
+
+def _text(variable: Variable, value: Any) -> str:
+    """A value as XML has it."""
+    if variable.type == "Boolean":
+        return str(value).lower()
+    return repr(float(value)) if variable.type == "Float64" else str(int(value))
+
+
+def _add_structure(structure: Element, variables: Sequence[Variable]) -> None:
+    """Outputs with their feedthrough; at the start they depend on the parameters too."""
+    references = {variable.name: variable.reference for variable in variables}
+    fixed = [variable.reference for variable in variables if "arameter" in variable.causality]
+    outputs = [variable for variable in variables if variable.causality == "output"]
+    for tag, more in (("Output", []), ("InitialUnknown", fixed)):
+        for variable in outputs:
+            needed = sorted([*(references[name] for name in variable.feedthrough), *more])
+            known = {"valueReference": str(variable.reference), "dependencies": " ".join(map(str, needed))}
+            SubElement(structure, tag, known)

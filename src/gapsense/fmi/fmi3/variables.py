@@ -1,0 +1,114 @@
+"""The variables of an FMU of FMI 3.0: those of the port table, the time, tables as arrays, arrays of the state.
+
+A port keeps the value reference that it has in FMI 2.0, its place in the table; what FMI 3.0 adds comes after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from gapsense.fmi.ports import Component, Port
+from gapsense.fmi.tables import HEADER, heads
+
+TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "String": "String"}
+MOST_ROWS = 1_000_000  # of a table that is given as arrays
+FEWEST_ROWS = 2
+
+
+class Shape(NamedTuple):
+    """An array that the kernel's function `arrays` makes of its state: a symmetric matrix."""
+
+    name: str
+    size: int
+    of: tuple[str, ...]  # outputs, the names of its rows
+
+
+class Variable(NamedTuple):
+    """One variable."""
+
+    name: str
+    reference: int
+    type: str
+    causality: str
+    variability: str
+    description: str
+    unit: str = ""  # nothing: it has none, or not one for all elements
+    start: tuple[Any, ...] = ()
+    min: float | int | None = None
+    max: float | int | None = None
+    nominal: float | None = None
+    choices: tuple[str, ...] = ()  # items of an enumeration, numbered from 1 on
+    rows: int | None = None  # value reference of the parameter that is the length of a table
+    shape: tuple[int, ...] = ()  # of an array that has always the same
+    feedthrough: tuple[str, ...] = ()  # inputs that an output follows at once
+
+
+class Table(NamedTuple):
+    """Where the arrays of a parameter that names a CSV file are."""
+
+    port: int  # value reference of that parameter
+    rows: int  # value reference of the number of rows; the columns come after it
+    columns: int
+
+
+Tables = Mapping[str, Sequence[Sequence[float]]]  # shipped columns, by parameter
+
+
+def variables(component: Component, tables: Tables, arrays: Sequence[Shape] = ()) -> list[Variable]:
+    """All variables in the order of their value references."""
+    found = [_of_port(port, k) for k, port in enumerate(component.ports)]
+    found.append(Variable("time", len(found), "Float64", "independent", "continuous", "Time", "s"))
+    for port in component.ports:
+        if port.columns:
+            found += _of_table(port, tables[port.name], len(found))
+    for shape in arrays:
+        found.append(_of_array(shape, component, len(found)))
+    return found
+
+
+def places(component: Component) -> Iterator[Table]:
+    """Where the arrays of the tables are among the variables."""
+    at = len(component.ports) + 1
+    for k, port in enumerate(component.ports):
+        if port.columns:
+            columns = len(heads(port.columns))
+            yield Table(k, at, columns)
+            at += 1 + columns
+
+
+def _of_port(port: Port, reference: int) -> Variable:
+    variable = Variable(
+        *(port.name, reference, TYPES[port.kind], port.causality, port.variability, port.description),
+        start=() if port.start is None else (port.start,),
+        feedthrough=port.feedthrough,
+    )
+    if port.kind in ("Real", "Integer"):
+        nominal, unit = (port.nominal, port.unit) if port.kind == "Real" else (None, "")
+        variable = variable._replace(unit=unit, min=port.min, max=port.max, nominal=nominal)
+    if port.choices:
+        at = port.choices.index(port.start) + 1
+        variable = variable._replace(type="Enumeration", start=(at,), choices=port.choices)
+    return variable
+
+
+def _of_table(port: Port, columns: Sequence[Sequence[float]], first: int) -> list[Variable]:
+    rows = len(columns[0])
+    told = f"Rows of the arrays that are the table while {port.name} has its start value"
+    size = Variable(f"{port.name}.rows", first, "UInt64", "structuralParameter", "fixed", told, start=(rows,))
+    found = [size._replace(min=FEWEST_ROWS, max=MOST_ROWS)]
+    for k, (head, values) in enumerate(zip(heads(port.columns), columns), first + 1):
+        matched = HEADER.fullmatch(head)
+        name, unit = (matched[1], matched[2] or "1") if matched else (head, "1")
+        about = f"Column {name} of the table while {port.name} has its start value"
+        variable = Variable(f"{port.name}.{name}", k, "Float64", "parameter", "fixed", about, unit, tuple(values))
+        found.append(variable._replace(rows=first))
+    return found
+
+
+def _of_array(shape: Shape, component: Component, reference: int) -> Variable:
+    told = f"{shape.name.replace('_', ' ').capitalize()} of {', '.join(shape.of)}, each in its unit"
+    follows = {name for port in component.of("output") if port.name in shape.of for name in port.feedthrough}
+    inputs = tuple(port.name for port in component.of("input") if port.name in follows)
+    size = (shape.size, shape.size)
+    return Variable(shape.name, reference, "Float64", "output", "continuous", told, shape=size, feedthrough=inputs)

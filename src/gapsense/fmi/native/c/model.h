@@ -1,0 +1,81 @@
+/* What a component is, as data. `model.c`, which is generated from the port table, holds it; all else is the same for
+ * every component. A variable's value reference is its place among the ports: inputs, outputs, parameters. */
+#ifndef GAPSENSE_MODEL_H
+#define GAPSENSE_MODEL_H
+
+typedef enum { REAL, INTEGER, BOOLEAN, STRING } Kind;
+typedef enum { INPUT, OUTPUT, PARAMETER } Causality;
+typedef enum { PLAIN, INTEGRAL, SPLINE } ColumnKind;
+
+/* A column that the file of a table must have. */
+typedef struct {
+    const char *name, *unit; /* the unit may be empty, then any will do */
+    const char *text;        /* as the file writes it: `name [unit]` */
+    int is_rising;           /* must increase from row to row */
+} Head;
+
+/* What the kernel gets of a table. */
+typedef struct {
+    ColumnKind kind;
+    int head;  /* the column that it is made from; in an integral over the first, in a spline through it */
+    int place; /* among the kernel's tables */
+} Column;
+
+typedef struct {
+    const char *name, *unit; /* the unit with a space before it, as in a message; empty for 1 */
+    Causality causality;
+    Kind kind;
+    int is_tunable;
+    int place;               /* of a number or a choice: among the kernel's parameters */
+    double start, low, high; /* of a number; infinite where there is no limit */
+    const char *text;        /* of a String: its start */
+    const char *const *choices;
+    int choice_count;
+    const Head *heads; /* of a String that names a file */
+    int head_count;
+    const Column *columns;
+    int column_count, fewest_rows;
+} Port;
+
+/* Parameters of which the second must be larger, by value reference. */
+typedef struct {
+    int lower, upper;
+} Rising;
+
+typedef struct {
+    int port, power;
+} Factor;
+
+/* The product of powers of parameters stays below a limit. */
+typedef struct {
+    const Factor *factors;
+    int count;
+    double below;
+    const char *text, *reason;
+} Limit;
+
+typedef void Kernel(const double *state, double *const *memory, const double *inputs, const double *par,
+                    const double *const *tables, const int *table_sizes, double *state_next, double *outputs);
+
+typedef struct {
+    const char *name, *guid, *build;
+    const Port *ports;
+    int inputs, signals, port_count; /* signals are inputs and outputs */
+    const Rising *rising;
+    int rising_count;
+    const Limit *limits;
+    int limit_count;
+    const char *const *resources; /* files that travel with the component */
+    int resource_count;
+    int survives;    /* the kernel copes with any input */
+    int clock;       /* how many of time and dt it takes before the inputs */
+    int sample_time; /* value reference; -1: it is not sampled */
+    int par_count, state_count, table_count;
+    const int *memory_sizes;
+    int memory_count;
+    Kernel *initial, *step;
+} Model;
+
+extern const Model model;
+
+#endif

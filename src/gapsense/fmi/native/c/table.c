@@ -1,0 +1,175 @@
+#include "table.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "csv.h"
+#include "files.h"
+#include "heads.h"
+#include "sentences.h"
+
+/* A file while it is read: where its columns are, and the numbers in them, head by head. */
+typedef struct {
+    const Port *port;
+    Csv csv;
+    int *places; /* by head; -1: missing */
+    double *numbers;
+    int rows;
+    Text problems;
+} Reading;
+
+/* Where a row is in the file; arrays count from 1. */
+static int line_of(const Reading *r, int row) { return r->csv.rows ? r->csv.rows[row + 1].line : row + 1; }
+
+static const double *column(const Reading *r, int head) { return r->numbers + (size_t)head * (size_t)r->rows; }
+
+/* --- the rows --- */
+
+static void read_numbers(Reading *r, int h)
+{
+    double *to = r->numbers + (size_t)h * (size_t)r->rows;
+    for (int k = 0; k < r->rows; k++) {
+        const char *cell = csv_cell(&r->csv, k + 1, r->places[h]);
+        to[k] = number_in(cell);
+        if (to[k] != to[k])
+            text_join(&r->problems, "; ", SAY_NO_NUMBER, r->csv.rows[k + 1].line, r->port->heads[h].name, cell);
+    }
+}
+
+static void note_disorder(Reading *r, int h)
+{
+    const Head *head = r->port->heads + h;
+    const double *x = column(r, h);
+    for (int k = 1; k < r->rows && (h == 0 || head->is_rising); k++) {
+        if (x[k] < x[k - 1])
+            text_join(&r->problems, "; ", SAY_DECREASES, line_of(r, k), head->name, x[k - 1], x[k]);
+        else if (x[k] == x[k - 1] && head->is_rising)
+            text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, line_of(r, k), head->name, x[k - 1], x[k]);
+    }
+}
+
+static void judge_rows(Reading *r)
+{
+    const double *x = r->numbers;
+    for (int h = 0; h < r->port->head_count; h++)
+        note_disorder(r, h);
+    if (r->rows < r->port->fewest_rows || x[r->rows - 1] <= x[0])
+        text_join(&r->problems, "; ", SAY_FEW_ROWS, r->rows, r->port->fewest_rows, r->port->heads[0].name);
+}
+
+/* --- what the kernel gets --- */
+
+static int make(State *s, const Reading *r, const Column *wanted)
+{
+    const double *xs = column(r, 0), *ys = column(r, wanted->head);
+    double *table = malloc((size_t)r->rows * sizeof *table);
+    if (!table)
+        return 0;
+    if (wanted->kind == INTEGRAL)
+        integrate(xs, ys, r->rows, table);
+    else if (wanted->kind == PLAIN)
+        memcpy(table, ys, (size_t)r->rows * sizeof *table);
+    else if (!spline(xs, ys, r->rows, table)) {
+        free(table);
+        return 0;
+    }
+    free(s->tables[wanted->place]);
+    s->tables[wanted->place] = table;
+    s->sizes[wanted->place] = r->rows;
+    return 1;
+}
+
+static int make_all(State *s, const Reading *r)
+{
+    for (int k = 0; k < r->port->column_count; k++)
+        if (!make(s, r, r->port->columns + k))
+            return 0;
+    return 1;
+}
+
+/* Columns, numbers and tables of what the CSV file holds; all that is wrong is noted. */
+static int understand(State *s, Reading *r)
+{
+    r->rows = r->csv.row_count ? r->csv.row_count - 1 : 0;
+    r->places = malloc((size_t)r->port->head_count * sizeof *r->places);
+    r->numbers = malloc((size_t)r->port->head_count * ((size_t)r->rows + 1) * sizeof *r->numbers);
+    if (!r->places || !r->numbers)
+        return 0;
+    if (find_columns(r->port, &r->csv, r->places, &r->problems)) {
+        for (int h = 0; h < r->port->head_count; h++)
+            read_numbers(r, h);
+        judge_rows(r);
+    }
+    return r->problems.length || make_all(s, r);
+}
+
+static int read_content(State *s, const Port *port, const char *name, char *content, size_t size, Text *problem)
+{
+    Reading r = {port, {NULL, NULL, 0, NULL, 0}, NULL, NULL, 0, {NULL, 0, 0}};
+    const char *fault = csv_read(&r.csv, content, size);
+    if (fault)
+        text_add(problem, SAY_NO_CSV, name, fault);
+    else if (!understand(s, &r))
+        text_add(problem, SAY_NO_MEMORY);
+    else if (r.problems.length)
+        text_add(problem, SAY_WRONG_FILE, name, text_of(&r.problems));
+    csv_free(&r.csv);
+    free(r.places);
+    free(r.numbers);
+    text_free(&r.problems);
+    return problem->length == 0;
+}
+
+/* --- arrays --- */
+
+static void judge_numbers(Reading *r)
+{
+    char number[REPR];
+    for (int h = 0; h < r->port->head_count; h++)
+        for (int k = 0; k < r->rows; k++) {
+            const double x = column(r, h)[k];
+            if (!(x - x == 0.0))
+                text_join(&r->problems, "; ", SAY_NO_NUMBER, k + 1, r->port->heads[h].name, repr(x, number));
+        }
+}
+
+int read_columns(State *s, int port, Text *problem)
+{
+    Reading r = {model.ports + port, {NULL, NULL, 0, NULL, 0}, NULL, s->columns[port], s->rows[port], {NULL, 0, 0}};
+    judge_numbers(&r);
+    judge_rows(&r);
+    if (r.problems.length)
+        text_add(problem, SAY_WRONG_ARRAYS, text_of(&r.problems));
+    else if (!make_all(s, &r))
+        text_add(problem, SAY_NO_MEMORY);
+    text_free(&r.problems);
+    return problem->length == 0;
+}
+
+/* --- the file --- */
+
+static int refuse_file(const Port *port, const char *file, const char *format, Text *problem)
+{
+    Text heads = {NULL, 0, 0};
+    for (int h = 0; h < port->head_count; h++)
+        text_join(&heads, ", ", "%s", port->heads[h].text);
+    text_add(problem, format, file, text_of(&heads));
+    text_free(&heads);
+    return 0;
+}
+
+int read_table(State *s, const Port *port, const char *folder, const char *file, Text *problem)
+{
+    size_t size = 0;
+    if (!is_csv(file)) /* what other files hold is nobody's business: messages tell cells and headers */
+        return refuse_file(port, file, SAY_NO_CSV_NAME, problem);
+    char *shipped = path_in(folder, file);
+    char *content = shipped ? file_content(shipped, &size) : NULL;
+    if (!content)
+        content = file_content(file, &size);
+    free(shipped);
+    if (!content)
+        return refuse_file(port, file, SAY_NO_FILE, problem);
+    return read_content(s, port, last_part(file), content, size, problem);
+}

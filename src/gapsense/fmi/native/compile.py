@@ -1,0 +1,94 @@
+"""Compile a component's C into one binary for each platform."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from gapsense.fmi.native.platforms import Compiler
+from gapsense.native import NativeError
+
+FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
+PROCESSORS = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}  # type and subtype, as macOS numbers them
+OWN = ("model.c", "kernel.c", "arrays.c")  # what differs between components
+
+
+def compile_common(files: Mapping[str, str], compiler: Compiler, work: Path) -> None:
+    """Compile what is the same for all components, once, into a folder of `work`."""
+    folder = work.resolve() / (compiler.target or "here")
+    folder.mkdir()
+    _put({name: text for name, text in files.items() if name not in OWN}, folder)
+    for source in sorted(folder.glob("*.c")):
+        _compiled(source, compiler)
+
+
+def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], work: Path) -> bytes:
+    """The library of one platform.
+
+    Parameters
+    ----------
+    files : mapping
+        Text of every C source and header.
+    name : str
+        Of the library, without its ending.
+    compilers : sequence
+        Of the platform, one for each processor.
+    work : Path
+        Folder with what `compile_common` made.
+    """
+    made = {c.target: _library(files, name, c, work.resolve()) for c in compilers}
+    return fat(made) if len(made) > 1 else next(iter(made.values()))
+
+
+def fat(libraries: Mapping[str, bytes]) -> bytes:
+    """A library of macOS for several processors, by target, from one for each."""
+    step = 1 << FAT_ALIGNMENT
+    head, body = struct.pack(">II", FAT_MAGIC, len(libraries)), b""
+    for target, library in libraries.items():
+        body += b"\0" * (-len(body) % step)
+        kind = PROCESSORS[target.partition("-")[0]]
+        head += struct.pack(">IIIII", *kind, step + len(body), len(library), FAT_ALIGNMENT)
+        body += library
+    return head.ljust(step, b"\0") + body
+
+
+def thin(library: bytes) -> dict[str, bytes]:
+    """The libraries in one of `fat`, by processor."""
+    found = {}
+    for k in range(struct.unpack_from(">I", library, 4)[0]):
+        *kind, start, length, _ = struct.unpack_from(">IIIII", library, 8 + 20 * k)
+        found[next(name for name, own in PROCESSORS.items() if own == tuple(kind))] = library[start : start + length]
+    return found
+
+
+def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path) -> bytes:
+    common = sorted((work / (compiler.target or "here")).glob("*.o"))
+    with tempfile.TemporaryDirectory(dir=work) as temporary:
+        folder = Path(temporary)
+        _put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
+        own = [_compiled(folder / file, compiler) for file in OWN]
+        library = folder / f"{name}{compiler.binary.ending}"
+        link = ("-shared", "-s", *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
+        _run((*compiler.command, *link), library.name)
+        return library.read_bytes()
+
+
+def _put(files: Mapping[str, str], folder: Path) -> None:
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _compiled(source: Path, compiler: Compiler) -> Path:
+    """An object file; by its full path, because Zig's cache takes sources of one relative path for the same."""
+    made = source.with_suffix(".o")
+    _run((*compiler.command, *compiler.flags, "-c", str(source), "-o", str(made)), source.name)
+    return made
+
+
+def _run(command: tuple[str, ...], what: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise NativeError(f"`{what}` could not be compiled by `{' '.join(command[:4])}`:\n{done.stderr.strip()}")

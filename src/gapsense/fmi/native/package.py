@@ -1,0 +1,163 @@
+"""Build native FMUs: gather what a component is in C, compile it for each platform, package it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+from uuid import UUID
+
+import gapsense
+from gapsense.fmi import package, page, picture, references
+from gapsense.fmi.fmi3.arrays import shapes
+from gapsense.fmi.fmi3.constants import arrays_c
+from gapsense.fmi.fmi3.variables import Variable, variables
+from gapsense.fmi.native import SOURCES, headers, model, package3
+from gapsense.fmi.native.compile import binary, compile_common
+from gapsense.fmi.native.description import description
+from gapsense.fmi.native.platforms import FLAGS, NO_FOLDING, PLATFORMS, compilers
+from gapsense.fmi.ports import Component
+from gapsense.fmi.shim.build import headers as fmi_headers
+from gapsense.fmi.tables import heads, read_table
+from gapsense.kernel import Kernel
+
+COMPILERS_AT_ONCE = 2
+RUN = """## How to run
+
+This is the native FMU: a compiled library, which needs nothing else on the machine, for {platforms}.
+Take it in Simulink, in Modelica tools, and wherever Python is not. The Python FMU of the same name computes the same
+bits, and shows its arithmetic as Python source. The folder `sources` holds all C files, for other platforms: compile
+them together, with `-std=c99 -ffp-contract=off`.
+A good communication step is {{step:g}} s. Inputs are held during a step, outputs are valid at its end.
+
+Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise all its state.
+"""
+NAMES = {"linux64": "Linux", "win64": "Windows", "darwin64": "macOS", "aarch64-linux": "Linux on aarch64"}
+
+
+class Parts(NamedTuple):
+    """What the native FMUs of a component are made of, whatever the version of FMI."""
+
+    component: Component
+    given: Mapping[str, Any]  # start values in place of those of the port table
+    guid: str
+    variables: list[Variable]  # of FMI 3.0
+    files: dict[str, str]  # C sources and headers
+    resources: dict[str, bytes]
+    folder: Path  # of the component
+
+    def sources(self, fmi: int) -> dict[str, bytes]:
+        """C sources and headers that it takes to compile the library for one version of FMI."""
+        other = f"fmi{5 - fmi}"
+        return {f"sources/{n}": text.encode() for n, text in self.files.items() if not n.startswith(other)}
+
+
+def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
+    """Parts of the component in a folder, with these start values of its parameters."""
+    component, kernel, paths = package.prepared(folder, values)
+    resources = {path.name: path.read_bytes() for path in paths}
+    tables = shipped(component, {path.name: path for path in paths})
+    files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
+    flags = (FLAGS, NO_FOLDING, sorted(PLATFORMS.items()))
+    content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags)
+    identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
+    found = variables(component, tables, shapes(kernel))
+    parts = Parts(component, values, f"{{{UUID(identity)}}}", found, files, resources, folder)
+    return with_identity(parts, kernel, identity)
+
+
+def shipped(component: Component, paths: Mapping[str, Path]) -> dict[str, list[list[float]]]:
+    """Columns of the tables that travel with the component, by parameter."""
+    named = {port.name: (paths[port.start], tuple(heads(port.columns))) for port in component.ports if port.columns}
+    return {name: read_table(path, columns) for name, (path, columns) in named.items()}
+
+
+def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
+    """The same, with the source that knows the identity of all others."""
+    text = model.source(parts.component, kernel, parts.guid, identity)
+    return parts._replace(files={**parts.files, "model.c": text})
+
+
+def common() -> dict[str, str]:
+    """C sources and headers that are the same for all components."""
+    paths = (*SOURCES.glob("*.[ch]"), *fmi_headers().glob("fmi[23]*.h"))
+    files = {path.name: path.read_text(encoding="utf-8") for path in sorted(paths)}
+    return {**files, "sentences.h": headers.sentences(), "life.h": headers.life()}
+
+
+def build(
+    folders: Sequence[Path], destination: Path, platforms: Sequence[str], values: Mapping[Path, Mapping[str, Any]]
+) -> Iterator[tuple[Path, Path]]:
+    """Build the FMUs of the components in `folders`, and tell of each its component's folder and its file.
+
+    Those of platforms that need one of their own are in a folder of `destination`.
+
+    Raises
+    ------
+    NativeError
+        If there is no compiler for a platform, or it fails.
+    """
+    used = {name: compilers(name) for name in platforms}
+    with tempfile.TemporaryDirectory() as temporary, ThreadPoolExecutor(COMPILERS_AT_ONCE) as pool:
+        work, files = Path(temporary), common()
+        list(pool.map(lambda c: compile_common(files, c, work), [c for own in used.values() for c in own]))
+        parts = [gather(folder, values.get(folder, {})) for folder in folders]
+        made = {
+            (part.component.name, name): pool.submit(binary, part.files, part.component.name, own, work)
+            for part in parts
+            for name, own in used.items()
+        }
+        for part in parts:
+            binaries = {name: made[part.component.name, name].result() for name in used}
+            yield from ((part.folder, path) for path in packaged(part, binaries, destination))
+
+
+def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:
+    """Write the FMUs of FMI 2.0, and that of FMI 3.0."""
+    apart = {name for name in binaries if name != PLATFORMS[name].folder}
+    for together in (sorted(binaries.keys() - apart), *([name] for name in sorted(apart))):
+        if together:
+            folder = destination / together[0] if together[0] in apart else destination
+            folder.mkdir(parents=True, exist_ok=True)
+            members = {**members_of(parts, together), **libraries(parts, binaries, together)}
+            yield package.write(members, folder / f"{parts.component.name}.fmu")
+    page3 = documentation(parts, sorted(binaries), "3.0")
+    members = package3.members_of(parts, binaries, listed(parts.sources(3)), page3)
+    (destination / "fmi3").mkdir(parents=True, exist_ok=True)
+    yield package.write(members, destination / "fmi3" / f"{parts.component.name}.fmu")
+
+
+def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
+    """The binaries of some platforms, where FMI 2.0 has them."""
+    places = {name: PLATFORMS[name] for name in platforms}
+    return {f"binaries/{p.folder}/{parts.component.name}{p.ending}": binaries[n] for n, p in places.items()}
+
+
+def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
+    """All other files of an FMU of FMI 2.0."""
+    component, sources = parts.component, parts.sources(2)
+    return {
+        "modelDescription.xml": description(component, parts.guid, gapsense.__version__, listed(sources)),
+        "documentation/index.html": documentation(parts, platforms).encode(),
+        "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
+        "model.png": (package.HERE / "icon.png").read_bytes(),
+        **{f"resources/{name}": content for name, content in parts.resources.items()},
+        **sources,
+        **references.files(parts.folder, parts.given),
+    }
+
+
+def listed(sources: Mapping[str, bytes]) -> list[str]:
+    """The files among these that are to be compiled."""
+    return sorted(Path(name).name for name in sources if name.endswith(".c"))
+
+
+def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> str:
+    """The page of a component, which says what this FMU runs on."""
+    markdown = (parts.folder / "page.md").read_text(encoding="utf-8")
+    run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=fmi)
+    drawing = picture.figure(parts.component, parts.folder)
+    return page.html(parts.component, markdown, gapsense.__version__, drawing, run)

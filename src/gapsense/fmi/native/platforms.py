@@ -1,0 +1,80 @@
+"""Platforms that native FMUs are for, and the compilers that make their binaries."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import sys
+from typing import NamedTuple
+
+from gapsense.native import ZIG, NativeError, zig_version
+
+FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
+# Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
+NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
+ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")
+SYSTEMS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
+LIKE_X86_64 = ("x86_64", "AMD64", "amd64")
+
+
+class Binary(NamedTuple):
+    """A platform: where an FMU has its binary, and what Zig calls the processors that it is for."""
+
+    folder: str  # in binaries/ of an FMU of FMI 2.0
+    ending: str
+    targets: tuple[str, ...]
+    flags: tuple[str, ...] = ("-fPIC",)
+    libraries: tuple[str, ...] = ("-lm",)
+
+
+PLATFORMS = {
+    "linux64": Binary("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
+    "win64": Binary("win64", ".dll", ("x86_64-windows-gnu",), (), ()),
+    "darwin64": Binary("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
+    "aarch64-linux": Binary("linux64", ".so", ("aarch64-linux-gnu.2.17",)),  # so hosts of FMI 2.0 look for it
+}
+
+
+class Compiler(NamedTuple):
+    """A command that compiles C for one processor."""
+
+    command: tuple[str, ...]
+    binary: Binary
+    target: str
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Options for every source."""
+        return (*FLAGS, *NO_FOLDING, *self.binary.flags)
+
+
+def here() -> str | None:
+    """Platform of the machine, if native FMUs are made for it."""
+    found = SYSTEMS.get(platform.system())
+    if found == "linux64" and platform.machine() == "aarch64":
+        return "aarch64-linux"
+    return found if platform.machine() in LIKE_X86_64 or found == "darwin64" else None
+
+
+def compilers(name: str) -> list[Compiler]:
+    """The compilers of a platform's binary, one for each processor; a NativeError says what to install."""
+    binary = PLATFORMS[name]
+    if zig_version() == ZIG:
+        zig = (sys.executable, "-m", "ziglang", "cc")
+        return [Compiler((*zig, "-target", target, *ZIG_FLAGS), binary, target) for target in binary.targets]
+    own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if name == here() and own:
+        return [Compiler((own,), binary, "")]
+    what = f"`{name}` needs ziglang {ZIG}, found {zig_version() or 'none'}"
+    more = "no C compiler is installed either" if name == here() else f"the C compiler here makes only `{here()}`"
+    raise NativeError(f"{what}; {more}. Run `pip install ziglang=={ZIG}`.")
+
+
+def chosen(names: list[str]) -> list[str]:
+    """Platforms by name, of which `here` is the machine's own; without names all that can be compiled for here."""
+    names = names or (list(PLATFORMS) if zig_version() == ZIG else ["here"])
+    own = here() or f"{platform.system()} on {platform.machine()}"
+    found = [own if name == "here" else name for name in names]
+    if unknown := [name for name in found if name not in PLATFORMS]:
+        raise NativeError(f"there is no platform `{', '.join(unknown)}`. There are: {', '.join(PLATFORMS)}.")
+    return list(dict.fromkeys(found))

@@ -1,0 +1,61 @@
+"""Every FMU that the folder fmus/ gives, as a Python FMU and as a native one."""
+
+from __future__ import annotations
+
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can be imported by its tests
+
+from subjects import PLATFORM, Instance, Subject
+
+from gapsense.fmi.components import find_components, load_component
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = find_components(ROOT / "fmus")
+NATIVE = ROOT / "build" / "native"
+KINDS = ("python", "native")
+
+
+@pytest.fixture(scope="session")
+def subjects(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[str, str], Subject]]:
+    """Those that tests have asked for so far; every host must end cleanly."""
+    found: dict[tuple[str, str], Subject] = {}
+    yield found
+    assert {key: subject.close() for key, subject in found.items()} == dict.fromkeys(found, 0)
+
+
+@pytest.fixture(params=[(kind, folder) for kind in KINDS for folder in FOLDERS], ids=lambda p: f"{p[1].name}-{p[0]}")
+def subject(request: Any, subjects: Any, fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    """Each FMU in turn."""
+    kind, folder = request.param
+    component = load_component(folder)
+    path = {"python": fmus, "native": NATIVE}[kind] / f"{component.name}.fmu"
+    if not path.is_file():
+        pytest.skip(f"there is no {path.relative_to(ROOT)}: `python build_fmus.py --native` builds it")
+    if kind == "python" and not has_own_binary(path):
+        pytest.skip("pythonfmu's own binary, which ends an instance at its first refusal")
+    if (kind, component.name) not in subjects:
+        where = tmp_path_factory.mktemp(f"{component.name}-{kind}")
+        subjects[kind, component.name] = Subject(component, kind, path, where)
+    found: Subject = subjects[kind, component.name]
+    return found
+
+
+def has_own_binary(path: Path) -> bool:
+    """True on Linux: elsewhere our Python FMUs have the binary of pythonfmu."""
+    with zipfile.ZipFile(path) as archive:
+        return PLATFORM == "linux64" and "binaries/linux64/pythonfmu-export.bin" not in archive.namelist()
+
+
+@pytest.fixture
+def one(subject: Subject) -> Iterator[Instance]:
+    """A new instance."""
+    instance = subject.new()
+    yield instance
+    instance.do("free")

@@ -1,0 +1,84 @@
+"""Every native FMU: its files, its description, and the numbers of the Python FMU."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import pytest
+from fmpy.validation import validate_fmu
+from parts import FOLDERS, Part
+from unpacked_native import STRICT, Unpacked, bits, expected, outputs
+
+LARGEST = 300e3  # bytes of an FMU for two platforms; here is one
+
+
+def some(*normal: str) -> list[Any]:
+    """All components; those that are not named only in the long tests."""
+    slow = pytest.mark.slow
+    return [pytest.param(f, id=f.name, marks=() if f.name in normal else slow) for f in FOLDERS]
+
+
+def test_gives_the_reference_to_the_last_bit(part: Part, unpacked: Unpacked, host: Path) -> None:
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+def test_fmpy_finds_nothing_to_complain_about(part: Part) -> None:
+    assert validate_fmu(str(part.path)) == []
+
+
+def test_is_small_and_complete(part: Part) -> None:
+    with zipfile.ZipFile(part.path) as archive:
+        names = archive.namelist()
+        page = archive.read("documentation/index.html").decode()
+        library = archive.getinfo(f"binaries/linux64/{part.component.name}.so").compress_size
+    assert part.path.stat().st_size + library < LARGEST  # as if for two platforms
+    assert {"documentation/licenses/license.txt", "model.png", "sources/kernel.c", "sources/fmi2Functions.h"} <= {
+        *names
+    }
+    assert {f"resources/{name}" for name in part.component.resources} <= {*names}
+    assert "This is the native FMU" in page
+
+
+def root_of(part: Part) -> Element:
+    with zipfile.ZipFile(part.path) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
+def test_says_what_it_can_do(part: Part) -> None:
+    flags = root_of(part).find("CoSimulation")
+    assert flags is not None
+    assert {flags.get("needsExecutionTool"), flags.get("canBeInstantiatedOnlyOncePerProcess")} == {"false"}
+    assert {flags.get("canGetAndSetFMUstate"), flags.get("canSerializeFMUstate")} == {"true"}
+
+
+def test_lists_its_sources(part: Part) -> None:
+    listed = {file.get("name") for file in root_of(part).iterfind("CoSimulation/SourceFiles/File")}
+    with zipfile.ZipFile(part.path) as archive:
+        assert listed == {Path(n).name for n in archive.namelist() if n.startswith("sources/") and n.endswith(".c")}
+
+
+@pytest.mark.parametrize("part", some("drive_voltage"), indirect=True)
+def test_sources_compile_as_a_stranger_compiles_them(part: Part, unpacked: Unpacked, host: Path) -> None:
+    root = root_of(part)
+    files = [file.attrib["name"] for file in root.iterfind("CoSimulation/SourceFiles/File")]
+    library = unpacked.library()
+    command = ["cc", *STRICT, "-shared", "-fPIC", *files, "-o", str(library), "-lm"]
+    done = subprocess.run(command, cwd=unpacked.folder / "sources", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+def test_variables_are_those_of_the_python_fmu(part: Part, fmus: Path) -> None:
+    python, native = (ElementTree.tostring(root_of(p).find("ModelVariables")) for p in (part, on_python(part, fmus)))
+    assert python == native
+    assert root_of(part).get("guid") != root_of(on_python(part, fmus)).get("guid")
+
+
+def on_python(part: Part, fmus: Path) -> Part:
+    """The same with the Python FMU."""
+    return part._replace(path=fmus / part.path.name)

@@ -1,0 +1,143 @@
+"""Native FMUs for other platforms, run where an emulator is installed; and the same bytes in every build."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from drivers import ROOT
+from parts import FOLDERS, Part
+from unpacked_native import bits, compiled_host, expected, outputs, unpack
+
+from gapsense.fmi.components import load_component
+from gapsense.fmi.native import package
+from gapsense.fmi.native.compile import FAT_ALIGNMENT, FAT_MAGIC, fat
+from gapsense.fmi.native.platforms import NO_FOLDING, PLATFORMS
+from gapsense.native import ZIG, zig_version
+
+ZIG_CC = (sys.executable, "-m", "ziglang", "cc", "-target")
+ROUNDED_OTHERWISE = ("mhe", "reluctance_actuator")  # by exp, log or tanh of the C library for Windows
+TOLERANCE = 1e-6  # of the nominal value
+AARCH64 = Path("/usr/aarch64-linux-gnu")
+HOSTS = ("host", "host3")  # of FMI 2.0 and of FMI 3.0, the last words of a command that runs one of them
+OF_FMI_3 = ("drive_voltage", "semera")  # the library is the same
+LARGEST = 300e3  # bytes of an FMU for two platforms
+
+
+@pytest.fixture(scope="session")
+def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Native FMUs for Linux and Windows, and for Linux on aarch64."""
+    if zig_version() != ZIG:
+        pytest.skip(f"no ziglang {ZIG}, which compiles for other platforms")
+    out = tmp_path_factory.mktemp("everywhere")
+    for _ in package.build(FOLDERS, out, ("linux64", "win64", "aarch64-linux"), {}):
+        pass
+    return out
+
+
+@pytest.fixture(scope="session")
+def windows(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
+    """The command of a host on Windows."""
+    wine = shutil.which("wine")
+    if not wine:
+        pytest.skip("no wine, which runs programs for Windows")
+    folder = tmp_path_factory.mktemp("wine")
+    os.environ |= {"WINEPREFIX": str(folder / "prefix"), "WINEDEBUG": "-all"}
+    compiler = (*ZIG_CC, "x86_64-windows-gnu")
+    yield [wine, *(str(compiled_host(compiler, folder / f"{n}.exe", source=f"{n}.c")) for n in HOSTS)]
+    del os.environ["WINEPREFIX"], os.environ["WINEDEBUG"]
+
+
+@pytest.fixture(scope="session")
+def aarch64(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The command of a host on aarch64."""
+    qemu = shutil.which("qemu-aarch64-static") or shutil.which("qemu-aarch64")
+    if not qemu or not AARCH64.is_dir():
+        pytest.skip("no qemu-user-static or no libc6-arm64-cross, which run programs for aarch64")
+    compiler, folder = (*ZIG_CC, "aarch64-linux-gnu.2.17"), tmp_path_factory.mktemp("aarch64")
+    return [qemu, "-L", str(AARCH64), *(str(compiled_host(compiler, folder / n, source=f"{n}.c")) for n in HOSTS)]
+
+
+def part_of(folder: Path, fmus: Path) -> Part:
+    component = load_component(folder)
+    return Part(folder, component, fmus / f"{component.name}.fmu")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_aarch64_gives_the_same_bits(folder: Path, everywhere: Path, aarch64: list[str], tmp_path: Path) -> None:
+    part = part_of(folder, everywhere / "aarch64-linux")
+    assert bits(outputs(aarch64[:-1], unpack(part.path, tmp_path), part)) == bits(expected(part))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_windows_gives_the_same_bits_where_its_library_does(
+    folder: Path, everywhere: Path, windows: list[str], tmp_path: Path
+) -> None:
+    part = part_of(folder, everywhere)
+    found, wanted = outputs(windows[:-1], unpack(part.path, tmp_path), part, ".dll"), expected(part)
+    if folder.name not in ROUNDED_OTHERWISE:
+        assert bits(found) == bits(wanted)
+    assert len(found) == len(wanted)
+    for one, other in zip(found, wanted):
+        for port, a, b in zip(part.component.of("output"), one, other):
+            assert abs(a - b) <= TOLERANCE * port.nominal, port.name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", [f for f in FOLDERS if f.name in OF_FMI_3], ids=lambda folder: folder.name)
+def test_fmi_3_has_all_platforms_in_one_fmu(
+    folder: Path, everywhere: Path, windows: list[str], aarch64: list[str], tmp_path: Path
+) -> None:
+    part = part_of(folder, everywhere / "fmi3")
+    fmu, wanted = unpack(part.path, tmp_path), bits(expected(part))
+    assert bits(outputs([*windows[:-2], windows[-1]], fmu, part, ".dll", "x86_64-windows")) == wanted
+    assert bits(outputs([*aarch64[:-2], aarch64[-1]], fmu, part, ".so", "aarch64-linux")) == wanted
+
+
+@pytest.mark.slow
+def test_fmus_for_two_platforms_are_small(everywhere: Path) -> None:
+    sizes = {path.name: path.stat().st_size for path in everywhere.glob("*.fmu")}
+    assert len(sizes) == len(FOLDERS)
+    assert {name: size for name, size in sizes.items() if size >= LARGEST} == {}
+
+
+@pytest.mark.slow
+def test_a_second_build_gives_the_same_bytes(everywhere: Path, tmp_path: Path) -> None:
+    folder = ROOT / "fmus" / "ertss"
+    platforms = ("linux64", "win64", "aarch64-linux")
+    for _, path in package.build([folder], tmp_path, platforms, {}):
+        assert path.read_bytes() == (everywhere / path.relative_to(tmp_path)).read_bytes()
+
+
+@pytest.mark.slow
+def test_macos_library_holds_both_processors(everywhere: Path, tmp_path: Path) -> None:
+    """It cannot be run here."""
+    (_, path), *_ = package.build([ROOT / "fmus" / "semera"], tmp_path, ("darwin64",), {})
+    library = unpack(path, tmp_path / "unpacked").library(".dylib").read_bytes()
+    magic, count = struct.unpack_from(">II", library)
+    assert (magic, count) == (FAT_MAGIC, 2)
+    for k, processor in enumerate((0x01000007, 0x0100000C)):
+        kind, _, offset, size, alignment = struct.unpack_from(">IIIII", library, 8 + 20 * k)
+        assert (kind, alignment) == (processor, FAT_ALIGNMENT)
+        assert struct.unpack_from("<II", library, offset) == (0xFEEDFACF, processor)
+        assert offset % (1 << FAT_ALIGNMENT) == 0 and offset + size <= len(library)
+        assert b"_fmi2DoStep" in library[offset : offset + size]
+
+
+def test_libraries_of_two_processors_lie_side_by_side() -> None:
+    made = fat({"x86_64-macos": b"one", "aarch64-macos": b"other"})
+    step = 1 << FAT_ALIGNMENT
+    assert made[step : step + 3] == b"one"
+    assert made[2 * step :] == b"other"
+
+
+def test_what_decides_the_numbers_is_among_the_options() -> None:
+    assert {"-fno-builtin-exp", "-fno-builtin-log", "-fno-builtin-tanh"} <= {*NO_FOLDING}
+    assert all(binary.targets for binary in PLATFORMS.values())

@@ -1,0 +1,153 @@
+"""Native FMUs under sanitizers, in threads, in large numbers, and in processes with a locale of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from drivers import ROOT, call, fresh
+from parts import FOLDERS, Part, tuned
+from refusals import refusals
+from test_natives import some
+from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
+
+SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+OFTEN = ("drive_voltage", "mhe", "sensor")
+THREADS = """
+import sys, json
+sys.path.insert(0, sys.argv[1])
+from concurrent.futures import ThreadPoolExecutor
+from fmu_host import Fmu, Instance
+fmu = Fmu(sys.argv[2])
+rows = fmu.stimulus(100)
+def work(k):
+    return [Instance(fmu, f"{k} {n}").run(rows) for n in range(3)]
+with ThreadPoolExecutor(8) as pool:
+    runs = [run for runs in pool.map(work, range(16)) for run in runs]
+print(json.dumps([len(runs), all(run == runs[0] for run in runs)]))
+"""
+MANY = """
+import sys, json
+sys.path.insert(0, sys.argv[1])
+from fmu_host import Fmu, Instance
+fmu = Fmu(sys.argv[2])
+rows = fmu.stimulus(3)
+instances = [Instance(fmu, str(k)) for k in range(1000)]
+traces = [one.start(rows[0]) for one in instances]
+traces = [one.step(rows[1], 0.0, fmu.step) for one in instances]
+for one in instances:
+    one.free()
+print(json.dumps([len(traces), all(trace == traces[0] for trace in traces)]))
+"""
+GERMAN = """
+import sys, json, locale
+locale.setlocale(locale.LC_NUMERIC, "de_DE.UTF-8")
+sys.path.insert(0, sys.argv[1])
+from fmu_host import Fmu, Instance, attempt
+fmu = Fmu(sys.argv[2])
+one = Instance(fmu)
+trace = one.run(fmu.stimulus(20), json.loads(sys.argv[3]))
+answer = attempt(one.slave.doStep, 1.5, 0.25)
+print(json.dumps([locale.localeconv()["decimal_point"], trace, answer]))
+"""
+
+
+def child(code: str, *arguments: object, **environment: str) -> list[object]:
+    """What a script prints last, in a process of its own."""
+    command = [sys.executable, "-c", code, str(ROOT / "tests" / "fmus"), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, check=False)
+    assert done.returncode == 0, done.stderr
+    return list(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("part", some("drive_voltage"), indirect=True)
+def test_threads_have_instances_of_their_own(part: Part) -> None:
+    assert child(THREADS, part.path) == [48, True]
+
+
+@pytest.mark.parametrize("part", some("semera"), indirect=True)
+def test_a_thousand_instances(part: Part) -> None:
+    assert child(MANY, part.path) == [1000, True]
+
+
+@pytest.fixture(scope="session")
+def german(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Folder of locales with one whose numbers have a decimal comma."""
+    folder = tmp_path_factory.mktemp("locales")
+    command = ["localedef", "-i", "de_DE", "-f", "UTF-8", str(folder / "de_DE.UTF-8")]
+    if not shutil.which("localedef") or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("no localedef, or no sources of locales (Debian's package `locales`)")
+    return str(folder)
+
+
+def test_decimal_comma_of_the_host_changes_nothing(natives: Path, german: str, tmp_path: Path) -> None:
+    table = tmp_path / "own.csv"
+    table.write_text("time [s],voltage [V]\n0,0.5\n0.001,1.25\n0.01,2.75\n")
+    given = json.dumps({"waveform": "table", "table.file": str(table)})
+    point, *plain = child(GERMAN.replace("de_DE.UTF-8", "C"), natives / "DriveVoltage.fmu", given)
+    comma, *foreign = child(GERMAN, natives / "DriveVoltage.fmu", given, LOCPATH=german)
+    assert (point, comma) == (".", ",")
+    assert foreign == plain
+    assert "0.25 s: this step begins" in json.dumps(plain)
+
+
+def sanitized(unpacked: Unpacked) -> list[str]:
+    """Compile the library of an FMU anew, so that it finds wrong accesses to memory."""
+    sources = sorted(path.name for path in (unpacked.folder / "sources").glob("*.c"))
+    command = ["gcc", *STRICT, *SANITIZED, "-shared", "-fPIC", *sources, "-o", str(unpacked.library()), "-lm"]
+    done = subprocess.run(command, cwd=unpacked.folder / "sources", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
+    return [found.stdout.strip()]
+
+
+@pytest.fixture
+def gcc() -> None:
+    if sys.platform != "linux" or not shutil.which("gcc"):
+        pytest.skip("no gcc, which has the sanitizers")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gcc")
+def test_sanitizers_find_nothing_in_the_reference_run(part: Part, unpacked: Unpacked, tmp_path: Path) -> None:
+    sanitized(unpacked)
+    host = compiled_host(("gcc",), tmp_path / "host", *SANITIZED)
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gcc")
+def test_sanitizers_find_nothing_in_the_reference_run_of_fmi_3(part: Part, tmp_path: Path) -> None:
+    unpacked = unpack(part.path.parent / "fmi3" / part.path.name, tmp_path / "fmu")
+    sanitized(unpacked)
+    host = compiled_host(("gcc",), tmp_path / "host", *SANITIZED, source="host3.c")
+    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize("part", [f for f in FOLDERS if f.name in OFTEN], indirect=True, ids=lambda f: f.name)
+def test_sanitizers_find_nothing_in_refusals_and_saved_states(
+    part: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unpacked = unpack(part.path, tmp_path / "unpacked")
+    cases = [{"name": name, **case} for name, (case, _) in refusals(part.component).items()]
+    plain = fresh("refusals", part.path, tmp_path / "plain", cases)
+    [library] = sanitized(unpacked)
+    checked = tmp_path / part.path.name
+    with zipfile.ZipFile(checked, "w") as archive:
+        for path in sorted(unpacked.folder.rglob("*")):
+            archive.write(path, path.relative_to(unpacked.folder))
+    monkeypatch.setenv("LD_PRELOAD", library)
+    monkeypatch.setenv("ASAN_OPTIONS", "detect_leaks=0")
+    for function, *more in (("refusals", tmp_path / "checked", cases), ("save", tuned(part.component))):
+        done = call(function, checked, *more)
+        assert done.returncode == 0, done.stderr
+        if function == "refusals":
+            assert json.loads(done.stdout.splitlines()[-1])["answers"] == plain["answers"]
