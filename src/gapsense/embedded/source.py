@@ -32,7 +32,7 @@ def comment(text: str, indent: str = "") -> str:
 
 def origin(design: Design) -> str:
     """Where the files come from."""
-    return f"Made by Gapsense {gapsense.__version__} from {design.component.kernel}; do not edit it, export it again."
+    return f"Made by Gapsense {gapsense.__version__} from {design.kernel.module.__name__}; do not edit it, export it again."
 
 
 def header(design: Design) -> str:
