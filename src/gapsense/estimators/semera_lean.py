@@ -31,7 +31,7 @@ def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> S
     (u, i), R = inputs, square(par.noise_voltage)
 
     def measured(x: Array) -> Scalar:  # H x
-        return i * (x[0] + x[1]) - i_prev * x[2]
+        return i * x[0] + i * x[1] - i_prev * x[2]  # not i (x_0 + x_1): r is small beside l / Delta, and loses digits
 
     Ph = vector([measured(row) for row in prior.cov])
     S = measured(Ph) + R
