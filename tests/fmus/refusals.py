@@ -109,5 +109,7 @@ def _samples(component: Component) -> Iterator[tuple[str, Case]]:
     for factor in (0.4, 0.9999, 1.0001, 1.37, 2.5):
         words = ["neither a whole multiple nor a whole fraction of `sample_time`", "Change one of them", *PLACE]
         yield f"step of {factor} samples", ({"step": (h, factor * period)}, words)
+    words = ["holds 3e+07 samples of `sample_time`", "Take shorter steps", *PLACE]
+    yield "step of too many samples", ({"step": (h, 3e7 * period)}, words)
     halves = {"call": ["doStep", h, period / 2], "step": (h + period / 2, period)}
     yield "step past a sample", (halves, ["communication point", *PLACE])

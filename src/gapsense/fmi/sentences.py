@@ -36,6 +36,8 @@ SENTENCES = {
     " Begin each step where the one before ended, the first at the start time, or set a saved state.",
     "no_fraction": "a communication step of %.9g s is neither a whole multiple nor a whole fraction of"
     " `sample_time` = %.9g s. Change one of them.",
+    "too_many_samples": "a communication step of %.9g s holds %.3g samples of `sample_time` = %.9g s."
+    " Take shorter steps.",
     "past_sample": "after steps of other sizes, this step of %.9g s ends %.3g s after a sample."
     " Let every sample, at multiples of `sample_time` = %.9g s from the start, be a communication point.",
     # State.

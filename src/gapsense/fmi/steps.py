@@ -10,6 +10,7 @@ import math
 from .sentences import Refusal, say
 
 TOLERANCE = 1e-9  # relative, on sizes of steps: hosts round
+MOST_SAMPLES = 1e7  # in a step: minutes, in which nothing else happens
 SHIFT, ROUNDINGS = 1e-6, 8  # of a step, and of its time, by which it may begin too early or too late
 
 
@@ -26,6 +27,8 @@ def samples_due(end: float, step: float, period: float, elapsed: float) -> tuple
     ratio = step / period if step >= period else period / step
     if abs(ratio - round(ratio)) > tolerance * ratio:
         raise Refusal(say("no_fraction", step, period))
+    if step / period > MOST_SAMPLES:
+        raise Refusal(say("too_many_samples", step, step / period, period))
     elapsed += step
     count = int(elapsed / period * (1.0 + tolerance))
     if count and abs(elapsed - count * period) > tolerance * elapsed:

@@ -7,6 +7,7 @@
 #include "values.h"
 
 #define TOLERANCE 1e-9 /* relative, on sizes of steps: hosts round */
+#define MOST_SAMPLES 1e7
 #define SHIFT 1e-6     /* of a step by which it may begin too early or too late, */
 #define ROUNDINGS 8    /* and of its time */
 
@@ -104,6 +105,8 @@ static Status samples_due(Instance *i, double end, double step, double *count, d
     const double ratio = step >= period ? step / period : period / step;
     if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio))
         return refuse(i, SAY_NO_FRACTION, step, period);
+    if (step / period > MOST_SAMPLES)
+        return refuse(i, SAY_TOO_MANY_SAMPLES, step, step / period, period);
     *elapsed = i->state->elapsed + step;
     *count = floor(*elapsed / period * (1.0 + tolerance));
     if (*count > 0.0 && fabs(*elapsed - *count * period) > tolerance * *elapsed)

@@ -6,6 +6,7 @@
 
 #include "csv.h"
 #include "files.h"
+#include "heads.h"
 #include "sentences.h"
 
 /* A file while it is read: where its columns are, and the numbers in them, head by head. */
@@ -18,133 +19,10 @@ typedef struct {
     Text problems;
 } Reading;
 
-typedef struct {
-    const char *name, *unit;
-    int name_length, unit_length;
-} Title;
-
 /* Where a row is in the file; arrays count from 1. */
 static int line_of(const Reading *r, int row) { return r->csv.rows ? r->csv.rows[row + 1].line : row + 1; }
 
 static const double *column(const Reading *r, int head) { return r->numbers + (size_t)head * (size_t)r->rows; }
-
-/* --- the header --- */
-
-static void strip(const char **text, int *length)
-{
-    size_t n;
-    while (*length && (n = space(*text))) {
-        *text += n;
-        *length -= (int)n;
-    }
-    for (int back = 1; back <= 3 && back <= *length; back++)
-        if (space(*text + *length - back) == (size_t)back) {
-            *length -= back;
-            back = 0;
-        }
-}
-
-/* `name [unit]` or `name (unit)`, also `kind:name [unit]`; a text with other brackets is a name as a whole. */
-static Title title_of(const char *cell)
-{
-    const char *colon = strrchr(cell, ':'), *name = colon ? colon + 1 : cell, *unit;
-    Title title = {name, "", (int)strcspn(name, "[]()"), 0}, whole = {name, "", (int)strlen(name), 0};
-    const char *open = name + title.name_length;
-    strip(&title.name, &title.name_length);
-    if (!*open)
-        return title;
-    int length = (int)strlen(open) - 1;
-    unit = open + 1;
-    strip(&unit, &length);
-    if (*open == ']' || *open == ')' || !length || !strchr("])", unit[length - 1]))
-        return whole;
-    length--;
-    strip(&unit, &length);
-    title.unit = unit;
-    title.unit_length = length;
-    return memchr(unit, '\n', (size_t)length) ? whole : title;
-}
-
-static int is_called(const Title *title, const char *name)
-{
-    if ((int)strlen(name) != title->name_length)
-        return 0;
-    for (int k = 0; k < title->name_length; k++) {
-        const char c = title->name[k];
-        if ((c >= 'A' && c <= 'Z' ? c + 'a' - 'A' : c) != name[k])
-            return 0;
-    }
-    return 1;
-}
-
-static void note_unit(Reading *r, const Head *head, const Title *title)
-{
-    Text found = {NULL, 0, 0};
-    if (!*head->unit || !title->unit_length)
-        return;
-    if ((int)strlen(head->unit) == title->unit_length && !strncmp(head->unit, title->unit, strlen(head->unit)))
-        return;
-    for (int k = 0; k < title->unit_length; k++)
-        text_add(&found, "%s", (char[2]){title->unit[k], 0});
-    text_join(&r->problems, "; ", SAY_COLUMN_UNIT, head->name, text_of(&found), head->unit);
-    text_free(&found);
-}
-
-static void find_column(Reading *r, int h)
-{
-    const Head *head = r->port->heads + h;
-    Text places = {NULL, 0, 0};
-    int found = 0;
-    r->places[h] = -1;
-    for (int k = 0; r->csv.row_count && k < r->csv.rows[0].count; k++) {
-        const Title title = title_of(csv_cell(&r->csv, 0, k));
-        if (!is_called(&title, head->name))
-            continue;
-        text_join(&places, " and ", "%d", k + 1);
-        if (!found++)
-            r->places[h] = k;
-    }
-    if (found > 1) {
-        text_join(&r->problems, "; ", SAY_COLUMNS_TWICE, text_of(&places), head->name);
-    } else if (found) {
-        const Title title = title_of(csv_cell(&r->csv, 0, r->places[h]));
-        note_unit(r, head, &title);
-    }
-    text_free(&places);
-}
-
-/* The cells of the header, as a message shows them. */
-static void add_header(const Reading *r, Text *text)
-{
-    for (int k = 0; r->csv.row_count && k < r->csv.rows[0].count; k++) {
-        const char *cell = csv_cell(&r->csv, 0, k);
-        int length = (int)strlen(cell);
-        strip(&cell, &length);
-        if (k)
-            text_add(text, ", ");
-        for (int c = 0; c < length; c++)
-            text_add(text, "%s", (char[2]){cell[c], 0});
-    }
-    if (!text->length)
-        text_add(text, SAY_NO_HEADER);
-}
-
-static int find_columns(Reading *r)
-{
-    Text missing = {NULL, 0, 0}, header = {NULL, 0, 0};
-    for (int h = 0; h < r->port->head_count; h++)
-        find_column(r, h);
-    for (int h = 0; h < r->port->head_count; h++)
-        if (r->places[h] < 0)
-            text_join(&missing, ", ", "%s", r->port->heads[h].text);
-    const int all = missing.length == 0;
-    add_header(r, &header);
-    if (!all)
-        text_join(&r->problems, "; ", SAY_COLUMN_MISSING, text_of(&missing), text_of(&header));
-    text_free(&missing);
-    text_free(&header);
-    return all;
-}
 
 /* --- the rows --- */
 
@@ -218,7 +96,7 @@ static int understand(State *s, Reading *r)
     r->numbers = malloc((size_t)r->port->head_count * ((size_t)r->rows + 1) * sizeof *r->numbers);
     if (!r->places || !r->numbers)
         return 0;
-    if (find_columns(r)) {
+    if (find_columns(r->port, &r->csv, r->places, &r->problems)) {
         for (int h = 0; h < r->port->head_count; h++)
             read_numbers(r, h);
         judge_rows(r);
