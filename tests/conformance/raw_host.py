@@ -137,7 +137,7 @@ class Host:
         return status, before is None or before == handle.value
 
     def SetFMUstate(self, instance: int, slot: int | None) -> tuple[int, Any]:
-        handle = c_void_p() if slot is None else self.states[slot]
+        handle = c_void_p() if slot is None else self.states.setdefault(slot, c_void_p())
         return self.function("SetFMUstate", c_void_p)(self.instances[instance], handle), None
 
     def FreeFMUstate(self, instance: int, slot: int | None) -> tuple[int, Any]:
@@ -150,7 +150,7 @@ class Host:
 
     def SerializeFMUstate(self, instance: int, slot: int, size: int | None = None) -> tuple[int, Any]:
         """Bytes, in a buffer of the size that is asked for, or another."""
-        c, handle, needed = self.instances[instance], self.states[slot], c_size_t()
+        c, handle, needed = self.instances[instance], self.states.setdefault(slot, c_void_p()), c_size_t()
         status = self.function("SerializedFMUstateSize", c_void_p, c_void_p)(c, handle, byref(needed))
         if status:
             return status, None

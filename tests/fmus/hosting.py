@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 from gapsense.fmi.shim import BINARY
 
@@ -96,3 +99,15 @@ def final_values(output: str) -> list[float]:
 def in_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=60)
+
+
+def raw(function: str, folder: Path, *arguments: Any, **changes: str) -> Any:
+    """What a function of raw.py, or fuzz.py, gives for an extracted FMU."""
+    name = next((folder / "binaries" / "linux64").glob("*.so"))
+    guid = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
+    script = ["fuzz.py"] if function == "fuzz" else ["raw.py", function]
+    command = [sys.executable, str(Path(__file__).with_name(script[0])), *script[1:], str(name)]
+    command += [(folder / "resources").as_uri(), guid, *map(json.dumps, arguments)]
+    run = subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return json.loads(run.stdout.splitlines()[-1])

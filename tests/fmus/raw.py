@@ -1,5 +1,5 @@
-"""The functions of an FMU as a careless host calls them: `python raw.py FUNCTION library resources guid` in a process
-of its own, which prints what the function returns as JSON.
+"""The functions of an FMU as a careless host calls them: `python raw.py FUNCTION library resources guid [arguments]` in
+a process of its own, which prints what the function returns as JSON; arguments are one list in JSON.
 """
 
 from __future__ import annotations
@@ -180,6 +180,20 @@ def missing(host: Host) -> dict[str, Any]:
 KINDS = ("", "Real", "Integer", "Boolean", "String")
 
 
+def texts(host: Host, cases: list[list[str]]) -> list[Any]:
+    """What initialisation answers to each case: value references and texts, one after the other."""
+    answers = []
+    for case in cases:
+        c, zero = host.instantiate(), c_double(0.0)
+        for reference, text in zip(case[::2], case[1::2]):
+            value = c_char_p(os.fsencode(text))
+            assert host.call(c, "SetString", byref(c_uint(int(reference))), c_size_t(1), byref(value)) == 0
+        host.call(c, "SetupExperiment", 0, zero, zero, 0, zero)
+        host.call(c, "EnterInitializationMode")
+        answers.append((host.call(c, "ExitInitializationMode"), host.heard()))
+    return answers
+
+
 def references(host: Host) -> dict[str, Any]:
     """Reading and setting variables near 2^32 and beside the table."""
     facts = {}
@@ -237,4 +251,4 @@ def many(host: Host) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(globals()[sys.argv[1]](Host(*sys.argv[2:]))))
+    print(json.dumps(globals()[sys.argv[1]](Host(*sys.argv[2:5]), *map(json.loads, sys.argv[5:]))))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from hosting import build_slaves, environment, in_host
+from drivers import ROOT
+from hosting import build_slaves, in_host, in_python, raw
 from raw import KINDS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
@@ -43,17 +43,6 @@ class Odd(Fmi2Slave):
             self.log("\\ud800 \\0 %n", Fmi2Status.warning)
         return [[], (1.0,), None, ["text"], 1.0, [], [], [7.0]][self.k] if self.k >= 0 else [self.y]
 """
-
-
-def raw(function: str, folder: Path, guid: str | None = None) -> Any:
-    """What a function of raw.py returns for an extracted FMU."""
-    name = next((folder / "binaries" / "linux64").glob("*.so"))
-    guid = guid or ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
-    command = [sys.executable, str(Path(__file__).with_name("raw.py")), function, str(name)]
-    command += [(folder / "resources").as_uri(), guid]
-    run = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
-    assert run.returncode == 0, run.stdout + run.stderr
-    return json.loads(run.stdout.splitlines()[-1])
 
 
 # Instantiation --------------------------------------------------------------------------------------------------------
@@ -127,6 +116,20 @@ def copied(folder: Path, target: Path) -> Path:
     return Path(shutil.copytree(folder, target))
 
 
+def test_python_of_the_host_without_its_standard_library_is_told(stock: Path) -> None:
+    code = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from raw import Host
+sys.modules["traceback"] = None
+host = Host(*sys.argv[2:], "")
+print(host.instantiate(logging=0), *host.heard())
+"""
+    library, resources = stock / "Lag/binaries/linux64/Lag.so", (stock / "Lag/resources").as_uri()
+    run = in_python(code, Path(__file__).parent, library, resources)
+    assert run.stdout.startswith("None (3, 'logStatusError', 'This FMU cannot start, and Python cannot say why"), run
+
+
 def test_folder_and_name_in_latin_1(c_host: Path, stock: Path, tmp_path: Path) -> None:
     folder = copied(stock / "Talker", tmp_path / os.fsdecode("Ventil für 5 %".encode("latin-1")))
     run = in_host(c_host, folder, options="-n 1", instance=os.fsdecode(b"f\xfcr %n"))
@@ -138,6 +141,24 @@ def test_name_in_latin_1_is_itself_in_messages(semera: Path) -> None:
     answer = raw("name_in_latin_1", semera)
     ((status, _, text),) = answer["said"]
     assert status == ERROR and text.startswith(f"`{answer['name']}` (Semera), t = 0 s, step = -1 s: ")
+
+
+def test_parameters_in_latin_1(fmus: Path, tmp_path: Path) -> None:
+    """A table in a folder with such a name is read; a choice that is none, and a file that is not there, are named."""
+    with zipfile.ZipFile(fmus / "SolenoidValve.fmu") as archive:
+        archive.extractall(tmp_path)
+    variables = ElementTree.parse(tmp_path / "modelDescription.xml").getroot().iter("ScalarVariable")
+    reference = {v.attrib["name"]: v.attrib["valueReference"] for v in variables}
+    law, file = reference["gap.law"], reference["gap.file"]
+    folder = tmp_path / os.fsdecode(b"H\xfcb %n")
+    folder.mkdir()
+    table = shutil.copy(ROOT / "fmus" / "solenoid_valve" / "fringing_19.csv", folder)
+    missing = str(folder / "none.csv")
+    cases = [[law, "table", file, str(table)], [law, os.fsdecode(b"\xfc %n")], [law, "table", file, missing]]
+    good, choice, absent = raw("texts", tmp_path, cases)
+    assert good == [0, []]
+    assert choice[0] == ERROR and is_one_error(choice[1], "`gap.law` is `\udcfc %n`; expected one of")
+    assert absent[0] == ERROR and is_one_error(absent[1], "`gap.file`", missing)
 
 
 # Calls ----------------------------------------------------------------------------------------------------------------
@@ -216,3 +237,8 @@ def test_child_of_a_host_that_forks_goes_on(c_host: Path, stock: Path) -> None:
     run = in_host(c_host, stock / "Lag", stock / "Talker", options="-f -n 60 -t 2")
     assert run.returncode == 0, run.stdout + run.stderr
     assert run.stdout.count("\n0 0.6 ") == 3  # two threads, then the child
+
+
+def test_thousands_of_any_calls(semera: Path) -> None:
+    stati = raw("fuzz", semera, 3000, 1)
+    assert set(stati) == {"0", "3"} and sum(stati.values()) == 3000

@@ -105,6 +105,12 @@ def test_old_library_that_is_named_is_refused(c_host: Path, stock: Path, old: Pa
     assert f"cannot be used (`{old}` is not of Python 3.9 or newer)" in run.stdout
 
 
+def test_old_python_of_the_host_itself_is_refused(c_host: Path, stock: Path, old: Path) -> None:
+    run = in_host(c_host, stock / "Lag", LD_PRELOAD=str(old))
+    assert run.returncode == 3
+    assert "needs Python 3.9 or newer, and the Python in this process is 3.8.99" in run.stdout
+
+
 @is_shared
 def test_python_without_its_standard_library_says_so(c_host: Path, stock: Path, tmp_path: Path) -> None:
     """The same library, but with another prefix built in, where there is nothing."""

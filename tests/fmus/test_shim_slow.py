@@ -5,11 +5,13 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from hosting import environment, in_host
+from hosting import in_host, raw
+from parts import Part
 
 from gapsense.fmi.shim.build import SHIM
 from gapsense.native import NativeError
@@ -42,18 +44,23 @@ def watched(gcc: str) -> dict[str, str]:
     return {"LD_PRELOAD": runtime.strip(), "ASAN_OPTIONS": "detect_leaks=0"}
 
 
-@pytest.mark.parametrize(
-    "function",
-    ["instances", "name_in_latin_1", "states", "handles", "refusal", "missing", "references", "categories", "many"],
-)
+CALLS = ["instances", "name_in_latin_1", "states", "handles", "refusal", "missing", "references", "categories", "many"]
+
+
+@pytest.mark.parametrize("function", CALLS)
 def test_calls_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, str], function: str) -> None:
-    folder = sanitized["Talker" if function == "categories" else "Semera"]
-    guid = (folder / "modelDescription.xml").read_text("utf-8").split('guid="')[1].split('"')[0]
-    library = folder / "binaries" / "linux64" / f"{folder.name}.so"
-    raw = [sys.executable, str(Path(__file__).with_name("raw.py")), function]
-    command = [*raw, str(library), (folder / "resources").as_uri(), guid]
-    run = subprocess.run(command, env=environment(**watched), capture_output=True, text=True, timeout=300)
-    assert run.returncode == 0, run.stderr
+    raw(function, sanitized["Talker" if function == "categories" else "Semera"], **watched)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_any_calls_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, str], seed: int) -> None:
+    assert set(raw("fuzz", sanitized["Semera"], 10_000, seed, **watched)) == {"0", "3"}
+
+
+def test_any_calls(part: Part, tmp_path: Path) -> None:
+    with zipfile.ZipFile(part.path) as archive:
+        archive.extractall(tmp_path)
+    assert set(raw("fuzz", tmp_path, 10_000, 1)) == {"0", "3"}
 
 
 def test_threads_and_forks_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, str], c_host: Path) -> None:

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from host import chosen
 
@@ -14,7 +14,7 @@ from gapsense.embedded.code import number
 from gapsense.embedded.design import Design
 from gapsense.embedded.export import export
 from gapsense.embedded.members import members, type_name
-from gapsense.records import names, record
+from gapsense.records import names
 
 HERE = Path(__file__).parent
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
@@ -102,14 +102,12 @@ def size(program: Path) -> int:
 
 
 def expected(design: Design, rows: Sequence[Sequence[float]]) -> list[list[float]]:
-    """Outputs of the Python kernel in double, on inputs rounded to the type."""
-    kernel, cls = design.kernel, design.kernel.module
-    par = record(cls.Parameters, (design.values[name] for name in names(cls.Parameters)))
-    state: Any = None
-    found = []
+    """Outputs of the generated Python, in double."""
+    code, state, found = design.kernel.scalar, (), []
+    par = tuple(design.values[name] for name in names(design.kernel.module.Parameters))
+    constants = code["constants"](par)
     for row in rows:
-        given = cls.Inputs(**dict(zip(cls.Inputs._fields, row)))
-        state, outputs = kernel.step(state, given, par) if found else kernel.initial(given, par)
+        state, outputs = code["advance"](state, tuple(row), constants) if found else code["initial"](tuple(row), par)
         found.append(chosen(design, outputs))
     return found
 

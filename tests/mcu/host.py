@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from gapsense.embedded.design import Design
 from gapsense.embedded.example import record, sample_time, signals
 from gapsense.embedded.export import export
-from gapsense.records import flat, names
-from gapsense.records import record as made
+from gapsense.records import names
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ("-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
@@ -34,26 +34,27 @@ def compile_(*command: str) -> None:
     assert done.returncode == 0, done.stderr[:2000]
 
 
-def expected(design: Design) -> list[list[float]]:
-    """What the example must print, by the Python kernel."""
-    module, kernel = design.kernel.module, design.kernel
-    par = made(module.Parameters, (design.values[name] for name in names(module.Parameters)))
+def expected(design: Design, most: int = 12_000) -> list[list[float]]:
+    """What the example must print, by the generated Python; no more rows than take so many steps."""
+    module, code = design.kernel.module, design.kernel.scalar
+    par = tuple(design.values[name] for name in names(module.Parameters))
+    constants, cls = code["constants"](par), module.Inputs
     times, rows = record(design)
     period = sample_time(design) or times[1]
     steps = max(1, round(times[1] / period))
     state: Any = None
     found = []
-    for k, row in enumerate(rows):
+    for k, row in enumerate(rows[: 1 + most // steps]):
+        given = {"dt": period if k else 0.0, **dict(zip(signals(design), row))}
         for n in range(steps if k else 1):
-            clock = {"time": period * ((k - 1) * steps + n + 1) if k else 0.0, "dt": period if k else 0.0}
-            given = {**dict.fromkeys(module.Inputs._fields, 0.0), **clock, **dict(zip(signals(design), row))}
-            inputs = module.Inputs(**{name: given[name] for name in module.Inputs._fields})
-            state, outputs = kernel.step(state, inputs, par) if k else kernel.initial(inputs, par)
+            given["time"] = period * ((k - 1) * steps + n + 1) if k else 0.0
+            inputs = tuple(given.get(name, 0.0) for name in cls._fields)
+            state, outputs = code["advance"](state, inputs, constants) if k else code["initial"](inputs, par)
         found.append(chosen(design, outputs))
     return found
 
 
-def chosen(design: Design, outputs: Any) -> list[float]:
-    """The outputs of a design among all of its kernel."""
-    values = dict(zip(names(type(outputs)), flat(outputs)))
+def chosen(design: Design, outputs: Sequence[float]) -> list[float]:
+    """The outputs of a design among the flat ones of its kernel."""
+    values = dict(zip(names(design.kernel.module.Outputs), outputs))
     return [float(values[name]) for name in design.kept["outputs"]]

@@ -23,7 +23,8 @@ class Function(C):
         super().__init__(graph)
         self.real, self.sizes, self.is_baked = real, sizes, is_baked  # of every table what holds its length
         self.quoted = ""
-        self.size_of: dict[int, str] = {}
+        self.size_of: dict[int, str] = {}  # text of the length of a table
+        self.sized: set[str] = set()  # lengths that were passed on
 
     def body(self) -> list[str]:
         """Its lines."""
@@ -55,7 +56,8 @@ class Function(C):
             self.write(f"for (int k = 0; k < {len(value)}; k++) {target}[k] = {self._number(0.0)};")
         elif memory_of(value) is None:
             self.write(f"{target} = {self.bare(value)};")
-        if isinstance(value, Expr) and value.extra == "table":
+        if isinstance(value, Expr) and value.extra == "table" and self.sizes[entry] not in self.sized:
+            self.sized.add(self.sizes[entry])
             self.write(f"{name}->{self.sizes[entry]} = {self.size_of[value.id]};")
 
     def form(self, op: str) -> str:

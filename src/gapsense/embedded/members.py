@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
 from gapsense.embedded.code import quote
@@ -135,6 +136,7 @@ def _state(design: Design) -> Iterator[Member]:
         yield Member(design.real, name, comments.get(field, ""), size)
 
 
+@cache
 def field_comments(cls: type) -> dict[str, str]:
     """The comments at the end of the lines that define the fields of a record, those of records in it included."""
     found: dict[str, str] = {}

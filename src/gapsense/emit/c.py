@@ -6,7 +6,7 @@ import math
 from itertools import count
 from typing import Any
 
-from gapsense.emit.printer import Graph, Printer
+from gapsense.emit.printer import Graph, Loop, Printer
 from gapsense.records import ARRAYS, names
 from gapsense.trace import BOOLEAN, Expr, Region, memory_of
 
@@ -94,20 +94,19 @@ typedef double real;
         self.block("} else {", regions[1], targets, b)
         self.write("}")
 
-    def _repeat(self, node: Expr, targets: list[str]) -> None:
-        body, _, new, stop, limit = node.extra
-        for target, start, variable in zip(targets, node.args, node.extra[1]):
+    def _repeat(self, loop: Loop) -> None:
+        for target, start, variable in zip(loop.targets, loop.starts, loop.variables):
             self.whole |= {variable.id} if self._is_whole(start) else set()
             self.write(f"{self.type_of(start)} {target} = {self.bare(start)};")
         round_ = self.fresh("k")
-        self.write(f"for (int {round_} = 0; {round_} < {limit}; {round_}++) {{")
+        self.write(f"for (int {round_} = 0; {round_} < {loop.limit}; {round_}++) {{")
         self.depth += 1
-        self.region(body)
+        self.region(loop.body)
         done = self.fresh("b")
-        self.write(f"const int {done} = {self.bare(stop)};")
-        for target, value in zip(targets, new):
+        self.write(f"const int {done} = {self.bare(loop.stop)};")
+        for target, value in zip(loop.targets, loop.new):
             self.write(f"const {self.type_of(value)} next_{target} = {self.bare(value)};")
-        for target in targets:
+        for target in loop.targets:
             self.write(f"{target} = next_{target};")
         self.write(f"if ({done}) break;")
         self.depth -= 1

@@ -20,6 +20,18 @@ class Graph(NamedTuple):
     results: list[tuple[type, list[Any]]]
 
 
+class Loop(NamedTuple):
+    """A loop as it is printed: variables that nothing needs are left out."""
+
+    body: Region
+    stop: Any
+    limit: int
+    targets: list[str]  # names of the variables
+    variables: list[Expr]
+    starts: list[Any]
+    new: list[Any]
+
+
 def operands(node: Expr, region: Region) -> Iterator[tuple[Any, Region]]:
     """Operands of a node of `region`, those in its branches or its loop body included, each with where it is read."""
     yield from ((arg, region) for arg in node.args)
@@ -66,7 +78,8 @@ class Printer(ABC):
         self.depth, self.count = 1, 0
         self.text: dict[int, str] = {}  # of every node printed so far: an expression or a name
         self.holders: dict[int, list[str]] = {}  # names of the values of `if` and `loop` nodes
-        self.live: dict[int, dict[int, None]] = {}  # which values of an `if` node are used, in order
+        self.live: dict[int, dict[int, None]] = {}  # which values of an `if` or `loop` node are used, in order
+        self.loops: dict[int, tuple[Expr, int]] = {}  # of a variable its loop, and its place there
         self.uses: dict[int, int] = {}
         self.home: dict[int, Region] = {}
         self.far: set[int] = set()  # used in another region than their own: never inlined
@@ -82,6 +95,8 @@ class Printer(ABC):
     def _place(self, region: Region, enclosing: tuple[Region, ...]) -> None:
         for node in region.nodes:
             self.home[node.id] = region
+            if node.op == "loop":
+                self.loops |= {variable.id: (node, k) for k, variable in enumerate(node.extra[1])}
             for inner in regions(node):
                 self._place(inner, (*enclosing, region))
             for value, place in operands(node, region):
@@ -115,9 +130,23 @@ class Printer(ABC):
             holder = node.args[0]
             self.live.setdefault(holder.id, {})[node.extra] = None
             return [(holder, 1), *((value, 1) for value in [*holder.extra[2].values()][node.extra])]
+        if node.op == "get":
+            return [(node.args[0], 1), *self._variable(node.args[0], node.extra)]
+        if node.op == "var":
+            return self._variable(*self.loops[node.id])
+        if node.op == "loop":
+            return [(node.extra[3], 1)]
         if node.op == "if":
             return [(node.args[0], self.condition_uses)]
         return [(value, 1) for value, _ in operands(node, self.home[node.id])]
+
+    def _variable(self, loop: Expr, k: int) -> list[tuple[Any, int]]:
+        """What a variable of a loop needs, once."""
+        live = self.live.setdefault(loop.id, {})
+        if k in live:
+            return []
+        live[k] = None
+        return [(loop.args[k], 1), (loop.extra[2][k], 1)]
 
     def write(self, line: str) -> None:
         """Add a line at the current depth."""
@@ -151,9 +180,7 @@ class Printer(ABC):
             targets, a, b = map(list, zip(*live)) if live else ([], [], [])
             self._branch(node.args[0], (then, otherwise), targets, a, b)
         elif node.op == "loop":
-            self.holders[node.id] = [self.fresh("v") for _ in node.args]
-            self.text.update((v.id, t) for v, t in zip(node.extra[1], self.holders[node.id]))
-            self._repeat(node, self.holders[node.id])
+            self._repeat(self._loop(node))
         elif node.op == "get":
             memory = memory_of(node)
             self.text[node.id] = self.holders[node.args[0].id][node.extra] if memory is None else self.ref(memory)
@@ -164,6 +191,16 @@ class Printer(ABC):
             text = self.expression(node)
             is_inline = self.uses[node.id] == 1 and node.id not in self.far and len(text) < LONGEST_INLINE
             self.text[node.id] = text if is_inline and node.op != "load" else self._let(node, _bare(text))
+
+    def _loop(self, node: Expr) -> Loop:
+        """A loop whose variables have names."""
+        body, variables, new, stop, limit = node.extra
+        live = sorted(self.live[node.id])
+        targets = [self.fresh("v") for _ in live]
+        self.holders[node.id] = [dict(zip(live, targets)).get(k, "") for k in range(len(variables))]
+        self.text.update((variables[k].id, target) for k, target in zip(live, targets))
+        chosen = ([values[k] for k in live] for values in (variables, node.args, new))
+        return Loop(body, stop, limit, targets, *chosen)
 
     def expression(self, node: Expr) -> str:
         """Text of an operation; what is nothing but an index becomes a whole number here, once."""
@@ -216,8 +253,8 @@ class Printer(ABC):
         """Print a condition: `targets` become the values `a` of the first region or `b` of the second."""
 
     @abstractmethod
-    def _repeat(self, node: Expr, targets: list[str]) -> None:
-        """Print a loop; its variables are the `targets`."""
+    def _repeat(self, loop: Loop) -> None:
+        """Print a loop."""
 
     @abstractmethod
     def source(self) -> str:

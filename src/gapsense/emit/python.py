@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gapsense.emit.names import renamed
-from gapsense.emit.printer import Graph, Printer
+from gapsense.emit.printer import Graph, Loop, Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
 
@@ -31,19 +31,18 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
         self.block(f"if {self.bare(c)}:", regions[0], targets, a)
         self.block("else:", regions[1], targets, b)
 
-    def _repeat(self, node: Expr, targets: list[str]) -> None:
-        body, _, new, stop, limit = node.extra
-        self.assign(targets, list(node.args))
-        self.write(f"for _ in range({limit}):")
+    def _repeat(self, loop: Loop) -> None:
+        self.assign(loop.targets, loop.starts)
+        self.write(f"for _ in range({loop.limit}):")
         self.depth += 1
-        self.region(body)
-        self._advance(targets, new, stop)
+        self.region(loop.body)
+        self._advance(loop)
         self.depth -= 1
 
-    def _advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
+    def _advance(self, loop: Loop) -> None:
         done = self.fresh("b")
-        self.write(f"{done} = {self.bare(stop)}")
-        self.write(f"{', '.join(targets)} = {', '.join(map(self.bare, new))}")
+        self.write(f"{done} = {self.bare(loop.stop)}")
+        self.write(f"{', '.join(loop.targets)} = {', '.join(map(self.bare, loop.new))}")
         self.write(f"if {done}:")
         self.write("    break")
 
@@ -138,17 +137,17 @@ def row(array, index):
         element, value = text.split(" = ", 1)
         return f"{element} = where({self.taken}, {value}, {element})"
 
-    def _repeat(self, node: Expr, targets: list[str]) -> None:
+    def _repeat(self, loop: Loop) -> None:
         """As in Python, with `busy` for the runs that have not stopped."""
-        self.write(f"busy{targets[0]} = asarray(True)")
-        super()._repeat(node, targets)
+        self.write(f"busy{loop.targets[0]} = asarray(True)")
+        super()._repeat(loop)
 
-    def _advance(self, targets: list[str], new: tuple[Any, ...], stop: Any) -> None:
+    def _advance(self, loop: Loop) -> None:
         """End a round of a loop: runs that have stopped keep what they have."""
-        busy, done = f"busy{targets[0]}", self.fresh("b")
-        self.write(f"{done} = {self.bare(stop)}")
-        updated = ", ".join(f"where({busy}, {self.bare(n)}, {t})" for n, t in zip(new, targets))
-        self.write(f"{', '.join(targets)} = {updated}")
+        busy, done = f"busy{loop.targets[0]}", self.fresh("b")
+        self.write(f"{done} = {self.bare(loop.stop)}")
+        updated = ", ".join(f"where({busy}, {self.bare(n)}, {t})" for n, t in zip(loop.new, loop.targets))
+        self.write(f"{', '.join(loop.targets)} = {updated}")
         self.write(f"{busy} = {busy} & logical_not({done})")
         self.write(f"if not any_({busy}):")
         self.write("    break")

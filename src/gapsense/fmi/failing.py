@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import sys
 import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -21,7 +22,9 @@ def tell(slave: Any, error: BaseException, time: float | None, step: float | Non
     key, values = ("said", place) if time is None else ("said_in_step", (*place, time, step))
     inputs = dict(zip([port.name for port in slave.component.of("input")], slave.signals))
     slave.log(say(key, *values, cause(error, inputs)), Fmi2Status.error, "logStatusError")
-    for held in (slave, type(slave), slave.log_queue):  # the wrapper drops these once too often after an exception
+    if sys.platform == "linux":
+        return
+    for held in (slave, type(slave), slave.log_queue):  # pythonfmu's own binary drops these once too often
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
 
 

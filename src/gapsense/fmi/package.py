@@ -205,8 +205,12 @@ def _complete(members: dict[str, bytes], component: Component, folder: Path, gui
 
 
 def _license_of(package: str) -> bytes:
-    file = next(f for f in metadata.files(package) or () if f.name == "LICENSE")
-    return file.read_binary()
+    for file in metadata.files(package) or ():
+        if file.name == "LICENSE":
+            return file.read_binary()
+    raise FileNotFoundError(
+        f"The installed {package} lacks its licence, which travels in the FMU. Install it with pip."
+    )
 
 
 def write(members: dict[str, bytes], path: Path) -> Path:

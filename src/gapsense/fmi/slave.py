@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import sys
-from functools import partialmethod
+from collections.abc import Callable
+from functools import partial, partialmethod
 from typing import Any, NoReturn
 
 from pythonfmu.enums import Fmi2Status
@@ -23,6 +24,22 @@ from .variables import Variables, variable
 
 # The script's globals, held because pythonfmu's wrapper drops one reference too many at each instantiation.
 HELD: list[dict[str, Any]] = []
+
+
+class Reader:
+    """Reads bytes of a saved state.  Asked of the class, as by pythonfmu's own binary, it leaves refusals for later."""
+
+    def __get__(self, slave: Slave | None, cls: type[Slave]) -> Callable[[bytes], dict[str, Any]]:
+        return partial(self.read, slave, cls)
+
+    def read(self, slave: Slave | None, cls: type[Slave], data: bytes) -> dict[str, Any]:
+        """The state, or what `_set_fmu_state` refuses."""
+        try:
+            return from_bytes(bytes(data), cls.component, cls.kernel, cls.build)
+        except Refusal as error:
+            if slave is not None:
+                slave._fail(error)
+            return {"refused": str(error)}
 
 
 class Slave(Variables):
@@ -51,7 +68,7 @@ class Slave(Variables):
         self.start_time = 0.0
         self.end = math.nan  # of the last step, where the next one is expected
         self.elapsed = 0.0  # since the last sample
-        self._enter("instantiated")
+        self.enter("instantiated")
         for port in component.ports:
             self.register_variable(variable(port), nested=False)
 
@@ -73,7 +90,7 @@ class Slave(Variables):
             self._demand(call)
             if phase == "running":
                 self._initialize()
-            self._enter(phase)
+            self.enter(phase)
         except BaseException as error:
             self._fail(error)
 
@@ -83,7 +100,7 @@ class Slave(Variables):
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         try:
-            if self.phase != "running":
+            if not self.is_running:
                 self._demand("fmi2DoStep")
             end = current_time + step_size
             if not step_size > 0.0 or end - end != 0.0:  # infinite or NaN
@@ -152,23 +169,17 @@ class Slave(Variables):
             self._fail(Refusal(state["refused"]))
         for name, value in state.items():
             setattr(self, name, _copy(value))
-        self._enter(self.phase)
+        self.enter(self.phase)
         self.constants = self.kernel.constants(self.par) if self.par else ()
         self.period = self._given().get("sample_time", 0.0)
 
     _fmu_state_to_bytes = staticmethod(to_bytes)
-
-    @classmethod
-    def _fmu_state_from_bytes(cls, state: bytes) -> dict[str, Any]:
-        try:
-            return from_bytes(bytes(state), cls.component, cls.kernel, cls.build)
-        except Refusal as error:
-            return {"refused": str(error)}  # by `_set_fmu_state`: here is no instance to log
+    _fmu_state_from_bytes = Reader()
 
     # --- what pythonfmu asks and is told ---
 
     def to_xml(self, *options: Any) -> Any:
-        self._enter("terminated")  # in which start values can be read
+        self.enter("terminated")  # in which start values can be read
         return super().to_xml(*options)
 
     def log(self, msg: str, status: Any = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
@@ -179,7 +190,7 @@ class Slave(Variables):
         """Log what happened and where, and let the call fail."""
         if not getattr(error, "is_logged", False):
             error.is_logged = True  # type: ignore[attr-defined]
-            self._enter("failed")
+            self.enter("failed")
             tell(self, error, time, step)
         raise error
 

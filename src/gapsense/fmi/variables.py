@@ -23,7 +23,6 @@ class Variables(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     inputs: int  # how many
     signals: list[float]  # inputs, then outputs
     parameters: list[Any]
-    phase: str
     par: tuple[Any, ...]  # of the kernel, made of the parameters
     constants: tuple[Any, ...]  # what a step needs of them
 
@@ -34,10 +33,11 @@ class Variables(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _fail(self, error: BaseException) -> NoReturn:
         raise NotImplementedError
 
-    def _enter(self, phase: str) -> None:
-        """Begin a phase.  What get_real and set_real may do without a further look: all outputs, all inputs."""
+    def enter(self, phase: str) -> None:
+        """Begin a phase; the binary says so when a call has failed."""
         inputs, outputs = [*range(self.inputs)], [*range(self.inputs, len(self.signals))]  # value references
-        self.phase = phase
+        self.phase, self.is_running = phase, phase == "running"
+        # What get_real and set_real may do without a further look: all outputs, all inputs.
         self.readable = outputs if phase in ALLOWED["fmi2GetReal"] and phase != "initializing" else None
         self.writable = inputs if phase in ALLOWED["fmi2SetReal"] else None
 

@@ -122,17 +122,17 @@ static int open_python(Reason *why)
 
 static int bind_python(Reason *why)
 {
-    const char *(*version)(void), *found = find(RTLD_DEFAULT, "Py_GetVersion", &version) ? version() : "an unknown one";
-    const char *missing = is_recent(found) ? NULL : "what 3.9 has";
+    const char *(*version)(void), *found = find(RTLD_DEFAULT, "Py_GetVersion", &version) ? version() : "of no version";
+    const char *missing = NULL;
 #define FUNCTION(type, name, parameters) missing = find(RTLD_DEFAULT, #name, &py.name) ? missing : #name;
 #include "python_functions.h"
 #undef FUNCTION
-    if (missing)
-        explain(why, "This FMU needs Python 3.%d or newer, and the Python in this process, %s, has no `%s`. Set the "
-                     "environment variable " LIBPYTHON_VARIABLE " to a newer library, unless the tool itself brings "
-                     "this one.",
-                OLDEST_PYTHON, found, missing);
-    return !missing;
+    if (!missing && is_recent(found))
+        return 1;
+    explain(why, "This FMU needs Python 3.%d or newer, and the Python in this process is %.*s%s%s. Set the environment "
+                 "variable " LIBPYTHON_VARIABLE " to a newer library, unless the tool itself brings this one.",
+            OLDEST_PYTHON, (int)strcspn(found, " "), found, missing ? ", without " : "", missing ? missing : "");
+    return 0;
 }
 
 /* Isolated: neither PYTHONHOME and PYTHONPATH, which may be meant for another Python, nor the working folder decide

@@ -104,6 +104,9 @@ static void give_up(Call *call)
     release(instance);
     py.PyErr_Clear();
     py.PyGILState_Release(call->gil);
+    if (!messages.records)
+        tell(&instance->host, instance->name, fmi2Error, "logStatusError",
+             "This FMU cannot start, and Python cannot say why: its standard library is not whole.");
     tell_all(&instance->host, instance->name, messages);
     drop(instance);
 }
