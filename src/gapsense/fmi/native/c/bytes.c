@@ -187,21 +187,33 @@ static int take_columns(Reader *from, State *s)
     return from->left == 0;
 }
 
-/* Parameters of a state that was initialized have been judged, and its tables read. */
-static int is_sound(const State *s)
+/* The kernel looks into all tables of a port at the places of the first. */
+static int are_tables_even(const State *s)
+{
+    for (int k = model.signals; k < model.port_count; k++) {
+        const Port *port = model.ports + k;
+        for (int c = 0; c < port->column_count; c++) {
+            const int size = s->sizes[port->columns[c].place];
+            if (size < 2 || size != s->sizes[port->columns[0].place])
+                return 0;
+        }
+    }
+    return 1;
+}
+
+/* Parameters of a state that runs have been judged, and its tables read. */
+static int is_sound(State *s)
 {
     Text problems = {NULL, 0, 0};
-    int sound = 1;
     if (s->phase != RUNNING)
         return 1;
     judge(s, &problems);
-    sound = problems.length == 0;
+    const int is_right = problems.length == 0;
     text_free(&problems);
-    for (int k = 0; k < model.table_count; k++)
-        sound = sound && s->sizes[k] > 1;
-    if (model.sample_time >= 0)
-        sound = sound && s->period == s->values[model.sample_time];
-    return sound;
+    if (!is_right || !are_tables_even(s))
+        return 0;
+    take_parameters(s);
+    return model.sample_time < 0 || s->period == s->values[model.sample_time];
 }
 
 /* What is wrong with the content, or NULL. */
