@@ -8,7 +8,6 @@ import pytest
 from board import BOARDS, Cost, build, missing_tools, run
 from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, line, measured
 from host import ROOT, played
-
 from records import in_scenario
 
 from gapsense.embedded.design import designed
