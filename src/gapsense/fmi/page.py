@@ -42,9 +42,7 @@ A good communication step is {step:g} s. Inputs are held during a step, outputs 
 
 Profile: FMI 2.0 co-simulation, variable communication step, several instances, get, set and serialise the whole state.
 """
-TRY = (
-    "\nFiles to try the FMU with are in its folder `extra/org.fmi-standard.fmi-ls-ref`: a reference run, parameters.\n"
-)
+TRY = "\nFiles to try the FMU with, a reference run and parameters, are in `extra/org.fmi-standard.fmi-ls-ref`.\n"
 
 
 def html(component: Component, markdown: str, version: str, picture: str = "", run: str = RUN) -> str:
