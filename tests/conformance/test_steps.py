@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from stimuli import rows
 from subjects import ERROR, OK, Answer, Instance, Subject, refused
 
 from gapsense.fmi.sentences import say
@@ -84,15 +85,71 @@ def test_steps_that_do_not_fit_the_samples(subject: Subject, one: Instance) -> N
     refused_step(one, period / 2, period, say("past_sample", period, half, period))
 
 
-def test_samples_do_not_depend_on_the_steps(subject: Subject, one: Instance) -> None:
-    """One step of three samples, three of one, and nine of a third end in the same outputs."""
-    period = subject.period
-    if not period:
-        pytest.skip("a component that is not sampled may give other numbers in other steps")
-    ends = []
-    for per, count in ((3.0, 4), (1.0, 12), (1.0 / 3.0, 36)):
+# Awkward steps --------------------------------------------------------------------------------------------------------
+
+
+def summed(step: float, count: int) -> list[float]:
+    """Times that a host gets by adding up."""
+    times = [0.0]
+    for _ in range(count):
+        times.append(times[-1] + step)
+    return times
+
+
+def differences(times: list[float]) -> list[tuple[float, float]]:
+    return [(a, b - a) for a, b in zip(times, times[1:])]
+
+
+WHOLE, SHORT = 1e-4, 1.0 / 60.0  # s
+GRIDS = {  # (sample time, communication steps per comparison, grid of (time, step))
+    "whole": (WHOLE, 1, [(k * WHOLE, WHOLE) for k in range(30)]),
+    "thirds": (WHOLE, 3, [(k * WHOLE / 3, WHOLE / 3) for k in range(90)]),
+    "thirds, time added up": (WHOLE, 3, [(t, WHOLE / 3) for t in summed(WHOLE / 3, 89)]),
+    "thirds, step a difference": (WHOLE, 3, differences(summed(WHOLE / 3, 90))),
+    "sixtieths": (SHORT, 1, [(k / 60, SHORT) for k in range(30)]),
+    "sixtieths, time added up": (SHORT, 1, [(t, SHORT) for t in summed(SHORT, 29)]),
+    "sixtieths, step a difference": (SHORT, 1, [(k / 60, (k + 1) / 60 - k / 60) for k in range(30)]),
+    "sixtieths of five samples": (SHORT / 5, 1, [(k / 60, SHORT) for k in range(30)]),
+    "samples of it": (SHORT / 5, 5, [(k * SHORT / 5, SHORT / 5) for k in range(150)]),
+    "late": (WHOLE, 1, [(1000.0 + k * WHOLE, WHOLE) for k in range(30)]),
+    "late, step a difference": (WHOLE, 1, differences([1000.0 + k * WHOLE for k in range(31)])),
+    "late, thirds of differences": (WHOLE, 3, differences([1000.0 + k * WHOLE / 3 for k in range(91)])),
+}
+SAME = [
+    ("whole", "thirds"),
+    ("whole", "thirds, time added up"),
+    ("whole", "thirds, step a difference"),
+    ("sixtieths", "sixtieths, time added up"),
+    ("sixtieths", "sixtieths, step a difference"),
+    ("sixtieths of five samples", "samples of it"),
+    ("late", "late, step a difference"),
+    ("late", "late, thirds of differences"),
+]
+
+
+@pytest.fixture
+def on_grids(subject: Subject, one: Instance) -> dict[str, list[list[float]]]:
+    """Outputs at the end of every so many steps of each grid; inputs are held over them."""
+    component, found = subject.component, {}
+    for name, (sample, per, grid) in GRIDS.items():
         one.all(("Reset",))
-        one.bring("running").all(*(("DoStep", k * per * period, per * period, 1) for k in range(count)))
-        ends.append(one.outputs())
-    assert ends[1] == pytest.approx(ends[0], rel=1e-9, abs=1e-12)
-    assert ends[2] == pytest.approx(ends[0], rel=1e-9, abs=1e-12)
+        if subject.period:
+            one.set(next(port for port in component.ports if port.name == "sample_time"), sample)
+        one.bring("running", grid[0][0])
+        stimulus, calls = rows(component, len(grid) // per), []
+        for k, (time, step) in enumerate(grid):
+            calls += [("SetReal", subject.refs("input"), stimulus[k // per]), ("DoStep", time, step, 1)]
+            calls += [("GetReal", subject.refs("output"))]
+        found[name] = [answer.value for answer in one.all(*calls)[2::3]][per - 1 :: per]
+    return found
+
+
+def test_awkward_steps_run(subject: Subject, on_grids: dict[str, list[list[float]]]) -> None:
+    for name, (_, per, grid) in GRIDS.items():
+        assert len(on_grids[name]) == len(grid) // per, name
+        assert all(math.isfinite(value) for row in on_grids[name] for value in row), name
+    if not subject.period:
+        return  # a component that is not sampled may give other numbers in other steps
+    for first, other in SAME:
+        for row, found in zip(on_grids[first], on_grids[other]):
+            assert found == pytest.approx(row, rel=1e-12, abs=1e-15), (first, other)

@@ -67,14 +67,14 @@ def broken(fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def life(fmu: str, part: Part) -> dict[str, Any]:
-    """Traces of one FMU in all the lives of an instance."""
-    return fresh("life", fmu, tuned(part.component))  # type: ignore[no-any-return]
+def life(fmu: str) -> dict[str, Any]:
+    """Trace of one FMU, and what its signals follow."""
+    return fresh("life", fmu)  # type: ignore[no-any-return]
 
 
 @pytest.fixture
 def saved(fmu: str, part: Part) -> dict[str, Any]:
-    """Continuations from a saved state."""
+    """A saved state, and how the run goes on."""
     return fresh("save", fmu, tuned(part.component))  # type: ignore[no-any-return]
 
 

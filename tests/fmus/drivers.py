@@ -87,37 +87,14 @@ def variants(path: str, sets: list[dict[str, Any]], tuned: dict[str, float]) -> 
     return results
 
 
-def life(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
-    """Traces `first` and `second` of two stimuli in all the lives that an instance can have."""
+def life(path: str) -> dict[str, Any]:
+    """The trace `first` of an instance, what it reads at its start, and what follows the inputs."""
     fmu = Fmu(path)
-    rows, other = fmu.stimulus(STEPS, 0), fmu.stimulus(STEPS, 1)
+    rows = fmu.stimulus(STEPS)
     one = Instance(fmu)
     facts: dict[str, Any] = {"starts": fmu.starts(), "read": _at_start(one)}
     facts["first"] = one.run(rows)
-    facts["second"] = Instance(fmu).run(other)
-    facts["again"] = Instance(fmu).run(rows)
-
-    a, b = Instance(fmu, "a"), Instance(fmu, "b")
-    traces = [a.start(rows[0])], [b.start(other[0])]
-    for k in range(1, STEPS + 1):
-        traces[0].extend(a.go_on(rows[: k + 1], k))
-        traces[1].extend(b.go_on(other[: k + 1], k))
-    facts["interleaved"] = traces
-
-    b.slave.reset()
-    b.set(tuned)
-    b.run(other[:20])
-    b.slave.reset()
-    facts["read_after_reset"] = _at_start(b)
-    facts["after_reset"] = b.run(rows)
-
-    one.slave.terminate()
-    facts["read_terminated"] = one.slave.getReal(one.outputs)
-    facts["step_terminated"] = attempt(one.slave.doStep, STEPS * fmu.step, fmu.step)
-    facts["follows"] = _following(b, rows[-1], fmu)
-    for instance in (a, b):
-        instance.free()
-    facts["after_free"] = Instance(fmu).run(rows)
+    facts["follows"] = _following(one, rows[-1], fmu)
     return facts
 
 
@@ -191,22 +168,6 @@ def reference(
     return {"names": names, "nominal": nominal, "inputs": stimulus, "outputs": outputs}
 
 
-# Steps ----------------------------------------------------------------------------------------------------------------
-
-
-def grids(path: str, cases: dict[str, tuple[dict[str, Any], int, list[tuple[float, float]]]]) -> dict[str, Any]:
-    """Outputs at the end of every `per`-th step on each grid of (time, step); inputs are held over `per` steps."""
-    fmu, results = Fmu(path), {}
-    for name, (parameters, per, grid) in cases.items():
-        rows = fmu.stimulus(len(grid) // per, held=0.0)
-        one = Instance(fmu)
-        one.start(rows[0], parameters, grid[0][0])
-        outputs = [one.step(rows[1 + k // per], time, step) for k, (time, step) in enumerate(grid)]
-        results[name] = outputs[per - 1 :: per]
-        one.free()
-    return results
-
-
 # State ----------------------------------------------------------------------------------------------------------------
 
 
@@ -239,20 +200,12 @@ def save(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
     return facts
 
 
-def restore(path: str, foreign: dict[str, str], data: str) -> dict[str, Any]:
-    """Continue from bytes in this process, and try bytes that do not fit."""
+def restore(path: str, data: str) -> list[list[float]]:
+    """How a run goes on from bytes."""
     fmu = Fmu(path)
-    rows = fmu.stimulus(STEPS)
-    facts: dict[str, Any] = {}
-    for name, other in foreign.items():
-        facts[name] = attempt(_restore, Instance(fmu), other)
     one = Instance(fmu)
-    _restore(one, data)
-    return {"continued": one.go_on(rows, STEPS // 2), "refused": facts}
-
-
-def _restore(instance: Instance, data: str) -> None:
-    instance.slave.setFMUstate(instance.slave.deSerializeFMUstate(bytes.fromhex(data)))
+    one.slave.setFMUstate(one.slave.deSerializeFMUstate(bytes.fromhex(data)))
+    return one.go_on(fmu.stimulus(STEPS), STEPS // 2)
 
 
 # Failures -------------------------------------------------------------------------------------------------------------

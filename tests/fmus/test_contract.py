@@ -17,12 +17,10 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import pytest
-from drivers import AWKWARD, STEPS, call, communication_step, fresh
+from drivers import call, communication_step, fresh
 from fmpy.validation import validate_fmu
-from parts import FOLDERS, Part, sample_time
-from refusals import refusals
+from parts import FOLDERS, Part
 
-from gapsense.fmi.components import load_component
 from gapsense.units import UNITS
 
 ERROR = 3
@@ -152,34 +150,10 @@ def test_start_values_are_those_of_a_fresh_instance(part: Part, life: dict[str, 
     assert life["read"] == life["starts"]
 
 
-def test_runs_twice_in_one_process(life: dict[str, Any]) -> None:
-    assert len(life["first"]) == STEPS + 1
-    assert life["again"] == life["first"]
-
-
 def test_stimulus_moves_at_least_half_of_the_outputs(part: Part, life: dict[str, Any]) -> None:
     """Or else equal traces would say little."""
     moving = sum(len({row[k] for row in life["first"]}) > 1 for k in range(len(part.names("output"))))
     assert moving >= (len(part.names("output")) + 1) // 2
-
-
-def test_two_interleaved_instances_are_two_single_ones(life: dict[str, Any]) -> None:
-    assert life["interleaved"] == [life["first"], life["second"]]
-
-
-def test_reset_equals_fresh(life: dict[str, Any]) -> None:
-    assert life["read_after_reset"] == life["starts"]
-    assert life["after_reset"] == life["first"]
-
-
-def test_runs_after_another_was_freed(life: dict[str, Any]) -> None:
-    assert life["after_free"] == life["first"]
-
-
-def test_terminated_instance_can_be_read_but_not_stepped(life: dict[str, Any]) -> None:
-    assert life["read_terminated"] == life["first"][-1]
-    assert life["step_terminated"]["status"] >= ERROR
-    assert "`terminated`" in logged(life["step_terminated"])
 
 
 def test_other_process_gives_the_same_bits(fmu: str, life: dict[str, Any]) -> None:
@@ -222,84 +196,7 @@ def test_loading_and_freeing_does_not_leak(fmu: str) -> None:
     assert growth["bytes"] < 1e6  # 0.1 to 0.3 MB, however many there are
 
 
-# Awkward steps --------------------------------------------------------------------------------------------------------
-
-
-def summed(step: float, count: int) -> list[float]:
-    """Times that a host gets by adding up."""
-    times = [0.0]
-    for _ in range(count):
-        times.append(times[-1] + step)
-    return times
-
-
-def differences(times: list[float]) -> list[tuple[float, float]]:
-    return [(a, b - a) for a, b in zip(times, times[1:])]
-
-
-WHOLE, SHORT = 1e-4, 1.0 / 60.0  # s
-GRIDS = {  # (sample time, communication steps per comparison, grid of (time, step))
-    "whole": (WHOLE, 1, [(k * WHOLE, WHOLE) for k in range(30)]),
-    "thirds": (WHOLE, 3, [(k * WHOLE / 3, WHOLE / 3) for k in range(90)]),
-    "thirds, time added up": (WHOLE, 3, [(t, WHOLE / 3) for t in summed(WHOLE / 3, 89)]),
-    "thirds, step a difference": (WHOLE, 3, differences(summed(WHOLE / 3, 90))),
-    "sixtieths": (SHORT, 1, [(k / 60, SHORT) for k in range(30)]),
-    "sixtieths, time added up": (SHORT, 1, [(t, SHORT) for t in summed(SHORT, 29)]),
-    "sixtieths, step a difference": (SHORT, 1, [(k / 60, (k + 1) / 60 - k / 60) for k in range(30)]),
-    "sixtieths of five samples": (SHORT / 5, 1, [(k / 60, SHORT) for k in range(30)]),
-    "samples of it": (SHORT / 5, 5, [(k * SHORT / 5, SHORT / 5) for k in range(150)]),
-    "late": (WHOLE, 1, [(1000.0 + k * WHOLE, WHOLE) for k in range(30)]),
-    "late, step a difference": (WHOLE, 1, differences([1000.0 + k * WHOLE for k in range(31)])),
-    "late, thirds of differences": (WHOLE, 3, differences([1000.0 + k * WHOLE / 3 for k in range(91)])),
-}
-SAME = [
-    ("whole", "thirds"),
-    ("whole", "thirds, time added up"),
-    ("whole", "thirds, step a difference"),
-    ("sixtieths", "sixtieths, time added up"),
-    ("sixtieths", "sixtieths, step a difference"),
-    ("sixtieths of five samples", "samples of it"),
-    ("late", "late, step a difference"),
-    ("late", "late, thirds of differences"),
-]
-
-
-@pytest.fixture
-def on_grids(part: Part, fmu: str) -> dict[str, Any]:
-    cases = {
-        name: ({"sample_time": sample} if sample_time(part.component) else {}, per, grid)
-        for name, (sample, per, grid) in GRIDS.items()
-    }
-    return fresh("grids", fmu, cases)  # type: ignore[no-any-return]
-
-
-def test_awkward_steps_run(on_grids: dict[str, Any]) -> None:
-    for name, (_, per, grid) in GRIDS.items():
-        assert len(on_grids[name]) == len(grid) // per, name
-        assert all(math.isfinite(value) for row in on_grids[name] for value in row), name
-
-
-SAMPLED = [folder for folder in FOLDERS if sample_time(load_component(folder))]  # others may depend on the steps
-
-
-@pytest.mark.parametrize("part", SAMPLED, indirect=True, ids=lambda folder: folder.name)
-@pytest.mark.parametrize(("one", "other"), SAME)
-def test_sampled_component_gives_the_same_numbers_in_other_steps(
-    part: Part, on_grids: dict[str, Any], one: str, other: str
-) -> None:
-    for row, found in zip(on_grids[one], on_grids[other]):
-        assert found == pytest.approx(row, rel=1e-12, abs=1e-15)
-
-
 # Saving the state -----------------------------------------------------------------------------------------------------
-
-
-def test_continues_from_a_saved_state_with_the_same_bits(saved: dict[str, Any], life: dict[str, Any]) -> None:
-    assert saved["straight"] == life["first"][STEPS // 2 :]
-    assert saved["values_once"] and saved["values_twice"]
-    assert saved["once"] == saved["straight"]
-    assert saved["twice"] == saved["straight"]
-    assert saved["early"] == saved["straight"]
 
 
 def test_continues_from_bytes_in_another_instance(saved: dict[str, Any]) -> None:
@@ -308,80 +205,16 @@ def test_continues_from_bytes_in_another_instance(saved: dict[str, Any]) -> None
     assert saved["bytes_again"] == saved["bytes"]
 
 
-@pytest.fixture
-def restored(part: Part, fmu: str, saved: dict[str, Any], foreign: dict[str, str]) -> dict[str, Any]:
-    other = next(data for name, data in foreign.items() if name != part.component.name)
-    refused = {
-        "component": other,
-        "build": foreign[f"second {part.component.name}"],
-        "garbage": b"\xff\x00no state".hex(),
-        "number": b"1".hex(),
-        "nothing": "",
-    }
-    return fresh("restore", fmu, refused, saved["bytes"])  # type: ignore[no-any-return]
+def test_continues_from_bytes_in_another_process(fmu: str, saved: dict[str, Any]) -> None:
+    assert fresh("restore", fmu, saved["bytes"]) == saved["straight"]
 
 
-@pytest.fixture(scope="session")
-def foreign(fmus: Path, second: tuple[Path, dict[str, str]]) -> dict[str, str]:
-    """Saved bytes of two components and of all second versions."""
-    paths = {p.stem: p for p in sorted(fmus.glob("*.fmu"))[:2]} | {
-        f"second {p.stem}": p for p in sorted(second[0].glob("*.fmu"))
-    }
-    return {name: fresh("save", path, {})["bytes"] for name, path in paths.items()}
-
-
-def test_continues_from_bytes_in_another_process(saved: dict[str, Any], restored: dict[str, Any]) -> None:
-    assert restored["continued"] == saved["straight"]
-
-
-@pytest.mark.parametrize("case", ["component", "build", "garbage", "number", "nothing"])
-def test_bytes_that_do_not_fit_are_refused(restored: dict[str, Any], case: str) -> None:
-    answer = restored["refused"][case]
-    assert answer["status"] >= ERROR
-    is_damaged = case in ("garbage", "number", "nothing")
-    words = "is damaged: its checksum cannot be right. Save it again" if is_damaged else "is of build "
-    assert f"the saved state {words}" in logged(answer) and "with this FMU" in logged(answer)
-
-
-# Refusals -------------------------------------------------------------------------------------------------------------
+# Messages -------------------------------------------------------------------------------------------------------------
 
 
 def logged(answer: dict[str, Any]) -> str:
     """What the component itself logged as an error."""
     return "\n".join(text for _, status, category, text in answer["log"] if (status, category) == (3, "logStatusError"))
-
-
-CASES = {folder: refusals(load_component(folder)) for folder in FOLDERS}
-
-
-@pytest.fixture(scope="session")
-def awkward(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("awkward")
-
-
-@pytest.fixture
-def answers(part: Part, fmu: str, awkward: Path) -> dict[str, Any]:
-    cases = [dict(case, name=name) for name, (case, _) in CASES[part.folder].items()]
-    return fresh("refusals", fmu, awkward / part.folder.name, cases)  # type: ignore[no-any-return]
-
-
-@pytest.mark.parametrize(
-    ("part", "case"),
-    [pytest.param(f, name, id=f"{f.name}-{name}") for f, cases in CASES.items() for name in cases],
-    indirect=["part"],
-)
-def test_refused_with_a_message(part: Part, answers: dict[str, Any], case: str) -> None:
-    answer, words = answers["answers"][case], CASES[part.folder][case][1]
-    text = logged(answer)
-    assert answer["status"] >= ERROR
-    assert text.startswith(f"`{AWKWARD}` ({part.component.name})")
-    assert [word for word in words if word not in text] == [], text
-    assert "Traceback" not in text
-    assert {instance for instance, *_ in answer["log"]} == {AWKWARD}
-
-
-def test_other_instance_works_after_refusals(answers: dict[str, Any], life: dict[str, Any]) -> None:
-    assert answers["afterwards"] == life["first"]
 
 
 def test_lost_readings_are_survived_where_the_port_table_says_so(part: Part) -> None:
