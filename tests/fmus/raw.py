@@ -145,6 +145,23 @@ def handles(host: Host) -> dict[str, Any]:
     return {"growth": growth}
 
 
+def failures(host: Host) -> dict[str, Any]:
+    """Growth of the memory [bytes] when instances fail, are reset or not, and are freed."""
+    growth = []
+    for _ in range(3):
+        before = resident()
+        for k in range(500):
+            c = host.started()
+            host.refused_step(c, 0.0)
+            if k % 2:
+                host.call(c, "Reset")
+            host.library.fmi2FreeInstance(c)
+            host.heard()
+        gc.collect()
+        growth.append(resident() - before)
+    return {"growth": growth}
+
+
 def resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 

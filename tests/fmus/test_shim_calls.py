@@ -188,6 +188,10 @@ def test_saving_into_a_handle_again_does_not_leak(semera: Path) -> None:
     assert min(raw("handles", semera)["growth"]) < 200_000  # bytes in 5000 times; it were 2 MB
 
 
+def test_instances_that_failed_do_not_leak(semera: Path) -> None:
+    assert min(raw("failures", semera)["growth"]) < 500_000  # bytes in 500 times; it were 15 MB
+
+
 def test_refusal_is_one_message_and_the_instance_can_be_reset(semera: Path) -> None:
     facts = raw("refusal", semera)
     assert facts["before"] == [0] * 5

@@ -54,6 +54,8 @@ class Core:
         self.library = ctypes.CDLL(str(work / "core.so"))
         self.library.number_in.restype = c_double
         self.library.state_new.restype = POINTER(State)
+        self.library.state_read.restype = POINTER(State)
+        self.library.state_size.restype = c_size_t
         self.library.repr.restype = c_char_p
 
     def repr(self, value: float) -> str:
@@ -79,3 +81,19 @@ class Core:
         found = [made.tables[k][: made.sizes[k]] for k in range(self.table_count)]
         self.library.state_free(state)
         return problem.at.decode() if problem.length else found
+
+    def fresh_bytes(self) -> bytes:
+        """The state of an instance that has just been made."""
+        state = self.library.state_new()
+        data = ctypes.create_string_buffer(self.library.state_size(state))
+        self.library.state_write(state, data)
+        self.library.state_free(state)
+        return data.raw
+
+    def read_bytes(self, data: bytes) -> str:
+        """Read a state from bytes; what is wrong with them."""
+        problem = Text()
+        state = self.library.state_read(data, c_size_t(len(data)), byref(problem))
+        self.library.state_free(state)
+        assert bool(state) == (problem.length == 0)
+        return problem.at.decode() if problem.length else ""

@@ -76,6 +76,23 @@ def test_a_thousand_instances(part: Part) -> None:
     assert child(MANY, part.path) == [1000, True]
 
 
+@pytest.mark.parametrize("part", some("mhe"), indirect=True)
+def test_steps_allocate_no_memory(part: Part, unpacked: Unpacked, host: Path, tmp_path: Path) -> None:
+    if sys.platform != "linux":
+        pytest.skip("counts allocations by LD_PRELOAD")
+    counter, source = tmp_path / "count.so", Path(__file__).with_name("count_malloc.c")
+    subprocess.run(["cc", "-shared", "-fPIC", str(source), "-o", str(counter), "-ldl"], check=True)
+    counts = [len(part.component.of(causality)) for causality in ("input", "output")]
+    words = [host, unpacked.library(), unpacked.guid, unpacked.resources, part.folder / "reference.csv", *counts]
+    environment = {**os.environ, "LD_PRELOAD": str(counter)}
+    told = [
+        subprocess.run([*map(str, words), times], env=environment, capture_output=True, text=True, check=True).stderr
+        for times in ("1", "5")
+    ]
+    assert told[0] == told[1]
+    assert "allocations" in told[0]
+
+
 @pytest.fixture(scope="session")
 def german(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Folder of locales with one whose numbers have a decimal comma."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,7 +24,7 @@ def export(designs: Sequence[Design], folder: Path) -> list[Path]:
             part.write_text(texts[name], encoding="utf-8", newline="\n")
         for name in texts:
             (folder / name).parent.mkdir(exist_ok=True)
-        return [Path(shutil.move(part, folder / name)) for name, part in parts.items()]
+        return [part.replace(folder / name) for name, part in parts.items()]
 
 
 def written(designs: Sequence[Design]) -> Mapping[str, str]:

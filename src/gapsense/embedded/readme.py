@@ -16,6 +16,8 @@ allocation, no global variable that changes, any number of instances.
 
 {table}
 
+RAM is that of constants, state, inputs and outputs on a 32-bit processor; stack comes to it.
+
 ## Try
 
 On a computer:
@@ -36,14 +38,14 @@ On a Cortex-M4F under QEMU, with the linker script and the start-up code in `cor
 
 `-ffp-contract=off` gives the same bits everywhere; without it a compiler may join products and sums.
 `-fno-math-errno` lets it use the square root of the processor. Nothing is checked while it runs: keep parameters and
-inputs in the ranges that the header says{survives}.
+inputs in the ranges that the header says.{survives}
 """
 
 
 def readme(designs: Sequence[Design]) -> str:
     """Its text."""
-    rows = ["| component | what it is | call its step |", "| --- | --- | --- |"]
-    rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} |" for d in designs]
+    rows = ["| component | what it is | call its step | RAM, bytes |", "| --- | --- | --- | --- |"]
+    rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} | {memory(d):,} |" for d in designs]
     first = designs[0]
     return TEXT.format(
         version=gapsense.__version__,
@@ -53,6 +55,12 @@ def readme(designs: Sequence[Design]) -> str:
         use="\n".join(_use(first)),
         survives=_survivors(designs),
     )
+
+
+def memory(design: Design) -> int:
+    """Bytes of the records that a component keeps, where whole numbers and pointers have four."""
+    kept = [member for name, record in members(design).items() if name != "par" for member in record]
+    return sum(max(1, member.size) * (8 if member.type == "double" else 4) for member in kept)
 
 
 def _when(design: Design) -> str:
@@ -73,4 +81,4 @@ def _use(design: Design) -> Iterator[str]:
 
 def _survivors(designs: Sequence[Design]) -> str:
     names = [f"`{design.name}`" for design in designs if design.component.survives]
-    return f". Of inputs, {', '.join(names)} bear everything: lost readings are not a number" if names else ""
+    return f"\nLost readings, not a number, are borne by {', '.join(names)}." if names else ""

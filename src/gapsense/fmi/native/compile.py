@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gapsense.fmi.native.platforms import Compiler
+from gapsense.fmi.native.platforms import SMALL, Compiler
 from gapsense.native import NativeError
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
@@ -22,7 +22,7 @@ def compile_common(files: Mapping[str, str], compiler: Compiler, work: Path) -> 
     folder.mkdir()
     _put({name: text for name, text in files.items() if name not in OWN}, folder)
     for source in sorted(folder.glob("*.c")):
-        _compiled(source, compiler)
+        _compiled(source, compiler, *SMALL)
 
 
 def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], work: Path) -> bytes:
@@ -81,10 +81,10 @@ def _put(files: Mapping[str, str], folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _compiled(source: Path, compiler: Compiler) -> Path:
+def _compiled(source: Path, compiler: Compiler, *more: str) -> Path:
     """An object file; by its full path, because Zig's cache takes sources of one relative path for the same."""
     made = source.with_suffix(".o")
-    _run((*compiler.command, *compiler.flags, "-c", str(source), "-o", str(made)), source.name)
+    _run((*compiler.command, *compiler.flags, *more, "-c", str(source), "-o", str(made)), source.name)
     return made
 
 

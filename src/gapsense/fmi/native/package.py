@@ -18,7 +18,7 @@ from gapsense.fmi.fmi3.variables import Variable, variables
 from gapsense.fmi.native import SOURCES, headers, model, package3
 from gapsense.fmi.native.compile import binary, compile_common
 from gapsense.fmi.native.description import description
-from gapsense.fmi.native.platforms import FLAGS, NO_FOLDING, PLATFORMS, compilers
+from gapsense.fmi.native.platforms import FLAGS, NO_FOLDING, PLATFORMS, SMALL, compilers
 from gapsense.fmi.ports import Component
 from gapsense.fmi.shim.build import headers as fmi_headers
 from gapsense.fmi.tables import heads, read_table
@@ -61,7 +61,7 @@ def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
     resources = {path.name: path.read_bytes() for path in paths}
     tables = shipped(component, {path.name: path for path in paths})
     files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
-    flags = (FLAGS, NO_FOLDING, sorted(PLATFORMS.items()))
+    flags = (FLAGS, SMALL, NO_FOLDING, sorted(PLATFORMS.items()))
     content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
     found = variables(component, tables, shapes(kernel))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from gapsense.native import ZIG, NativeError, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
+SMALL = ("-Os",)  # besides, for what is not arithmetic
 # Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
 NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
 ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")

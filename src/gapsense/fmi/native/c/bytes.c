@@ -187,23 +187,6 @@ static int take_columns(Reader *from, State *s)
     return from->left == 0;
 }
 
-/* Parameters of a state that was initialized have been judged, and its tables read. */
-static int is_sound(const State *s)
-{
-    Text problems = {NULL, 0, 0};
-    int sound = 1;
-    if (s->phase != RUNNING)
-        return 1;
-    judge(s, &problems);
-    sound = problems.length == 0;
-    text_free(&problems);
-    for (int k = 0; k < model.table_count; k++)
-        sound = sound && s->sizes[k] > 1;
-    if (model.sample_time >= 0)
-        sound = sound && s->period == s->values[model.sample_time];
-    return sound;
-}
-
 /* What is wrong with the content, or NULL. */
 static const char *take_content(Reader *from, State *s)
 {

@@ -60,3 +60,24 @@ LACKS(fmi3GetContinuousStates, fmi3Float64 states[], size_t count)
 LACKS(fmi3GetNominalsOfContinuousStates, fmi3Float64 nominals[], size_t count)
 LACKS(fmi3GetNumberOfEventIndicators, size_t *count)
 LACKS(fmi3GetNumberOfContinuousStates, size_t *count)
+
+/* --- types that no component has --- */
+
+#define LACKING(Name, Type)                                                                                            \
+    fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, Type values[],        \
+                             size_t value_count)                                                                       \
+    {                                                                                                                  \
+        return count ? CALLED(c, refuse(c, SAY_NO_VARIABLE, #Name, references[0])) : fmi3OK;                           \
+    }                                                                                                                  \
+    fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, const Type values[],  \
+                             size_t value_count)                                                                       \
+    {                                                                                                                  \
+        return count ? CALLED(c, refuse(c, SAY_NO_VARIABLE, #Name, references[0])) : fmi3OK;                           \
+    }
+
+LACKING(Float32, fmi3Float32)
+LACKING(Int8, fmi3Int8)
+LACKING(UInt8, fmi3UInt8)
+LACKING(Int16, fmi3Int16)
+LACKING(UInt16, fmi3UInt16)
+LACKING(UInt32, fmi3UInt32)

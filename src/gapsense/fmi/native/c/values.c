@@ -146,6 +146,34 @@ void take_parameters(State *s)
     }
 }
 
+/* The kernel looks into all tables of a port at the places of the first. */
+static int are_tables_even(const State *s)
+{
+    for (int k = model.signals; k < model.port_count; k++) {
+        const Port *port = model.ports + k;
+        for (int c = 0; c < port->column_count; c++) {
+            const int size = s->sizes[port->columns[c].place];
+            if (size < 2 || size != s->sizes[port->columns[0].place])
+                return 0;
+        }
+    }
+    return 1;
+}
+
+int is_sound(State *s)
+{
+    Text problems = {NULL, 0, 0};
+    if (s->phase != RUNNING)
+        return 1;
+    judge(s, &problems);
+    const int is_right = problems.length == 0;
+    text_free(&problems);
+    if (!is_right || !are_tables_even(s))
+        return 0;
+    take_parameters(s);
+    return model.sample_time < 0 || s->period == s->values[model.sample_time];
+}
+
 static int is_finite(const State *s, Text *problem)
 {
     Text names = {NULL, 0, 0};

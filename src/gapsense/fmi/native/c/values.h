@@ -4,9 +4,10 @@
 
 #include "state.h"
 
-void judge(const State *state, Text *problems);                            /* all parameters, tables apart */
-void read_tables(State *state, const char *folder, Text *problems);        /* those that files give */
-void take_parameters(State *state);                                        /* once they are judged */
-int are_inputs_taken(const State *state, Text *problem);                   /* else the sentence about all of them */
+void judge(const State *state, Text *problems);                     /* all parameters, tables apart */
+void read_tables(State *state, const char *folder, Text *problems); /* those that files give */
+void take_parameters(State *state);                                 /* once they are judged */
+int is_sound(State *state);                                         /* a running one: parameters right, tables there */
+int are_inputs_taken(const State *state, Text *problem);            /* else the sentence about all of them */
 
 #endif

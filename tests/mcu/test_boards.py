@@ -1,0 +1,75 @@
+"""Components on a Cortex-M3 and a Cortex-M4F under QEMU: the right numbers, at the cost that the page tells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from board import BOARDS, Cost, build, missing_tools, run
+from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, line, measured
+from host import ROOT, played
+from records import in_scenario
+
+from gapsense.embedded.design import designed
+from gapsense.embedded.readme import memory
+
+# Largest instructions per step of Semera (mean) on each board, with four outputs and its parameters as constants
+AIM = {"Cortex-M3": 5600, "Cortex-M4F": 225}
+NEAR = 0.15  # compilers differ
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(missing_tools()), reason=f"{', '.join(missing_tools())} not installed"),
+]
+
+
+@pytest.mark.parametrize("board", BOARDS)
+@pytest.mark.parametrize("name", ["semera", "hybrid_ekf", "sensor"])
+def test_the_example_prints_there_what_it_prints_here(name: str, board: str, tmp_path: Path) -> None:
+    design = designed(ROOT / "fmus" / name, "float")
+    here = played(design, tmp_path)
+    program = build(design, tmp_path, BOARDS[board], "-Os", tmp_path / f"{name}_main.c", ("-I", str(tmp_path)))
+    titles, *rows = run(program, BOARDS[board]).splitlines()
+    assert titles.split(",") == [*design.kept["outputs"]]
+    there = [[float(cell) for cell in row.split(",")] for row in rows]
+    assert there == here if name != "sensor" else len(there) == len(here)  # whose noise is made with log, sin and cos
+
+
+@pytest.fixture(scope="module", params=ROWS, ids=lambda row: f"{row.part}-{len(row.outputs)}-{row.is_baked}")
+def found(request: pytest.FixtureRequest) -> tuple[Row, dict[str, Cost]]:
+    return request.param, {board: measured(request.param, board) for board in BOARDS}
+
+
+def test_page_tells_what_is_measured(found: tuple[Row, dict[str, Cost]]) -> None:
+    page = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0].splitlines()
+    text = line(*found)
+    head = text.split("|")[1:3]
+    told = [row for row in page if row.split("|")[1:3] == head]
+    assert len(told) == 1, f"{text}\nis not in {PAGE.name}. Run `python benchmarks/mcu.py --write`."
+    for old, new in zip(numbers(told[0]), numbers(text), strict=True):
+        assert abs(new - old) <= NEAR * old, f"{text}\nis\n{told[0]}\nin {PAGE.name}."
+
+
+def numbers(text: str) -> list[float]:
+    """Instructions, flash, RAM and stack of a row."""
+    return [float(word.replace(",", "")) for cell in text.split("|")[3:9] for word in cell.replace(", ", " ").split()]
+
+
+def test_readme_tells_the_memory(found: tuple[Row, dict[str, Cost]]) -> None:
+    row, costs = found
+    given = in_scenario(row.scenario, row.part)
+    design = designed(given.folder, "float", row.outputs, given.values, row.is_baked)
+    assert {cost.memory for cost in costs.values()} == {memory(design)}
+
+
+def test_float_is_near_double(found: tuple[Row, dict[str, Cost]]) -> None:
+    row, costs = found
+    for cost in costs.values():
+        error, largest = cost.errors[row.watched]
+        assert error <= 1e-3 * largest, cost.errors
+
+
+def test_semera_keeps_within_its_aim(found: tuple[Row, dict[str, Cost]]) -> None:
+    row, costs = found
+    if row.part != "semera" or row.outputs != FOUR or not row.is_baked:
+        pytest.skip("the aim is for another row")
+    assert all(costs[board].mean < aim for board, aim in AIM.items()), costs
