@@ -76,6 +76,8 @@ def test_inputs_beyond_their_range(subject: Subject, one: Instance) -> None:
             else:
                 text = say("correct_inputs", wrong_value(port, value))
                 refused(answer, in_step(subject, 0.0, subject.step, text))
+                one.again("initializing").all(("SetReal", [k], [value]))
+                refused(one.do("ExitInitializationMode"), subject.said(text))
         for value in (v for v in (port.min, port.max) if v is not None):
             one.again("running").all(("SetReal", [k], [value]), ("DoStep", 0.0, subject.step, 1))
 
