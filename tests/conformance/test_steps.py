@@ -66,6 +66,14 @@ def test_times_that_are_rounded_are_no_jumps(subject: Subject, one: Instance) ->
         one.all(*(("DoStep", (start + k * h) * (1.0 + (-1) ** k * 3e-16), h, 1) for k in range(100)))
 
 
+def test_times_so_late_that_a_step_is_lost_in_them(subject: Subject, one: Instance) -> None:
+    """A run whose start was not told may begin anywhere; the samples are counted nevertheless."""
+    h = subject.period or subject.step
+    for time in (1e15, 1e100, 1e300):
+        one.all(("Reset",), ("EnterInitializationMode",), ("ExitInitializationMode",))
+        one.all(*(("DoStep", time, size, 1) for size in (h, 2.0 * h, h)))
+
+
 def test_steps_that_do_not_fit_the_samples(subject: Subject, one: Instance) -> None:
     period = subject.period
     if not period:
