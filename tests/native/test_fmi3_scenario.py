@@ -17,11 +17,13 @@ from gapsense.cosim.run import taken_run
 SCENARIOS = ROOT / "scenarios"
 CASES = [
     ("semera_valve", None),
-    ("pot_magnet", None),
-    ("profiles", None),
-    ("bounded_ukf", None),
-    ("soft_landing", None),
-    ("estimators", "other_physics"),
+    *(
+        pytest.param(*case, marks=pytest.mark.slow)
+        for case in (
+            *(("pot_magnet", None), ("profiles", None), ("bounded_ukf", None), ("soft_landing", None)),
+            ("estimators", "other_physics"),
+        )
+    ),
 ]
 COUNT, EVERY = 500, 251
 

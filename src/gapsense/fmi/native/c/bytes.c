@@ -218,6 +218,8 @@ static int is_own(const unsigned char *bytes, Text *problem)
     memcpy(build, bytes + WORD, BUILD);
     if (!strcmp(build, model.build))
         return 1;
+    for (int k = 0; k < BUILD; k++) /* a message is UTF-8, whatever the bytes are */
+        build[k] = build[k] > ' ' && build[k] < 127 ? build[k] : '?';
     text_add(problem, SAY_OTHER_BUILD, build, model.build);
     return 0;
 }
