@@ -4,13 +4,13 @@
 static Place of_port(const Port *port)
 {
     static const Type types[] = {FLOAT64, INT32, TRUTH, TEXT};
-    const Place place = {port->choices ? INT64 : types[port->kind], 1, 0, port, NULL, NULL};
+    const Place place = {port->choices ? INT64 : types[port->kind], 1, 0, port, NULL, NULL, NULL};
     return place;
 }
 
 Place place_of(unsigned reference)
 {
-    Place place = {FLOAT64, reference == arrays.time, 0, NULL, NULL, NULL};
+    Place place = {FLOAT64, reference == arrays.time, 0, NULL, NULL, NULL, NULL};
     if (reference < (unsigned)model.port_count)
         return of_port(model.ports + reference);
     for (int k = 0; k < arrays.table_count; k++) {
@@ -24,7 +24,12 @@ Place place_of(unsigned reference)
     for (int k = 0; k < arrays.matrix_count; k++)
         if (arrays.matrices[k].reference == reference)
             place.matrix = arrays.matrices + k;
-    place.is_there |= place.table || place.matrix;
+    if (arrays.motion && reference - arrays.motion->count <= (unsigned)arrays.motion->signal_count) {
+        place.motion = arrays.motion;
+        place.head = (int)(reference - arrays.motion->count) - 1;
+        place.type = place.head < 0 ? INT32 : FLOAT64;
+    }
+    place.is_there |= place.table || place.matrix || place.motion;
     return place;
 }
 
@@ -32,6 +37,8 @@ size_t size_of(const State *s, const Place *place)
 {
     if (place->matrix)
         return (size_t)place->matrix->size * (size_t)place->matrix->size;
+    if (place->motion)
+        return place->head < 0 ? 1 : MOTION_ROWS;
     return place->table && place->head >= 0 ? (size_t)table_rows(s, place->table) : 1;
 }
 
@@ -61,7 +68,7 @@ int are_scalars(const unsigned *references, size_t count)
 void add_name(Text *text, const Place *place)
 {
     if (!place->table) {
-        text_add(text, "%s", place->matrix ? place->matrix->name : "time");
+        text_add(text, "%s", place->matrix ? place->matrix->name : place->motion ? "smoothed_motion" : "time");
         return;
     }
     const Port *port = model.ports + place->table->port;
