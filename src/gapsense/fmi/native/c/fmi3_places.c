@@ -46,6 +46,8 @@ Status check(Instance *i, const char *name, Type type, const unsigned *reference
 {
     static const char *const names[] = {"Float64", "Int32", "Int64 or Enumeration", "UInt64", "Boolean", "String"};
     size_t expected = 0;
+    if (type == FLOAT64 && values == count && are_below((unsigned)model.signals, references, count))
+        return FINE; /* inputs and outputs are Real: the usual case */
     for (size_t k = 0; k < count; k++) {
         const Place place = place_of(references[k]);
         if (!place.is_there || place.type != type)
@@ -57,12 +59,17 @@ Status check(Instance *i, const char *name, Type type, const unsigned *reference
     return FINE;
 }
 
-int are_scalars(const unsigned *references, size_t count)
+int are_below(unsigned limit, const unsigned *references, size_t count)
 {
     int below = 1;
     for (size_t k = 0; k < count; k++)
-        below &= references[k] < (unsigned)model.port_count;
+        below &= references[k] < limit;
     return below;
+}
+
+int are_scalars(const unsigned *references, size_t count)
+{
+    return are_below((unsigned)model.port_count, references, count);
 }
 
 void add_name(Text *text, const Place *place)

@@ -22,6 +22,7 @@ void add_name(Text *text, const Place *place);          /* of a variable that is
 
 /* Are there such variables, and as many values as they have? */
 Status check(Instance *instance, const char *name, Type type, const unsigned *references, size_t count, size_t values);
+int are_below(unsigned limit, const unsigned *references, size_t count);
 int are_scalars(const unsigned *references, size_t count);
 
 #endif
