@@ -10,6 +10,7 @@ import math
 from .sentences import Refusal, say
 
 TOLERANCE = 1e-9  # relative, on sizes of steps: hosts round
+MOST_TOLERANCE = 0.01  # however much time is rounded
 MOST_SAMPLES = 1e7  # in a step: minutes, in which nothing else happens
 SHIFT, ROUNDINGS = 1e-6, 8  # of a step, and of its time, by which it may begin too early or too late
 
@@ -23,9 +24,9 @@ def refuse_jump(time: float, step: float, expected: float) -> None:
 
 def samples_due(end: float, step: float, period: float, elapsed: float) -> tuple[int, float]:
     """How many samples fall due in a step, and the time from the last one to its end; inputs are held within it."""
-    tolerance = TOLERANCE + 2.0 * math.ulp(end) / step  # a step may be a difference of times
+    tolerance = min(TOLERANCE + 2.0 * math.ulp(end) / step, MOST_TOLERANCE)  # a step may be a difference of times
     ratio = step / period if step >= period else period / step
-    if abs(ratio - round(ratio)) > tolerance * ratio:
+    if math.isinf(ratio) or abs(ratio - round(ratio)) > tolerance * ratio:
         raise Refusal(say("no_fraction", step, period))
     if step / period > MOST_SAMPLES:
         raise Refusal(say("too_many_samples", step, step / period, period))

@@ -7,6 +7,7 @@
 #include "values.h"
 
 #define TOLERANCE 1e-9 /* relative, on sizes of steps: hosts round */
+#define MOST_TOLERANCE 0.01
 #define MOST_SAMPLES 1e7
 #define SHIFT 1e-6     /* of a step by which it may begin too early or too late, */
 #define ROUNDINGS 8    /* and of its time */
@@ -101,7 +102,8 @@ static Status is_next(Instance *i, double time, double step)
 static Status samples_due(Instance *i, double end, double step, double *count, double *elapsed)
 {
     const double period = i->state->period;
-    const double tolerance = TOLERANCE + 2.0 * rounding(end) / step; /* a step may be a difference of times */
+    const double rounded = 2.0 * rounding(end) / step; /* a step may be a difference of times */
+    const double tolerance = fmin(TOLERANCE + rounded, MOST_TOLERANCE);
     const double ratio = step >= period ? step / period : period / step;
     if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio))
         return refuse(i, SAY_NO_FRACTION, step, period);
