@@ -86,6 +86,27 @@ def test_steps_that_do_not_fit_the_samples(subject: Subject, one: Instance) -> N
     refused_step(one, period / 2, period, say("past_sample", period, half, period))
 
 
+def test_steps_that_are_no_whole_fraction_in_any_number(subject: Subject, one: Instance) -> None:
+    period = subject.period
+    if not period:
+        pytest.skip("a component that is not sampled takes any step")
+    for size in (5e-324, 1e-320):
+        one.all(("Reset",))
+        refused_step(one.bring("running"), 0.0, size, say("no_fraction", size, period))
+
+
+def test_step_that_is_lost_in_the_time_holds_no_sample(subject: Subject, one: Instance) -> None:
+    """Its rounding is many times the step itself."""
+    period = subject.period
+    if not period:
+        pytest.skip("a component that is not sampled takes any step")
+    row = rows(subject.component, 1, 1)[0]
+    one.bring("running", 1.0).all(("DoStep", 1.0, period / 2, 1), ("SetReal", subject.refs("input"), row))
+    before = one.outputs()
+    assert step(one, 1.0 + period / 2, 1e-20).status == OK
+    assert one.outputs() == before
+
+
 # Awkward steps --------------------------------------------------------------------------------------------------------
 
 
