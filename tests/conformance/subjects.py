@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from select import select
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -15,6 +16,7 @@ from gapsense.fmi.sentences import say
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 COSIMULATION = 1
+PATIENCE = 600.0  # s, with one list of calls
 PLATFORM, SUFFIX = {"win32": ("win64", "dll"), "darwin": ("darwin64", "dylib")}.get(sys.platform, ("linux64", "so"))
 
 
@@ -56,6 +58,8 @@ class Subject:
         assert self.process is not None and self.process.stdin is not None and self.process.stdout is not None
         self.process.stdin.write(json.dumps(calls) + "\n")
         self.process.stdin.flush()
+        if PLATFORM != "win64" and not select([self.process.stdout], [], [], PATIENCE)[0]:
+            self.process.kill()
         line = self.process.stdout.readline()
         if not line:
             raise HostEnded(f"the host has ended with {self.process.wait()} at one of {str(calls)[:2000]}")
