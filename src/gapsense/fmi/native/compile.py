@@ -71,9 +71,20 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
         _put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
         own = [_compiled(folder / file, compiler) for file in OWN]
         library = folder / f"{name}{compiler.binary.ending}"
-        link = ("-shared", "-s", *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
+        called = (
+            (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
+        )  # else the full path
+        link = ("-shared", "-s", *called, *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
         _run((*compiler.command, *link), library.name)
-        return library.read_bytes()
+        return timeless(library.read_bytes())
+
+
+def timeless(library: bytes) -> bytes:
+    """A library for Windows without the time at which it was linked; all others have none."""
+    if library[:2] != b"MZ":
+        return library
+    at = struct.unpack_from("<I", library, 0x3C)[0] + 8  # where its header begins; the time is the third word
+    return library[:at] + bytes(4) + library[at + 4 :]
 
 
 def _put(files: Mapping[str, str], folder: Path) -> None:
