@@ -25,11 +25,14 @@ CONTENTS: dict[str, str] = {
     "cell missing": "{head}\n{0}\n{1}\n2\n{3}\n",
     "other unit": "{milli}\n{0}\n{1}\n{2}\n{3}\n",
     "not closed": '{head}\n{0}\n"{1}\n',
+    "other digits": "{head}\n{0}\n{1}\n{digits}\n{3}\n",
+    "zero byte": "{head}\n{0}\n{1}\n{2}\n{3}\n\0",
     "latin": "{head}\n{0}\n{1}\n\udce9\n",
 }
 ORDERS: dict[str, str] = {
     "plain": "{head}\n{0}\n{1}\n{2}\n{3}\n{4}\n",
     "spreadsheet": "\ufeff{head}\r\n{0}\r\n\r\n{1}\r\n{2}\r\n{3}\r\n{4}\r\n",
+    "spaces": "{head}\n{0}\n\x1c{1}\u00a0\n\u3000{2}\n{3}\n{4}\n",
     "quoted": '{quoted}\n{0}\n{1}\n"3.0",{rest}\n{3}\n{4}',
 }
 
@@ -43,7 +46,8 @@ def written(folder: Path, name: str, port: Port, content: str) -> str:
     """A file for a table; all its columns rise."""
     names = heads(port.columns)
     lines = {str(k): ",".join(str(k * (j + 1.5)) for j in range(len(names))) for k in range(5)}
-    odd = {word: ",".join(["2", *[word] * (len(names) - 1)]) for word in ("nan", "text")}
+    odd = {word: ",".join(["2", *[word] * (len(names) - 1)]) for word in ("nan", "text", "\u0665")}
+    odd["digits"] = odd.pop("\u0665")
     head, milli = ",".join(names), ",".join(f"{n.partition(' [')[0]} [milli]" for n in names)
     quoted, rest = ",".join(f'"{n}"' for n in names), ",".join(str(2 * (j + 1.5)) for j in range(1, len(names)))
     for key, text in {**lines, **odd, "head": head, "milli": milli, "quoted": quoted, "rest": rest}.items():
@@ -69,6 +73,10 @@ def test_files_of_the_user_are_read(subject: Subject, one: Instance, tmp_path: P
             start(one, port, written(tmp_path, name, port, content))
             one.all(("ExitInitializationMode",))
             outputs.append(one.run(rows(subject.component, 20)))
+        upper = Path(written(tmp_path, "upper", port, ORDERS["plain"])).rename(tmp_path / "UPPER.CSV")
+        start(one, port, str(upper))
+        one.all(("ExitInitializationMode",))
+        outputs.append(one.run(rows(subject.component, 20)))
         assert outputs[1:] == outputs[:-1]
 
 
@@ -76,6 +84,12 @@ def test_problems_of_files_are_told_in_one_wording(subject: Subject, one: Instan
     for port in tables(subject.component):
         files = {name: written(tmp_path, name, port, content) for name, content in CONTENTS.items()}
         files |= {"missing": str(tmp_path / "für/100 %s %n.csv"), "folder": str(tmp_path), "no csv": "/etc/passwd"}
+        files |= {
+            "empty name": "",
+            "long name": "x" * 300 + ".csv",
+            "dots": "./none.csv",
+            "ours": "../modelDescription.xml",
+        }
         for name, file in files.items():
             start(one, port, file)
             with pytest.raises(ValuesError) as caught:

@@ -26,7 +26,7 @@ def samples_due(end: float, step: float, period: float, elapsed: float) -> tuple
     """How many samples fall due in a step, and the time from the last one to its end; inputs are held within it."""
     tolerance = min(TOLERANCE + 2.0 * math.ulp(end) / step, COARSEST)  # a step may be a difference of times
     ratio = step / period if step >= period else period / step
-    if abs(ratio - round(ratio)) > tolerance * ratio:
+    if math.isinf(ratio) or abs(ratio - round(ratio)) > tolerance * ratio:
         raise Refusal(say("no_fraction", step, period))
     if step / period > MOST_SAMPLES:
         raise Refusal(say("too_many_samples", step, step / period, period))

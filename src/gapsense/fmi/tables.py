@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
+import os
 import re
 from itertools import accumulate
 from pathlib import Path
@@ -14,22 +16,22 @@ SPLINE_ROWS = 4  # a cubic spline needs them
 HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")  # name and unit, `time [s]` or `time (s)`
 
 
-def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
-    """Columns of a CSV file with a header; the first must not decrease.
+def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = ".") -> list[list[float]]:
+    """Columns of a CSV file with a header, looked for in the folder first; the first must not decrease.
 
     `rising:y` is a column `y` that must increase from row to row, `integral:y` is the integral of `y` over the first
     column, `spline:y` the second derivative of its cubic spline.  `y [V]` says its unit, which the header of the file
     may leave out; another unit is refused, nothing is converted.  A ValueError has all problems of the file: missing
     columns, cells without a finite number, too few rows, rows out of order.
     """
-    if path.suffix.lower() != ".csv":  # what other files hold is nobody's business: messages tell cells and headers
-        raise ValueError(say("no_csv_name", path, ", ".join(heads(columns))))
-    if not path.is_file():
-        raise ValueError(say("no_file", path, ", ".join(heads(columns))))
+    if Path(name).suffix.lower() != ".csv":  # what others hold is nobody's business: messages tell cells and headers
+        raise ValueError(say("no_csv_name", name, ", ".join(heads(columns))))
+    tried = (Path(folder) / name, Path(name))
+    path = next((p for p in tried if os.path.isfile(p)), None)  # noqa: PTH113 -- takes names that are too long
+    if path is None:
+        raise ValueError(say("no_file", name, ", ".join(heads(columns))))
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, row) for row in reader if row]
+        rows = _rows(path)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(say("no_csv", path.name, error)) from error
     problems: list[str] = []
@@ -43,6 +45,15 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[list[float]]:
         raise ValueError(say("wrong_file", path.name, "; ".join(problems)))
     xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
     return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Rows that are not empty, with their lines."""
+    content = path.read_bytes().decode("utf-8-sig")
+    if "\0" in content:  # some versions of the reader take it
+        raise csv.Error("line contains NUL")
+    reader = csv.reader(io.StringIO(content, newline=""))
+    return [(reader.line_num, row) for row in reader if row]
 
 
 def heads(columns: tuple[str, ...]) -> list[str]:
@@ -107,8 +118,9 @@ def _disorder(name: str, values: list[float], lines: list[int], is_rising: bool)
 
 def _number(row: list[str], index: int, column: str, line: int, problems: list[str]) -> float:
     text = row[index] if index < len(row) else ""
+    digits = text.strip()
     try:
-        value = float(text)
+        value = float(digits) if digits.isascii() else math.nan  # digits of other scripts are none in C
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

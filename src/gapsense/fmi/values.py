@@ -113,6 +113,5 @@ def _excess(limit: Limit, values: Mapping[str, Any]) -> str:
 
 
 def _tables(port: Port, file: str, folder: Path) -> dict[str, list[float]]:
-    shipped = folder / file
-    tables = read_table(shipped if shipped.is_file() else Path(file), port.columns)
+    tables = read_table(file, port.columns, folder)
     return {f"{port.field}_{column_name(c)}": t for c, t in zip(port.columns, tables)}

@@ -13,6 +13,7 @@ from gapsense.native import NativeError
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
 PROCESSORS = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}  # type and subtype, as macOS numbers them
+PE_HEADER, TIME = 60, 8  # where a library for Windows says where its header is, and the time in that
 OWN = ("model.c", "kernel.c", "arrays.c")  # what differs between components
 
 
@@ -43,6 +44,14 @@ def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], w
     return fat(made) if len(made) > 1 else next(iter(made.values()))
 
 
+def timeless(library: bytes) -> bytes:
+    """A library without the time at which it was linked, which one for Windows has in its header."""
+    if library[:2] != b"MZ":
+        return library
+    at = struct.unpack_from("<I", library, PE_HEADER)[0] + TIME
+    return library[:at] + bytes(4) + library[at + 4 :]
+
+
 def fat(libraries: Mapping[str, bytes]) -> bytes:
     """A library of macOS for several processors, by target, from one for each."""
     step = 1 << FAT_ALIGNMENT
@@ -71,20 +80,11 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
         _put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
         own = [_compiled(folder / file, compiler) for file in OWN]
         library = folder / f"{name}{compiler.binary.ending}"
-        called = (
-            (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
-        )  # else the full path
+        # Else a library for macOS holds the path of this folder.
+        called = (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
         link = ("-shared", "-s", *called, *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
         _run((*compiler.command, *link), library.name)
         return timeless(library.read_bytes())
-
-
-def timeless(library: bytes) -> bytes:
-    """A library for Windows without the time at which it was linked; all others have none."""
-    if library[:2] != b"MZ":
-        return library
-    at = struct.unpack_from("<I", library, 0x3C)[0] + 8  # where its header begins; the time is the third word
-    return library[:at] + bytes(4) + library[at + 4 :]
 
 
 def _put(files: Mapping[str, str], folder: Path) -> None:

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "arrays.h"
 #include "sentences.h"
 #include "values.h"
 
@@ -40,6 +41,7 @@ static Status publish(Instance *i)
         odd += i->outputs[k] - i->outputs[k];
     if (odd == 0.0) {
         memcpy(i->state->values + model.inputs, i->outputs, (size_t)count * sizeof *i->outputs);
+        motion_note(i->state);
         return FINE;
     }
     Text names = {NULL, 0, 0};
