@@ -16,7 +16,7 @@ from unpacked_native import bits, compiled_host, expected, outputs, unpack
 
 from gapsense.fmi.components import load_component
 from gapsense.fmi.native import package
-from gapsense.fmi.native.compile import FAT_ALIGNMENT, FAT_MAGIC, fat
+from gapsense.fmi.native.compile import FAT_ALIGNMENT, FAT_MAGIC, fat, timeless
 from gapsense.fmi.native.platforms import NO_FOLDING, PLATFORMS
 from gapsense.native import ZIG, zig_version
 
@@ -110,10 +110,13 @@ def test_fmus_for_two_platforms_are_small(everywhere: Path) -> None:
 
 @pytest.mark.slow
 def test_a_second_build_gives_the_same_bytes(everywhere: Path, tmp_path: Path) -> None:
-    folder = ROOT / "fmus" / "ertss"
-    platforms = ("linux64", "win64", "aarch64-linux")
-    for _, path in package.build([folder], tmp_path, platforms, {}):
-        assert path.read_bytes() == (everywhere / path.relative_to(tmp_path)).read_bytes()
+    """For all platforms, in other folders and at another time."""
+    first, second = (
+        list(package.build([ROOT / "fmus" / "semera"], tmp_path / name, [*PLATFORMS], {})) for name in ("one", "other")
+    )
+    assert len(first) == len(second) == 3
+    for (_, one), (_, other) in zip(first, second):
+        assert one.read_bytes() == other.read_bytes()
 
 
 @pytest.mark.slow
@@ -136,6 +139,12 @@ def test_libraries_of_two_processors_lie_side_by_side() -> None:
     step = 1 << FAT_ALIGNMENT
     assert made[step : step + 3] == b"one"
     assert made[2 * step :] == b"other"
+
+
+def test_library_for_windows_says_no_time() -> None:
+    head = b"MZ" + bytes(58) + struct.pack("<I", 64) + b"PE\0\0" + bytes(4)
+    assert timeless(head + b"time" + b"rest") == head + bytes(4) + b"rest"
+    assert timeless(b"\x7fELF time") == b"\x7fELF time"
 
 
 def test_what_decides_the_numbers_is_among_the_options() -> None:

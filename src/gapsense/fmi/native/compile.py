@@ -80,7 +80,9 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
         _put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
         own = [_compiled(folder / file, compiler) for file in OWN]
         library = folder / f"{name}{compiler.binary.ending}"
-        link = ("-shared", "-s", *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
+        # Else a library for macOS holds the path of this folder.
+        called = (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
+        link = ("-shared", "-s", *called, *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
         _run((*compiler.command, *link), library.name)
         return timeless(library.read_bytes())
 
