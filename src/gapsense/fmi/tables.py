@@ -26,8 +26,8 @@ def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = 
     """
     if Path(name).suffix.lower() != ".csv":  # what others hold is nobody's business: messages tell cells and headers
         raise ValueError(say("no_csv_name", name, ", ".join(heads(columns))))
-    places = (Path(folder) / name, Path(name))
-    path = next((p for p in places if os.path.isfile(p)), None)  # noqa: PTH113 -- takes names that are too long
+    either = (Path(folder) / name, Path(name))
+    path = next((p for p in either if os.path.isfile(p)), None)  # noqa: PTH113 -- takes names that are too long
     if path is None:
         raise ValueError(say("no_file", name, ", ".join(heads(columns))))
     try:
