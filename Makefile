@@ -1,10 +1,10 @@
-# make demo | test | fast | slow | bench: each sets up .venv and builds the FMUs first.  PYTHON=python3.12 chooses another Python.
+# make demo | test | fast | slow | bench | release: each sets up .venv and builds the FMUs first.  PYTHON=python3.12 chooses another Python.
 PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test fast lint types unit scenarios slow bench fmus natives clean
+.PHONY: demo test fast lint types unit scenarios slow bench release fmus natives ziglang clean
 
 demo: fmus
 	$(BIN)/gapsense run scenarios/semera_valve
@@ -29,8 +29,7 @@ unit: fmus
 scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
 
-slow: fmus
-	@$(INSTALL) --editable '.[dev,native]' || echo "ziglang is not available: native FMUs of other platforms are not tested"
+slow: fmus ziglang
 	$(BIN)/pytest -q -n 2 -m slow
 
 bench: fmus
@@ -38,6 +37,14 @@ bench: fmus
 	@test -e .venv-cofmupy/done || { $(PYTHON) -m venv .venv-cofmupy && .venv-cofmupy/bin/python -m pip install --quiet cofmupy==1.0.0 && touch .venv-cofmupy/done; } || echo "cofmupy is not available for this Python: its row is empty"
 	$(BIN)/python benchmarks/runner.py
 	$(BIN)/python benchmarks/filters.py
+
+release: ziglang
+	rm -rf dist/native
+	$(BIN)/python build_fmus.py --native --out dist/native
+	cd dist && ../$(BIN)/python -m zipfile -c gapsense-native-fmus.zip native/
+
+ziglang: .venv/installed
+	@$(INSTALL) --editable '.[dev,native]' || echo "ziglang is not available: no native FMUs of other platforms"
 
 fmus: build/fmus/.built
 
@@ -60,4 +67,4 @@ build/native/.built: .venv/installed $(SOURCES)
 	@touch $@
 
 clean:
-	rm -rf .venv .venv-cofmupy build results
+	rm -rf .venv .venv-cofmupy build dist results

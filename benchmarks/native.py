@@ -13,10 +13,11 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from ctypes import c_double, c_uint
+from ctypes import CFUNCTYPE, byref, c_double, c_int, c_size_t, c_uint, c_void_p, sizeof
 from pathlib import Path
 from statistics import median
 from time import perf_counter
+from typing import Any
 from xml.etree import ElementTree
 
 from gapsense.fmi.components import COMPONENTS, find_components, load_component
@@ -95,16 +96,24 @@ def through_fmpy(name: str, unpacked: Path, table: Path) -> float:
     slave.exitInitializationMode()
     with table.open(newline="", encoding="utf-8") as file:
         rows = [[float(value) for value in row] for row in list(csv.reader(file))[1:]]
-    given, got = (c_uint * counts[0])(*range(counts[0])), (c_uint * counts[1])(*range(counts[0], sum(counts)))
+    references = (c_uint * sum(counts))(*range(sum(counts)))
+    given, got = byref(references), byref(references, counts[0] * sizeof(c_uint))
     inputs = [(c_double * counts[0])(*row[1:]) for row in rows]
     outputs, step, c = (c_double * counts[1])(), rows[1][0], slave.component
-    set_, go, get = slave.dll.fmi2SetReal, slave.dll.fmi2DoStep, slave.dll.fmi2GetReal
+    set_, go, get = (raw(slave, call) for call in ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal"))
     begin = perf_counter()
     for k in range(STEPS):
         set_(c, given, counts[0], inputs[k % ROWS])
         go(c, k * step, step, 1)
         get(c, got, counts[1], outputs)
     return 1e6 * (perf_counter() - begin) / STEPS
+
+
+def raw(slave: Any, call: str) -> Any:
+    """A function of the FMU that takes arrays as they are."""
+    is_step = call == "fmi2DoStep"
+    types = (c_void_p, c_double, c_double, c_int) if is_step else (c_void_p, c_void_p, c_size_t, c_void_p)
+    return CFUNCTYPE(c_int, *types)((call, slave.dll))
 
 
 if __name__ == "__main__":

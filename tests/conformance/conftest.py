@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can be imported by its tests
+sys.path.extend(str(Path(__file__).parents[1] / name) for name in ("conformance", "fmus", "native"))  # with helpers
 
 from subjects import PLATFORM, Instance, Subject
 

@@ -121,6 +121,11 @@ class Instance:
         self.time = time
         return self
 
+    def again(self, phase: str, time: float = 0.0) -> Instance:
+        """Reset, and bring into a phase."""
+        self.all(("Reset",))
+        return self.bring(phase, time)
+
     def set(self, port: Port, value: Any) -> Answer:
         """Set one variable."""
         return self.do(f"Set{port.kind}", [self.subject.component.ports.index(port)], [value])

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import pytest
 from subjects import DISCARD, ERROR, OK, Instance, Subject, refused
 
 from gapsense.fmi.life import ALLOWED, KINDS, PHASES, phases_of
 from gapsense.fmi.sentences import say
-
-INFINITIES = (math.nan, math.inf, -math.inf)
 
 
 def trial(subject: Subject, call: str) -> tuple[Any, ...]:
@@ -24,30 +21,28 @@ def trial(subject: Subject, call: str) -> tuple[Any, ...]:
     return (name,) if kind else ()
 
 
-@pytest.mark.parametrize("phase", PHASES)
-def test_calls_are_allowed_in_their_phases_alone(subject: Subject, one: Instance, phase: str) -> None:
-    for call, phases in ALLOWED.items():
-        one.all(("Reset",))
-        one.bring(phase)
+def test_calls_are_allowed_in_their_phases_alone(subject: Subject, one: Instance) -> None:
+    for phase, (call, phases) in [(phase, item) for phase in PHASES for item in ALLOWED.items()]:
+        one.again(phase)
         name, *arguments = trial(subject, call)
         answer = one.do(name, *arguments)
         if phase in phases:
-            assert (answer.status, answer.log) == (OK, []), call
+            assert (answer.status, answer.log) == (OK, []), (call, phase)
             continue
         sentence = say("wrong_phase", call, phase, phases_of(call))
         said = ("said_in_step", 0.0, subject.step) if name == "DoStep" else ("said",)
         refused(answer, say(said[0], "one", subject.component.name, *said[1:], sentence))
-        assert f"`{'failed'}`" in one.do("DoStep", 0.0, subject.step, 1).log[0][3], call
+        assert "`failed`" in one.do("DoStep", 0.0, subject.step, 1).log[0][3], (call, phase)
 
 
-@pytest.mark.parametrize("phase", PHASES)
-def test_some_calls_are_always_allowed(subject: Subject, one: Instance, phase: str) -> None:
-    one.bring(phase)
-    one.all(("SetDebugLogging", 1, []), ("GetFMUstate", 0), ("SerializeFMUstate", 0))
-    data = one.do("SerializeFMUstate", 0).value
-    one.all(("DeSerializeFMUstate", data, 1), ("SetFMUstate", 1), ("SetFMUstate", 0))
-    one.all(("FreeFMUstate", 0), ("FreeFMUstate", 1), ("Reset",))
-    one.bring("running").run([[p.start for p in subject.component.of("input")]])
+def test_some_calls_are_always_allowed(subject: Subject, one: Instance) -> None:
+    for phase in PHASES:
+        one.again(phase)
+        one.all(("SetDebugLogging", 1, []), ("GetFMUstate", 0), ("SerializeFMUstate", 0))
+        data = one.do("SerializeFMUstate", 0).value
+        one.all(("DeSerializeFMUstate", data, 1), ("SetFMUstate", 1), ("SetFMUstate", 0))
+        one.all(("FreeFMUstate", 0), ("FreeFMUstate", 1))
+    one.again("running").run([[p.start for p in subject.component.of("input")]])
 
 
 def test_failed_instance_can_be_read_reset_and_brought_back(subject: Subject, one: Instance) -> None:
@@ -75,33 +70,32 @@ def test_what_is_not_provided_says_so_and_changes_no_phase(subject: Subject, one
     one.run([[p.start for p in subject.component.of("input")]])
 
 
-@pytest.mark.parametrize("case", ["model exchange", "no guid", "other guid", "no resources", "resources elsewhere"])
-def test_instance_that_cannot_be_is_refused_with_one_message(subject: Subject, case: str) -> None:
-    other = "{00000000-0000-0000-0000-000000000000}"
-    given: dict[str, dict[str, Any]] = {
-        "model exchange": {"kind": 0},
-        "no guid": {"guid": None},
-        "other guid": {"guid": other},
-        "no resources": {"resources": None},
-        "resources elsewhere": {"resources": "file:///nowhere/at/all"},
-    }
-    words = {
-        "model exchange": say("model_exchange"),
-        "other guid": say("wrong_guid", other, subject.guid),
-    }
-    if "resources" in case and subject.kind == "native" and not subject.component.resources:
-        pytest.skip("a native component without files does not look for any")
-    for log in (0, 1):
-        answer = subject.instantiate(log=log, **given[case])
-        assert answer.value is None
+OTHER = "{00000000-0000-0000-0000-000000000000}"
+NEVER: dict[str, tuple[dict[str, Any], str]] = {
+    "model exchange": ({"kind": 0}, say("model_exchange")),
+    "no guid": ({"guid": None}, ""),
+    "other guid": ({"guid": OTHER}, OTHER),
+    "no resources": ({"resources": None}, ""),
+    "resources elsewhere": ({"resources": "file:///nowhere/at/all"}, ""),
+}
+
+
+def test_instance_that_cannot_be_is_refused_with_one_message(subject: Subject) -> None:
+    """A native component without files does not look for any."""
+    for (case, (given, words)), log in [(item, log) for item in NEVER.items() for log in (0, 1)]:
+        if "resources" in case and subject.kind == "native" and not subject.component.resources:
+            continue
+        answer = subject.instantiate(log=log, **given)
+        assert answer.value is None, case
         ((name, status, category, text),) = answer.log
         assert (name, status, category) == ("one", ERROR, "logStatusError")
-        assert words.get(case, "") in text and text.endswith(".")
+        assert words in text and text.endswith("."), case
 
 
-@pytest.mark.parametrize("time", INFINITIES)
-def test_start_that_is_not_finite_is_refused(subject: Subject, one: Instance, time: float) -> None:
-    refused(one.do("SetupExperiment", 0, 0.0, time, 0, 0.0), subject.said(say("start_time", repr(time))))
+def test_start_that_is_not_finite_is_refused(subject: Subject, one: Instance) -> None:
+    for time in (math.nan, math.inf, -math.inf):
+        one.all(("Reset",))
+        refused(one.do("SetupExperiment", 0, 0.0, time, 0, 0.0), subject.said(say("start_time", repr(time))))
 
 
 def test_start_need_not_be_told(subject: Subject, one: Instance) -> None:

@@ -17,14 +17,13 @@ from subjects import ERROR, OK, Instance, Subject, refused
 from gapsense.fmi.sentences import SENTENCES, say
 
 FUZZ = settings(
-    max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
 def saved(one: Instance, count: int = 7) -> str:
     """Bytes of an instance that has made some steps."""
-    one.all(("Reset",))
-    one.bring("running").run(rows(one.subject.component, count))
+    one.again("running").run(rows(one.subject.component, count))
     one.all(("GetFMUstate", 0))
     data: str = one.do("SerializeFMUstate", 0).value
     one.all(("FreeFMUstate", 0))

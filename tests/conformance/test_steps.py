@@ -20,56 +20,58 @@ def refused_step(one: Instance, time: float, size: float, text: str) -> None:
     refused(step(one, time, size), said)
 
 
-@pytest.mark.parametrize("size", [0.0, -1e-3, math.nan, math.inf, -math.inf])
-def test_sizes_that_are_none(subject: Subject, one: Instance, size: float) -> None:
-    refused_step(one.bring("running"), 0.0, size, say("step_size", repr(size)))
+def test_sizes_and_times_that_are_none(subject: Subject, one: Instance) -> None:
+    cases = [(0.0, size, size) for size in (0.0, -1e-3, math.nan, math.inf, -math.inf)]
+    cases += [(time, subject.step, subject.step) for time in (math.nan, math.inf, -math.inf)]
+    for time, size, told in cases:
+        one.again("running")
+        refused_step(one, time, size, say("step_size", repr(told)))
 
 
-@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
-def test_times_that_are_none(subject: Subject, one: Instance, time: float) -> None:
-    one.bring("running")
-    refused_step(one, time, subject.step, say("step_size", repr(subject.step)))
+HUGE = [pytest.param((size,), marks=pytest.mark.slow) for size in (1e3, 1e9)]  # an actuator divides it up: a minute
 
 
-HUGE = [pytest.param(size, marks=pytest.mark.slow) for size in (1e3, 1e9)]  # an actuator divides it up: a minute
-
-
-@pytest.mark.parametrize("size", [1e-300, 1e-30, 1e-15, 0.02, *HUGE])
-def test_tiny_and_huge_steps_are_taken_or_refused(subject: Subject, one: Instance, size: float) -> None:
+@pytest.mark.parametrize("sizes", [(1e-300, 1e-30, 1e-15, 0.02), *HUGE])
+def test_tiny_and_huge_steps_are_taken_or_refused(subject: Subject, one: Instance, sizes: tuple[float, ...]) -> None:
     """Sampled components take whole multiples and fractions alone; outputs stay finite in any case."""
-    if subject.period:
-        size = {0.02: 100.0, 1e3: 1000.0, 1e9: 10000.0}.get(size, size / subject.period) * subject.period
-    one.bring("running")
-    answer = step(one, 0.0, size)
-    assert answer.status == OK or (answer.status == ERROR and len(answer.log) == 1)
-    assert all(map(math.isfinite, one.outputs()))
+    for size in sizes:
+        if subject.period:
+            size = {0.02: 100.0, 1e3: 1000.0, 1e9: 10000.0}.get(size, size / subject.period) * subject.period
+        one.again("running")
+        answer = step(one, 0.0, size)
+        assert answer.status == OK or (answer.status == ERROR and len(answer.log) == 1)
+        assert all(map(math.isfinite, one.outputs()))
 
 
-JUMPS = [1.0, -1.0, 0.5, -0.5, 1e-3, -1e-3, 2e-6]  # steps
+JUMPS = (1.0, -1.0, 0.5, -0.5, 1e-3, -1e-3, 2e-6)  # steps
 
 
-@pytest.mark.parametrize("start", [0.0, 1000.0])
-@pytest.mark.parametrize("jump", JUMPS)
-def test_jumps_in_time_are_refused(subject: Subject, one: Instance, start: float, jump: float) -> None:
+def test_jumps_in_time_are_refused(subject: Subject, one: Instance) -> None:
     h = subject.period or subject.step
-    time = start + jump * h
-    one.bring("running", start)
-    refused_step(one, time, h, say("jump", time - start, start))
-    one.all(("Reset",))
-    one.bring("running", start).all(("DoStep", start, h, 1))
-    time, end = start + h + jump * h, start + h
-    refused_step(one, time, h, say("jump", time - end, end))
+    for start, jump in [(start, jump) for start in (0.0, 1000.0) for jump in JUMPS]:
+        time = start + jump * h
+        one.again("running", start)
+        refused_step(one, time, h, say("jump", time - start, start))
+        one.again("running", start).all(("DoStep", start, h, 1))
+        time, end = start + h + jump * h, start + h
+        refused_step(one, time, h, say("jump", time - end, end))
 
 
 def test_times_that_are_rounded_are_no_jumps(subject: Subject, one: Instance) -> None:
     h = subject.period or subject.step
     for start in (0.0, 1000.0, 1e6):
-        one.all(("Reset",))
-        one.bring("running", start)
+        one.again("running", start)
         one.all(*(("DoStep", start + k * h, h, 1) for k in range(100)))
-        one.all(("Reset",))
-        one.bring("running", start)
+        one.again("running", start)
         one.all(*(("DoStep", (start + k * h) * (1.0 + (-1) ** k * 3e-16), h, 1) for k in range(100)))
+
+
+def test_times_so_late_that_a_step_is_lost_in_them(subject: Subject, one: Instance) -> None:
+    """A run whose start was not told may begin anywhere; the samples are counted nevertheless."""
+    h = subject.period or subject.step
+    for time in (1e15, 1e100, 1e300):
+        one.all(("Reset",), ("EnterInitializationMode",), ("ExitInitializationMode",))
+        one.all(*(("DoStep", time, size, 1) for size in (h, 2.0 * h, h)))
 
 
 def test_steps_that_do_not_fit_the_samples(subject: Subject, one: Instance) -> None:
@@ -79,8 +81,7 @@ def test_steps_that_do_not_fit_the_samples(subject: Subject, one: Instance) -> N
     for factor in (0.4, 0.9999, 1.0001, 1.37, 2.5):
         one.all(("Reset",))
         refused_step(one.bring("running"), 0.0, factor * period, say("no_fraction", factor * period, period))
-    one.all(("Reset",))
-    one.bring("running").all(("DoStep", 0.0, period / 2, 1))
+    one.again("running").all(("DoStep", 0.0, period / 2, 1))
     half = period / 2 + period - period
     refused_step(one, period / 2, period, say("past_sample", period, half, period))
 

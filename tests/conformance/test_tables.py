@@ -73,6 +73,10 @@ def test_files_of_the_user_are_read(subject: Subject, one: Instance, tmp_path: P
             start(one, port, written(tmp_path, name, port, content))
             one.all(("ExitInitializationMode",))
             outputs.append(one.run(rows(subject.component, 20)))
+        upper = Path(written(tmp_path, "upper", port, ORDERS["plain"])).rename(tmp_path / "UPPER.CSV")
+        start(one, port, str(upper))
+        one.all(("ExitInitializationMode",))
+        outputs.append(one.run(rows(subject.component, 20)))
         assert outputs[1:] == outputs[:-1]
 
 

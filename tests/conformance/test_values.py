@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import pytest
 from subjects import ERROR, KINDS, OK, Instance, Subject, refused
 
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.sentences import say
 from gapsense.fmi.values import problems, wrong_value
 
+NEVER = (math.nan, math.inf, -math.inf)
 VALUE: dict[str, Any] = {"Real": 0.0, "Integer": 0, "Boolean": 0, "String": "0"}
 
 
@@ -21,18 +21,13 @@ def unknown(component: Component, kind: str) -> list[int]:
     return [*others[:1], *others[-1:], len(component.ports), 9999, 2**31 - 1, 2**31, 2**32 - 2, 2**32 - 1]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_references_of_nothing_are_refused(subject: Subject, one: Instance, kind: str) -> None:
-    for ref in unknown(subject.component, kind):
+def test_references_of_nothing_are_refused(subject: Subject, one: Instance) -> None:
+    for kind, ref in [(name, ref) for name in KINDS for ref in unknown(subject.component, name)]:
         for call in (f"Get{kind}", [ref]), (f"Set{kind}", [ref], [VALUE[kind]]):
-            one.all(("Reset",))
-            one.bring("initializing")
+            one.again("initializing")
             refused(one.do(*call), subject.said(say("no_variable", kind, ref)))
-    if good := subject.refs("input", kind):
-        one.all(("Reset",))
-        one.bring("running")
-        answer = one.do(f"Set{kind}", [good[0], 9999], [VALUE[kind]] * 2)
-        refused(answer, subject.said(say("no_variable", kind, 9999)))
+    answer = one.again("running").do("SetReal", [0, 9999], [0.0, 0.0])
+    refused(answer, subject.said(say("no_variable", "Real", 9999)))
 
 
 def test_refused_setting_sets_nothing(subject: Subject, one: Instance) -> None:
@@ -45,32 +40,23 @@ def test_refused_setting_sets_nothing(subject: Subject, one: Instance) -> None:
 def test_outputs_cannot_be_set(subject: Subject, one: Instance) -> None:
     for phase in ("instantiated", "initializing", "running"):
         for ref in subject.refs("output")[:2]:
-            one.all(("Reset",))
-            one.bring(phase)
+            one.again(phase)
             name = subject.component.ports[ref].name
             refused(one.do("SetReal", [ref], [0.0]), subject.said(say("is_output", name)))
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_inputs_that_are_not_finite(subject: Subject, one: Instance, value: float) -> None:
-    inputs = subject.refs("input")
-    starts = [float(p.start) for p in subject.component.of("input")]
-    for k, port in enumerate(subject.component.of("input")):
-        one.all(("Reset",))
-        one.bring("running")
-        one.all(("SetReal", [k], [value]))
+def test_inputs_that_are_not_finite(subject: Subject, one: Instance) -> None:
+    component = subject.component
+    for (k, port), value in [(item, v) for item in enumerate(component.of("input")) for v in NEVER]:
+        one.again("running").all(("SetReal", [k], [value]))
         answer = one.do("DoStep", 0.0, subject.step, 1)
-        if subject.component.survives:
+        if component.survives:
             assert (answer.status, answer.log) == (OK, []) and all(map(math.isfinite, one.outputs()))
             continue
         text = say("inputs_not_finite", f"`{port.name}`")
         refused(answer, in_step(subject, 0.0, subject.step, text))
-        one.all(("Reset",))
-        one.bring("initializing").all(("SetReal", [k], [value]))
+        one.again("initializing").all(("SetReal", [k], [value]))
         refused(one.do("GetReal", subject.refs("output")), subject.said(text))
-    one.all(("Reset",))
-    one.bring("running").all(("SetReal", inputs, starts))
-    one.run([starts])
 
 
 def in_step(subject: Subject, time: float, step: float, text: str) -> str:
@@ -83,17 +69,17 @@ def test_inputs_beyond_their_range(subject: Subject, one: Instance) -> None:
     for k, port in enumerate(subject.component.of("input")):
         beyond = [v for v in (port.min and port.min - 1.0, port.max and port.max + 1e-9) if v is not None]
         for value in beyond:
-            one.all(("Reset",))
-            one.bring("running").all(("SetReal", [k], [value]))
+            one.again("running").all(("SetReal", [k], [value]))
             answer = one.do("DoStep", 0.0, subject.step, 1)
             if subject.component.survives:
                 assert answer.status == OK
             else:
                 text = say("correct_inputs", wrong_value(port, value))
                 refused(answer, in_step(subject, 0.0, subject.step, text))
+                one.again("initializing").all(("SetReal", [k], [value]))
+                refused(one.do("ExitInitializationMode"), subject.said(text))
         for value in (v for v in (port.min, port.max) if v is not None):
-            one.all(("Reset",))
-            one.bring("running").all(("SetReal", [k], [value]), ("DoStep", 0.0, subject.step, 1))
+            one.again("running").all(("SetReal", [k], [value]), ("DoStep", 0.0, subject.step, 1))
 
 
 def wrong(port: Port) -> list[Any]:
@@ -104,7 +90,7 @@ def wrong(port: Port) -> list[Any]:
         return []
     kind = {"Real": float, "Integer": int}[port.kind]
     ends = [v for v in (None if port.min is None else port.min - 1, None if port.max is None else port.max + 1)]
-    never = [math.nan, math.inf, -math.inf] if port.kind == "Real" else []
+    never = NEVER if port.kind == "Real" else ()
     return [*(kind(end) for end in ends if end is not None and abs(end) < 2**31), *never]
 
 
@@ -140,8 +126,7 @@ def given(one: Instance, values: dict[str, Any]) -> None:
 def test_tunable_parameters_during_a_run(subject: Subject, one: Instance) -> None:
     component = subject.component
     for port in component.of("parameter"):
-        one.all(("Reset",))
-        one.bring("running")
+        one.again("running")
         if port.variability != "tunable":
             refused(one.set(port, port.start), subject.said(say("is_fixed", port.name)))
             continue

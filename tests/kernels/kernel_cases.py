@@ -59,7 +59,8 @@ def components() -> dict[str, tuple[Any, Path]]:
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         found.setdefault(module.COMPONENT.kernel, (module.COMPONENT, file.parent))
-    return found
+    lean = {f"{name}_lean": made for name, made in found.items()}
+    return found | {name: lean[name] for name in kernel_modules() if name in lean}
 
 
 def _draw(port: Any, rng: random.Random, folder: Path) -> Iterator[tuple[str, Any]]:

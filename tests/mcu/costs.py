@@ -10,7 +10,7 @@ from board import BOARDS, Cost, cost
 from host import ROOT
 from records import in_scenario
 
-from gapsense.embedded.design import designed
+from gapsense.embedded.design import Design, designed
 
 PAGE = ROOT / "docs" / "microcontrollers.md"
 BEGIN, END = "<!-- measured by benchmarks/mcu.py -->\n", "<!-- end -->\n"
@@ -29,12 +29,14 @@ class Row(NamedTuple):
     outputs: tuple[str, ...] = ()  # all
     is_baked: bool = False
     watched: str = "flux_linkage"  # output whose error is shown
+    is_lean: bool = False
 
 
 ROWS = (
     Row("semera_valve", "semera"),
     Row("semera_valve", "semera", FOUR),
     Row("semera_valve", "semera", FOUR, True),
+    Row("semera_valve", "semera", FOUR, True, is_lean=True),
     Row("semera_valve", "integral", FOUR, True),
     Row("estimators", "ekf", watched="position"),
     Row("estimators", "ekf", ("position", "flux_linkage"), True, "position"),
@@ -45,12 +47,16 @@ ROWS = (
 )
 
 
+def design_of(row: Row) -> Design:
+    """What is exported."""
+    given = in_scenario(row.scenario, row.part)
+    return designed(given.folder, "float", row.outputs, given.values, row.is_baked, row.is_lean)
+
+
 def measured(row: Row, board: str) -> Cost:
     """What a row takes on a board, in float."""
-    given = in_scenario(row.scenario, row.part)
-    design = designed(given.folder, "float", row.outputs, given.values, row.is_baked)
     with tempfile.TemporaryDirectory() as folder:
-        return cost(design, given.rows, board, Path(folder))
+        return cost(design_of(row), in_scenario(row.scenario, row.part).rows, board, Path(folder))
 
 
 def line(row: Row, costs: dict[str, Cost]) -> str:
@@ -59,7 +65,7 @@ def line(row: Row, costs: dict[str, Cost]) -> str:
     error, largest = m4.errors[row.watched]
     what = ", ".join(row.outputs) or "all"
     cells = [
-        f"`{in_scenario(row.scenario, row.part).folder.name}`{', baked' if row.is_baked else ''}",
+        f"`{in_scenario(row.scenario, row.part).folder.name}`{', baked' * row.is_baked}{', lean' * row.is_lean}",
         what,
         *(cell for c in (m3, m4) for cell in (f"{c.mean:,.0f}, {c.most:,.0f}", f"{c.flash:,}")),
         f"{m4.memory:,}",

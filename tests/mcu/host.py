@@ -34,7 +34,7 @@ def compile_(*command: str) -> None:
     assert done.returncode == 0, done.stderr[:2000]
 
 
-def expected(design: Design, most: int = 12_000) -> list[list[float]]:
+def expected(design: Design, most: int = 6_000) -> list[list[float]]:
     """What the example must print, by the generated Python; no more rows than take so many steps."""
     module, code = design.kernel.module, design.kernel.scalar
     par = tuple(design.values[name] for name in names(module.Parameters))

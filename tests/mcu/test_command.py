@@ -68,6 +68,13 @@ def test_a_table_of_the_user_is_in_the_code(tmp_path: Path) -> None:
     compile_("gcc", "-std=c99", "-O0", "-c", str(tmp_path / "out" / "ekf.c"), "-o", str(tmp_path / "ekf.o"))
 
 
+def test_lean_is_another_form_of_those_that_have_one(tmp_path: Path) -> None:
+    code, text = run("semera", "integral_estimator", "--lean", "--out", str(tmp_path))
+    assert code == 0, text
+    assert "from gapsense.estimators.semera_lean;" in " ".join((tmp_path / "semera.c").read_text().split())
+    assert "from gapsense.estimators.integral;" in " ".join((tmp_path / "integral_estimator.c").read_text().split())
+
+
 @pytest.mark.parametrize(
     "arguments, sentence",
     [
@@ -78,6 +85,7 @@ def test_a_table_of_the_user_is_in_the_code(tmp_path: Path) -> None:
         (("semera", "--set", "coil.turns=1", "--set", "coil.turns=2"), "coil.turns: given twice. Keep one."),
         (("semera", "--set", "noise.current=-1"), "semera: `noise.current` is -1; expected at least 0 A."),
         (("semra",), "no component semra"),
+        (("ekf", "--lean"), "--lean: `ekf`: there is no such form, only of `semera`. Leave it out."),
     ],
 )
 def test_what_is_wrong_is_told_and_nothing_is_written(

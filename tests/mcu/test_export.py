@@ -17,17 +17,17 @@ from gapsense.fmi.components import find_components, load_component
 
 FOLDERS = {folder.name: folder for folder in find_components(ROOT / "fmus")}
 # Largest error of float on the reference record, of the largest value of each output. The records of `ekf`, `ertss` and
-# `bounded_ukf` are no physics: float and double part there; test_boards.py has records of a valve for them.
+# `bounded_ukf` are no physics: float and double part there; for them and `mhe` test_boards.py has records of a valve.
 FLOAT = {
     "hybrid_ekf": 5e-6,
     "integral_estimator": 1e-4,
-    "mhe": 1e-3,
     "play_actuator": 1e-4,
     "pot_magnet": 1e-4,
     "reluctance_actuator": 1e-4,
     "semera": 2e-3,
     "solenoid_valve": 1e-3,
 }
+QUICK = ("drive_voltage", "ekf", "integral_estimator", "semera", "sensor")
 CAUSES = "knownConditionTrueFalse"  # guards of divisors are conditions on conditions: compilers drop them
 CHECK = (
     "cppcheck",
@@ -56,8 +56,9 @@ def test_double_has_the_bits_of_the_python_kernel(folder: Path, tmp_path: Path) 
     assert same(played(design, tmp_path), expected(design))
 
 
-def test_so_have_some_outputs_with_parameters_as_constants(folder: Path, tmp_path: Path) -> None:
-    design = designed(folder, "double", some_outputs(folder), is_baked=True)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in FOLDERS])
+def test_so_have_some_outputs_with_parameters_as_constants(name: str, tmp_path: Path) -> None:
+    design = designed(FOLDERS[name], "double", some_outputs(FOLDERS[name]), is_baked=True)
     assert same(played(design, tmp_path), expected(design))
 
 
@@ -129,7 +130,7 @@ def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
     files = written([designed(FOLDERS["semera"])])
     assert "float prior_resistance; /* [Ohm] Expected resistance at the start; at least 1e-09 */" in files["semera.h"]
     assert "float current; /* last current measurement that was not lost [A] */" in files["semera.h"]
-    assert "/* semera._filtered: S = H @ (prior.cov @ H) + R */" in files["semera.c"]
+    assert "/* semera._seen: S = H @ (prior.cov @ H) + R */" in files["semera.c"]
     assert "/* kalman.condition: K = Ph / pivot(" in files["semera.c"]
 
 

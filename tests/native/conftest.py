@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "fmus"))  # the helpers of both folders can be imported here
 sys.path.insert(0, str(Path(__file__).parent))
 
+from core import Core
+from drivers import ROOT
 from parts import FOLDERS, Part
 from unpacked_native import Unpacked, compiled_host, unpack
 
@@ -33,3 +36,11 @@ def unpacked(part: Part, tmp_path: Path) -> Unpacked:
 def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plain host, for this machine."""
     return compiled_host(("cc",), tmp_path_factory.mktemp("host") / "host")
+
+
+@pytest.fixture(scope="session")
+def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
+    """The C of a component with tables, function by function."""
+    if not shutil.which("cc"):
+        pytest.skip("no C compiler `cc`")
+    return Core(ROOT / "fmus" / "drive_voltage", tmp_path_factory.mktemp("core"))

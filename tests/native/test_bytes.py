@@ -7,15 +7,9 @@ import struct
 
 import pytest
 from core import Core
-from test_core import DRIVE
 
 HEAD = 56  # bytes before the content: word, build, length, checksum
 FLAGS, TIMES = HEAD, HEAD + 32
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Core:
-    return Core(DRIVE, tmp_path_factory.mktemp("drive"))
 
 
 def sealed(data: bytes) -> bytes:
@@ -32,19 +26,19 @@ def with_word(data: bytes, place: int, word: int | float) -> bytes:
     return sealed(data[:place] + packed + data[place + 8 :])
 
 
-def test_what_was_written_is_read(drive: Core) -> None:
-    data = drive.fresh_bytes()
+def test_what_was_written_is_read(core: Core) -> None:
+    data = core.fresh_bytes()
     assert sealed(data) == data
-    assert drive.read_bytes(data) == ""
+    assert core.read_bytes(data) == ""
 
 
-def test_harm_is_found_by_the_checksum(drive: Core) -> None:
-    data = drive.fresh_bytes()
+def test_harm_is_found_by_the_checksum(core: Core) -> None:
+    data = core.fresh_bytes()
     for place in range(0, len(data), 7):
         changed = data[:place] + bytes([data[place] ^ 64]) + data[place + 1 :]
-        assert "the saved state is" in drive.read_bytes(changed), place
+        assert "the saved state is" in core.read_bytes(changed), place
     for other in (b"", b"GAPSENSE", data[:-1], data + b"\0", data[:HEAD], data[8:]):
-        assert "damaged: its checksum" in drive.read_bytes(other)
+        assert "damaged: its checksum" in core.read_bytes(other)
 
 
 @pytest.mark.parametrize(
@@ -59,19 +53,19 @@ def test_harm_is_found_by_the_checksum(drive: Core) -> None:
         (TIMES + 24, -1.0, "time"),
     ],
 )
-def test_what_cannot_be_is_found_without_it(drive: Core, place: int, word: int | float, part: str) -> None:
-    assert f"damaged: its {part} cannot be right" in drive.read_bytes(with_word(drive.fresh_bytes(), place, word))
+def test_what_cannot_be_is_found_without_it(core: Core, place: int, word: int | float, part: str) -> None:
+    assert f"damaged: its {part} cannot be right" in core.read_bytes(with_word(core.fresh_bytes(), place, word))
 
 
-def test_other_builds_are_told(drive: Core) -> None:
-    data = drive.fresh_bytes()
-    assert "is of build " + "x" * 32 in drive.read_bytes(sealed(data[:8] + b"x" * 32 + data[40:]))
+def test_other_builds_are_told(core: Core) -> None:
+    data = core.fresh_bytes()
+    assert "is of build " + "x" * 32 in core.read_bytes(sealed(data[:8] + b"x" * 32 + data[40:]))
 
 
-def test_anything_behind_a_right_checksum_ends_well(drive: Core) -> None:
-    rng, data = random.Random(3), drive.fresh_bytes()
+def test_anything_behind_a_right_checksum_ends_well(core: Core) -> None:
+    rng, data = random.Random(3), core.fresh_bytes()
     for _ in range(300):
         cut = rng.randrange(HEAD, len(data) + 1)
         words = b"".join(struct.pack("<Q", rng.choice((0, 1, 2, 2**31, 2**64 - 1))) for _ in range(rng.randrange(4)))
-        drive.read_bytes(sealed(data[:cut] + words + data[cut + len(words) :]))
-        drive.read_bytes(sealed(data[:cut] + rng.randbytes(rng.randrange(40))))
+        core.read_bytes(sealed(data[:cut] + words + data[cut + len(words) :]))
+        core.read_bytes(sealed(data[:cut] + rng.randbytes(rng.randrange(40))))

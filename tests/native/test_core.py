@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-import shutil
 import struct
 from pathlib import Path
 
@@ -24,13 +23,6 @@ EDGES = (0.0, -0.0, 1.0, 1e16, 1e15, 123456789012345680.0, 1e-4, 1e-5, 5e-324, 2
          1e23)  # fmt: skip
 NUMBERS = (" 1", "1_000", "1__0", "_1", "1_", "1.e5", ".5", ".", "", "+.5e-3", "1e", "1e+", "0x10", "inf", "nan", "-",
            "1e999", "1e-999", "\u00a02\u2003", "\t3\n", "1 2", "1,5", "00.10", "1._5", "1e1_0")  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
-    if not shutil.which("cc"):
-        pytest.skip("no C compiler `cc`")
-    return Core(DRIVE, tmp_path_factory.mktemp("core"))
 
 
 def doubles(count: int) -> list[float]:

@@ -16,7 +16,7 @@ from native3 import FOLDERS, Fmu, Instance, built, fmu, placed  # noqa: F401
 
 from gapsense.fmi import references
 from gapsense.fmi.fmi3.terminals import ICON, NAME, terminals
-from gapsense.fmi.native.compile import fat, thin
+from gapsense.fmi.native.compile import fat, thin, timeless
 from gapsense.fmi.native.package3 import libraries
 from gapsense.fmi.tables import heads, read_table
 
@@ -148,3 +148,9 @@ def test_every_platform_has_its_folder() -> None:
         f"binaries/x86_64-darwin/{name}.dylib": b"a",
         f"binaries/aarch64-darwin/{name}.dylib": b"b",
     }
+
+
+def test_library_for_windows_has_no_time() -> None:
+    library = b"MZ".ljust(60, b"x") + (64).to_bytes(4, "little") + b"PE\0\0....TIMErest"
+    assert timeless(library) == library.replace(b"TIME", bytes(4))
+    assert timeless(b"\x7fELF") == b"\x7fELF"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from drivers import ROOT, call, fresh
-from parts import FOLDERS, Part, tuned
+from parts import FOLDERS, Part, sample_time, tuned
 from refusals import refusals
 from test_natives import some
 from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
@@ -45,6 +45,15 @@ for one in instances:
     one.free()
 print(json.dumps([len(traces), all(trace == traces[0] for trace in traces)]))
 """
+STEPS = """
+import sys, json
+sys.path.insert(0, sys.argv[1])
+from fmu_host import Fmu, Instance
+fmu = Fmu(sys.argv[2])
+one, rows = Instance(fmu), fmu.stimulus(9, held=0.0)
+one.start(rows[0])
+print(json.dumps([one.step(row, *step) for row, step in zip(rows[1:], json.loads(sys.argv[3]))]))
+"""
 GERMAN = """
 import sys, json, locale
 locale.setlocale(locale.LC_NUMERIC, "de_DE.UTF-8")
@@ -74,6 +83,17 @@ def test_threads_have_instances_of_their_own(part: Part) -> None:
 @pytest.mark.parametrize("part", some("semera"), indirect=True)
 def test_a_thousand_instances(part: Part) -> None:
     assert child(MANY, part.path) == [1000, True]
+
+
+@pytest.mark.parametrize("part", some("sensor"), indirect=True)
+def test_step_below_a_rounding_of_its_time_ends(part: Part, fmus: Path) -> None:
+    period = sample_time(part.component)
+    if not period:
+        pytest.skip("a component that is not sampled takes any step")
+    grid = [(0.0, period), (period, 1e-300), (period, period)]
+    for path in (fmus / part.path.name, part.path):
+        first, tiny, last = child(STEPS, path, json.dumps(grid))
+        assert tiny == first != last
 
 
 @pytest.mark.parametrize("part", some("mhe"), indirect=True)

@@ -40,18 +40,24 @@ def export_c(
         typer.Option("--set", help="PARAMETER=VALUE: another start value", show_default=False),
     ] = None,
     bake: Annotated[bool, typer.Option("--bake", help="Make the parameters constants of the code")] = False,
+    lean: Annotated[
+        bool,
+        typer.Option("--lean", help="A form with fewer operations, rounded otherwise, where there is one (semera)"),
+    ] = False,
     root: Root = None,
 ) -> None:
     """Write components as C99 for microcontrollers: source, header, an example that runs, a README."""
-    from gapsense.embedded.design import check_outputs, designed
+    from gapsense.embedded.design import check_lean, check_outputs, designed
     from gapsense.embedded.export import export
 
     every = components_folder(root)
     folders = [*dict.fromkeys(find_components(every, names))]
     wanted = [name.strip() for text in outputs or () for name in text.split(",") if name.strip()]
     check_outputs(folders, wanted)
+    if lean:
+        check_lean(folders)
     values = given(folders, find_components(every), parameters or (), settings or ())
-    designs = [designed(folder, real.value, wanted, values[folder], bake) for folder in folders]
+    designs = [designed(folder, real.value, wanted, values[folder], bake, lean) for folder in folders]
     for design in designs:
         show(f"{design.name:20} {', '.join(design.kept['outputs'])}")
     files = export(designs, to)

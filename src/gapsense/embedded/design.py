@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,15 +37,30 @@ class Design(NamedTuple):
 def designed(
     folder: Path, real: str = "float", outputs: Sequence[str] = (), given: Mapping[str, Any] | None = None,
     is_baked: bool = False,
+    is_lean: bool = False,
 ) -> Design:  # fmt: skip
     """The component in `folder` with some of its outputs, or all, and other start values where they are `given`."""
     component = load_component(folder)
-    kernel, values = kernel_of(component), fields(component, given or {}, folder)
+    kernel = (is_lean and lean_kernel(component)) or kernel_of(component)
+    values = fields(component, given or {}, folder)
     wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
     initial, step, kept = needed(*kernel.traced(values if is_baked else None, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
     return Design(folder.name, folder, component, kernel, real, values, is_baked, kept, initial, prepare, step)
+
+
+def lean_kernel(component: Component) -> Kernel | None:
+    """The kernel that does the same with fewer operations, for components that have one."""
+    name = f"{component.kernel}_lean"
+    return Kernel(importlib.import_module(name)) if importlib.util.find_spec(name) else None
+
+
+def check_lean(folders: Sequence[Path]) -> None:
+    """Refuse components of which none has a lean form."""
+    if not any(lean_kernel(load_component(folder)) for folder in folders):
+        names = ", ".join(f"`{folder.name}`" for folder in folders)
+        raise InputError([f"--lean: {names}: there is no such form, only of `semera`. Leave it out."])
 
 
 def check_outputs(folders: Sequence[Path], outputs: Sequence[str]) -> None:

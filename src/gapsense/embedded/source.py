@@ -32,7 +32,8 @@ def comment(text: str, indent: str = "") -> str:
 
 def origin(design: Design) -> str:
     """Where the files come from."""
-    return f"Made by Gapsense {gapsense.__version__} from {design.component.kernel}; do not edit it, export it again."
+    made = f"Made by Gapsense {gapsense.__version__} from {design.kernel.module.__name__}"
+    return f"{made}; do not edit it, export it again."
 
 
 def header(design: Design) -> str:

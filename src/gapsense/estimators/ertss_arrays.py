@@ -1,8 +1,4 @@
-"""What a host that knows arrays can read of the state of `ertss`: the covariance of its filter.
-
-The smoothed motion is not among it.  The memory holds samples of several motions, some of them smoothed and some not
-yet, and a motion has any number of them; they are published one by one, each with its time.
-"""
+"""What a host that knows arrays can read of the state of `ertss`: the covariance of its filter."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ after an operation; each of them then starts it anew, with what it knew of r, un
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
@@ -44,7 +45,7 @@ class Parameters(NamedTuple):
 class State(NamedTuple):
     """What is carried from sample to sample."""
 
-    x: Annotated[Array, Vector(3)]  # prior estimate of (r, l, previous l) for the next sample
+    x: Annotated[Array, Vector(3)]  # prior estimate of (r, l, previous l) for the next sample, l in the form's unit
     P: Annotated[Array, Covariance(3)]  # its covariance
     current: Scalar  # last current measurement that was not lost [A]
     lost: Scalar  # 1 if a reading of the previous sample was lost, else 0
@@ -80,75 +81,108 @@ class Outputs(NamedTuple):
     health_causes: Scalar  # bits of `readings.CAUSES`
 
 
+class Seen(NamedTuple):
+    """What a sample says."""
+
+    innovation: Scalar
+    variance: Scalar  # of the innovation
+    posterior: Callable[[], Gaussian]
+
+
+class Form(NamedTuple):
+    """How the filter is written: here as printed, in `semera_lean` with fewer operations."""
+
+    unit: Callable[[Parameters], Scalar]  # in which the state has l [H]
+    seen: Callable[[Gaussian, Inputs, Scalar, Parameters], Seen]  # by a prior, with the current of the last sample
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Prior, and iota_0 registered, as after a gap; the prior belongs to sample 1 and is not propagated."""
-    r, r_var = par.prior_resistance, square(par.prior_resistance_std)
-    x, P = _at_rest(r, r_var, par)
-    before = State(x, P, current=0.0, lost=1.0, awake=0.0, rest_resistance=r, rest_variance=r_var, resistance=r)
-    return step(before, inputs, par)
-
-
-def _at_rest(r: Scalar, r_var: Scalar, par: Parameters) -> Gaussian:
-    """Estimate for a device at rest, (25)-(26)."""
-    l, l_var = par.prior_inductance, square(par.prior_inductance_std)
-    return Gaussian(vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]]))
+    return first(inputs, par, PRINTED)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample; one with a lost reading, and the one after it, are not used."""
+    return sample(state, inputs, par, PRINTED)
+
+
+def first(inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
+    """`initial` of a form."""
+    r, r_var = par.prior_resistance, square(par.prior_resistance_std)
+    x, P = _at_rest(r, r_var, par, form)
+    before = State(x, P, current=0.0, lost=1.0, awake=0.0, rest_resistance=r, rest_variance=r_var, resistance=r)
+    return sample(before, inputs, par, form)
+
+
+def _at_rest(r: Scalar, r_var: Scalar, par: Parameters, form: Form) -> Gaussian:
+    """Estimate for a device at rest, (25)-(26)."""
+    unit = form.unit(par)
+    l, l_var = par.prior_inductance / unit, square(par.prior_inductance_std / unit)
+    return Gaussian(vector([r, l, l]), matrix([[r_var, 0.0, 0.0], [0.0, l_var, l_var], [0.0, l_var, l_var]]))
+
+
+def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
+    """`step` of a form."""
     limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
     has_current = can_be_read(inputs.current, limit)
     is_lost = not_(can_be_read(inputs.voltage, par.range_voltage) & has_current)
     i = where(has_current, inputs.current, state.current)
     after, outputs = cond(
         is_lost | (state.lost > 0.0),
-        lambda: _held(state, i, par),
-        lambda: _filtered(state, inputs.voltage, i, par),
+        lambda: _held(state, i, par, form),
+        lambda: _filtered(state, Inputs(inputs.voltage, i), par, form),
     )
     return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(
         **health({LOST: is_lost})._asdict()
     )
 
 
-def _held(state: State, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
+def _held(state: State, i: Scalar, par: Parameters, form: Form) -> tuple[State, Outputs]:
     """A sample that cannot be used: the estimates expected of it.  A gap, however long, counts as one sample."""
     band = par.gate_sigmas * par.noise_current
-    l = where(_is_awake(state) & (fabs(i) > band), state.x[1], par.prior_inductance)
-    outputs = _outputs(i, par, state.resistance, l, state.P)._replace(innovation_std=par.noise_voltage)
+    l = where(_is_awake(state) & (fabs(i) > band), state.x[1] * form.unit(par), par.prior_inductance)
+    outputs = _outputs(i, par, state.resistance, l, state.P, form)._replace(innovation_std=par.noise_voltage)
     expected = Gaussian(state.x, state.P)
-    return cond(state.lost > 0.0, lambda: state, lambda: _next(state, expected, False, par)), outputs
+    return cond(state.lost > 0.0, lambda: state, lambda: _next(state, expected, False, par, form)), outputs
 
 
-def _filtered(state: State, u: Scalar, i: Scalar, par: Parameters) -> tuple[State, Outputs]:
+def _filtered(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
     """Lines 5 to 16."""
-    i_prev, dt = state.current, par.sample_time
+    u, i = inputs
     band = par.gate_sigmas * par.noise_current
     is_outside = fabs(i) > band
-    is_high = is_outside & (fabs(i_prev) > band)  # line 13
+    is_high = is_outside & (fabs(state.current) > band)  # line 13
 
-    H = vector([i, i / dt, -i_prev / dt])  # (11)
-    R = square(par.noise_voltage)  # sigma_v only, not (15): papers.md
-    prior = _prior(state, is_outside, par)
-    S = H @ (prior.cov @ H) + R
-    innovation = u - H @ prior.mean
-    updated = cond(  # lines 8 to 10, Joseph form: in float32 the printed one spoils r
-        is_outside | _is_awake(state) | _takes_noise(u, par),
-        lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])),
-        lambda: prior,
-    )
+    prior = _prior(state, is_outside, par, form)
+    seen = form.seen(prior, inputs, state.current, par)
+    updated = cond(is_outside | _is_awake(state) | _takes_noise(u, par), seen.posterior, lambda: prior)
 
     r = where(is_high, updated.mean[0], state.resistance)  # lines 14 and 15
-    l = where(is_high, updated.mean[1], par.prior_inductance)
-    outputs = _outputs(i, par, r, l, updated.cov)
-    outputs = outputs._replace(quality=where(is_high, 1.0, 0.0), innovation=innovation, innovation_std=deviation(S))
-    return _next(state._replace(resistance=r), updated, is_outside, par), outputs
+    l = where(is_high, updated.mean[1] * form.unit(par), par.prior_inductance)
+    outputs = _outputs(i, par, r, l, updated.cov, form)._replace(
+        quality=where(is_high, 1.0, 0.0), innovation=seen.innovation, innovation_std=deviation(seen.variance)
+    )
+    return _next(state._replace(resistance=r), updated, is_outside, par, form), outputs
 
 
-def _prior(state: State, is_outside: Scalar, par: Parameters) -> Gaussian:
+def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
+    """Lines 8 to 10, in Joseph form: in float32 the printed one spoils r."""
+    (u, i), dt = inputs, par.sample_time
+    H = vector([i, i / dt, -i_prev / dt])  # (11)
+    R = square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    S = H @ (prior.cov @ H) + R
+    innovation = u - H @ prior.mean
+    return Seen(innovation, S, lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])))
+
+
+PRINTED = Form(unit=lambda par: 1.0, seen=_seen)
+
+
+def _prior(state: State, is_outside: Scalar, par: Parameters, form: Form) -> Gaussian:
     """Prior of the sample: while the filter sleeps, a noise-only one starts it anew."""
     return cond(
         not_(is_outside | _is_awake(state) | (par.gate_decay <= 0.0)),
-        lambda: _at_rest(state.rest_resistance, state.rest_variance, par),
+        lambda: _at_rest(state.rest_resistance, state.rest_variance, par, form),
         lambda: Gaussian(state.x, state.P),
     )
 
@@ -164,12 +198,12 @@ def _is_awake(state: State) -> Scalar:
     return state.awake >= AWAKENING
 
 
-def _next(state: State, updated: Gaussian, is_outside: Scalar, par: Parameters) -> State:
+def _next(state: State, updated: Gaussian, is_outside: Scalar, par: Parameters, form: Form) -> State:
     """Prior of the next sample, lines 11 and 12; and what is known of r while the filter sleeps."""
     dt = par.sample_time
     r_var = square(par.process_resistance_rate * dt)
     F = matrix([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])  # (21)
-    Q = diagonal([r_var, square(par.process_inductance_acceleration * dt * dt), 0.0])
+    Q = diagonal([r_var, square(par.process_inductance_acceleration * dt * dt / form.unit(par)), 0.0])
     x, P = F @ updated.mean, predict(updated.cov, F, Q)
     is_awake = _is_awake(state)
     return state._replace(
@@ -188,7 +222,7 @@ def _awake(awake: Scalar, is_outside: Scalar, par: Parameters) -> Scalar:
     return where(is_outside, more, where(awake > AWAKENING, awake - 1.0, 0.0))
 
 
-def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array) -> Outputs:
+def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array, form: Form) -> Outputs:
     """Flux linkage (line 16), and flux and reluctance where N is known; without innovation, of low quality."""
     flux_linkage = l * i
     has_turns = par.coil_turns > 0.0
@@ -200,7 +234,7 @@ def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array) -> Outp
         flux_linkage=flux_linkage,
         quality=0.0,
         resistance_std=deviation(P[0, 0]),
-        inductance_std=deviation(P[1, 1]),
+        inductance_std=deviation(P[1, 1]) * form.unit(par),
         innovation=0.0,
         innovation_std=0.0,
         flux=where(has_turns, flux_linkage / N, 0.0),

@@ -42,6 +42,7 @@ A good communication step is {step:g} s. Inputs are held during a step, outputs 
 
 Profile: FMI 2.0 co-simulation, variable communication step, several instances, get, set and serialise the whole state.
 """
+TRY = "\nFiles to try the FMU with, a reference run and parameters, are in `extra/org.fmi-standard.fmi-ls-ref`.\n"
 
 
 def html(component: Component, markdown: str, version: str, picture: str = "", run: str = RUN) -> str:
@@ -63,7 +64,7 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
         f"{picture}{render(text)}\n{render(wiring.chapter(component))}\n{tables}\n"
-        f"{render(run.format(step=component.step_size))}</body></html>\n"
+        f"{render(run.format(step=component.step_size) + TRY)}</body></html>\n"
     )
 
 

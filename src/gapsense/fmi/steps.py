@@ -10,7 +10,7 @@ import math
 from .sentences import Refusal, say
 
 TOLERANCE = 1e-9  # relative, on sizes of steps: hosts round
-MOST_TOLERANCE = 0.01  # however much time is rounded
+COARSEST = 0.25  # tolerance for steps that are hardly more than a rounding of their time
 MOST_SAMPLES = 1e7  # in a step: minutes, in which nothing else happens
 SHIFT, ROUNDINGS = 1e-6, 8  # of a step, and of its time, by which it may begin too early or too late
 
@@ -24,7 +24,7 @@ def refuse_jump(time: float, step: float, expected: float) -> None:
 
 def samples_due(end: float, step: float, period: float, elapsed: float) -> tuple[int, float]:
     """How many samples fall due in a step, and the time from the last one to its end; inputs are held within it."""
-    tolerance = min(TOLERANCE + 2.0 * math.ulp(end) / step, MOST_TOLERANCE)  # a step may be a difference of times
+    tolerance = min(TOLERANCE + 2.0 * math.ulp(end) / step, COARSEST)  # a step may be a difference of times
     ratio = step / period if step >= period else period / step
     if math.isinf(ratio) or abs(ratio - round(ratio)) > tolerance * ratio:
         raise Refusal(say("no_fraction", step, period))

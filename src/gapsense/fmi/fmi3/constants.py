@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from gapsense.emit import C
 from gapsense.fmi.fmi3.arrays import shapes, source
-from gapsense.fmi.fmi3.variables import Tables, places
+from gapsense.fmi.fmi3.variables import FLAG, Tables, motion, places
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.ports import Component
 from gapsense.kernel import Kernel
@@ -22,6 +22,7 @@ const Arrays arrays = {{
     .table_count = {table_count},
     .matrices = {matrices},
     .matrix_count = {matrix_count},
+    .motion = {motion},
     .kernel = {function},
 }};
 """
@@ -39,10 +40,15 @@ def arrays_c(component: Component, kernel: Kernel, tables: Tables) -> str:
         raise ValueError(f"{component.name}: arrays of {ends[-1]} numbers; at most {MOST_ENTRIES} fit. Give fewer.")
     starts = enumerate(zip(own, (0, *ends)), first)
     data += array("Matrix", "matrices", (f"{{{literal(s.name)}, {k}, {s.size}, {start}}}" for k, (s, start) in starts))
+    signals, index = motion(component), {port.name: k for k, port in enumerate(component.ports)}
+    if signals:
+        data += array("int", "signals", (str(index[port.name]) for port in signals))
+        data.append(f"static const Motion motion = {{{first + len(own)}, {index[FLAG]}, signals, {len(signals)}}};\n")
     return SOURCE.format(
         kernel=kernel_c(kernel),
         data="\n".join(data),
         time=len(component.ports),
+        motion="&motion" if signals else "NULL",
         tables="tables" if found else "NULL",
         table_count=len(found),
         matrices="matrices" if own else "NULL",

@@ -12,6 +12,8 @@ from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import HEADER, heads
 
 TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "String": "String"}
+SMOOTHED, FLAG = "smoothed_", "smoothed_published"
+MOTION_ROWS = 2048  # of a smoothed motion, as in arrays.h
 MOST_ROWS = 1_000_000  # of a table that is given as arrays
 FEWEST_ROWS = 2
 
@@ -55,6 +57,12 @@ class Table(NamedTuple):
 Tables = Mapping[str, Sequence[Sequence[float]]]  # shipped columns, by parameter
 
 
+def motion(component: Component) -> list[Port]:
+    """Signals of a smoothed motion, the time first, of a component that publishes one sample by sample."""
+    signals = [port for port in component.of("output") if port.name.startswith(SMOOTHED)]
+    return [port for port in signals if port.name != FLAG] if any(port.name == FLAG for port in signals) else []
+
+
 def variables(component: Component, tables: Tables, arrays: Sequence[Shape] = ()) -> list[Variable]:
     """All variables in the order of their value references."""
     found = [_of_port(port, k) for k, port in enumerate(component.ports)]
@@ -64,7 +72,7 @@ def variables(component: Component, tables: Tables, arrays: Sequence[Shape] = ()
             found += _of_table(port, tables[port.name], len(found))
     for shape in arrays:
         found.append(_of_array(shape, component, len(found)))
-    return found
+    return [*found, *_of_motion(motion(component), len(found))]
 
 
 def places(component: Component) -> Iterator[Table]:
@@ -104,6 +112,19 @@ def _of_table(port: Port, columns: Sequence[Sequence[float]], first: int) -> lis
         variable = Variable(f"{port.name}.{name}", k, "Float64", "parameter", "fixed", about, unit, tuple(values))
         found.append(variable._replace(rows=first))
     return found
+
+
+def _of_motion(signals: Sequence[Port], first: int) -> list[Variable]:
+    """How many samples the motion has that was smoothed last, and its signals; behind the samples they are zero."""
+    if not signals:
+        return []
+    told = "Samples of the motion that was smoothed and published last, so far"
+    found = [Variable("smoothed_motion.count", first, "Int32", "output", "discrete", told)]
+    for k, port in enumerate(signals, first + 1):
+        name, about = port.name.removeprefix(SMOOTHED), f"{port.description}: of all samples of that motion"
+        variable = Variable(f"smoothed_motion.{name}", k, "Float64", "output", "continuous", about, port.unit)
+        found.append(variable._replace(shape=(MOTION_ROWS,), nominal=port.nominal))
+    return [variable._replace(feedthrough=signals[0].feedthrough) for variable in found]
 
 
 def _of_array(shape: Shape, component: Component, reference: int) -> Variable:

@@ -13,6 +13,7 @@ from gapsense.native import NativeError
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
 PROCESSORS = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}  # type and subtype, as macOS numbers them
+PE_HEADER, TIME = 60, 8  # where a library for Windows says where its header is, and the time in that
 OWN = ("model.c", "kernel.c", "arrays.c")  # what differs between components
 
 
@@ -41,6 +42,14 @@ def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], w
     """
     made = {c.target: _library(files, name, c, work.resolve()) for c in compilers}
     return fat(made) if len(made) > 1 else next(iter(made.values()))
+
+
+def timeless(library: bytes) -> bytes:
+    """A library without the time at which it was linked, which one for Windows has in its header."""
+    if library[:2] != b"MZ":
+        return library
+    at = struct.unpack_from("<I", library, PE_HEADER)[0] + TIME
+    return library[:at] + bytes(4) + library[at + 4 :]
 
 
 def fat(libraries: Mapping[str, bytes]) -> bytes:
@@ -73,7 +82,7 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
         library = folder / f"{name}{compiler.binary.ending}"
         link = ("-shared", "-s", *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
         _run((*compiler.command, *link), library.name)
-        return library.read_bytes()
+        return timeless(library.read_bytes())
 
 
 def _put(files: Mapping[str, str], folder: Path) -> None:

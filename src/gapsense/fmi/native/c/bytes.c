@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "arrays.h"
 #include "sentences.h"
 #include "state.h"
 #include "values.h"
@@ -26,7 +27,7 @@ static size_t numbers(const State *s)
     size_t count = (size_t)(s->kernel - s->block) + (size_t)model.state_count;
     for (int k = 0; k < model.memory_count; k++)
         count += (size_t)model.memory_sizes[k];
-    return count;
+    return count + motion_size();
 }
 
 size_t state_size(const State *s)
@@ -200,6 +201,8 @@ static const char *take_content(Reader *from, State *s)
         return "text";
     if (!take_tables(from, s) || !take_columns(from, s))
         return "table";
+    if (!motion_is_sound(s))
+        return "motion";
     return is_sound(s) ? NULL : "parameters";
 }
 
@@ -218,6 +221,8 @@ static int is_own(const unsigned char *bytes, Text *problem)
     memcpy(build, bytes + WORD, BUILD);
     if (!strcmp(build, model.build))
         return 1;
+    for (int k = 0; k < BUILD; k++) /* a message is UTF-8, whatever the bytes are */
+        build[k] = build[k] > ' ' && build[k] < 127 ? build[k] : '?';
     text_add(problem, SAY_OTHER_BUILD, build, model.build);
     return 0;
 }

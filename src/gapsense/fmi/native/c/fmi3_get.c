@@ -19,10 +19,12 @@ static Status get_place(Instance *i, const char *name, unsigned reference, doubl
     const unsigned output = (unsigned)model.inputs; /* the first: the matrices are as current as it */
     if (place.port ? instance_begin_get(i, name, REAL, &reference, 1) : FINE)
         return REFUSED;
-    if (place.matrix && instance_begin_get(i, name, REAL, &output, 1))
+    if ((place.matrix || place.motion) && instance_begin_get(i, name, REAL, &output, 1))
         return REFUSED;
     if (place.matrix)
         matrix_entries(i->state, place.matrix, *to);
+    else if (place.motion)
+        motion_column(i->state, place.head, *to);
     else if (place.table)
         memcpy(*to, table_column(i->state, place.table, place.head), size * sizeof **to);
     else
@@ -60,6 +62,11 @@ static fmi3Int64 number_of(const State *s, unsigned reference)
     return strtoll(s->texts[reference], NULL, 10);
 }
 
+static fmi3Int32 whole(const State *s, unsigned reference)
+{
+    return reference < (unsigned)model.port_count ? (fmi3Int32)s->values[reference] : motion_count(s);
+}
+
 #define GETTER(Name, TYPE, Type, VALUE)                                                                                \
     fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, Type values[],        \
                              size_t value_count)                                                                       \
@@ -73,7 +80,7 @@ static fmi3Int64 number_of(const State *s, unsigned reference)
         return fmi3OK;                                                                                                 \
     }
 
-GETTER(Int32, INT32, fmi3Int32, (fmi3Int32)s->values[references[k]])
+GETTER(Int32, INT32, fmi3Int32, whole(s, references[k]))
 GETTER(Boolean, TRUTH, fmi3Boolean, s->values[references[k]] != 0.0)
 GETTER(String, TEXT, fmi3String, s->texts[references[k]])
 GETTER(Int64, INT64, fmi3Int64, number_of(s, references[k]))

@@ -9,10 +9,11 @@ typedef enum { FLOAT64, INT32, INT64, UINT64, TRUTH, TEXT } Type;
 
 typedef struct {
     Type type;
-    int is_there, head; /* of a column; -1: the number of rows */
+    int is_there, head; /* of a column, of a table or of the motion; -1: the number of rows or samples */
     const Port *port;
     const Table *table;
     const Matrix *matrix;
+    const Motion *motion;
 } Place;
 
 Place place_of(unsigned reference);
@@ -21,6 +22,7 @@ void add_name(Text *text, const Place *place);          /* of a variable that is
 
 /* Are there such variables, and as many values as they have? */
 Status check(Instance *instance, const char *name, Type type, const unsigned *references, size_t count, size_t values);
+int are_below(unsigned limit, const unsigned *references, size_t count);
 int are_scalars(const unsigned *references, size_t count);
 
 #endif

@@ -70,13 +70,24 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference references[],
     return (fmi3Status)instance_end_set(i);
 }
 
+/* Refuses what is there to be read only, behind the ports. */
+static Status are_set(Instance *i, const unsigned *references, size_t count)
+{
+    for (size_t k = 0; k < count; k++) {
+        const Place place = place_of(references[k]);
+        if (!place.port)
+            return refuse_place(i, &place);
+    }
+    return FINE;
+}
+
 #define SETTER(Name, TYPE, KIND, Type, VALUE)                                                                          \
     fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, const Type values[],  \
                              size_t value_count)                                                                       \
     {                                                                                                                  \
         Instance *i = c;                                                                                               \
         if (!i || begin_set(i, __func__, TYPE, references, count, value_count) ||                                      \
-            instance_begin_set(i, __func__, KIND, references, count))                                                  \
+            are_set(i, references, count) || instance_begin_set(i, __func__, KIND, references, count))                                                  \
             return fmi3Error;                                                                                          \
         for (size_t k = 0; k < count; k++)                                                                             \
             i->state->values[references[k]] = VALUE;                                                                   \

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "arrays.h"
+
 enum { CLOCK = 2 }; /* time and dt, before the values */
 
 static size_t block_size(void)
@@ -10,7 +12,7 @@ static size_t block_size(void)
     size_t size = CLOCK + (size_t)model.port_count + (size_t)model.par_count + (size_t)model.state_count;
     for (int k = 0; k < model.memory_count; k++)
         size += (size_t)model.memory_sizes[k];
-    return size;
+    return size + motion_size();
 }
 
 /* Room for the numbers and tables of fixed count; one place more, so that there is always one. */
@@ -36,6 +38,7 @@ static void divide(State *s)
         s->memory[k] = next;
         next += model.memory_sizes[k];
     }
+    s->motion = next;
 }
 
 State *state_new(void)

@@ -3,11 +3,12 @@
 #include <string.h>
 
 #include "instance.h"
+#include "arrays.h"
 #include "sentences.h"
 #include "values.h"
 
 #define TOLERANCE 1e-9 /* relative, on sizes of steps: hosts round */
-#define MOST_TOLERANCE 0.01
+#define COARSEST 0.25  /* tolerance for steps that are hardly more than a rounding of their time */
 #define MOST_SAMPLES 1e7
 #define SHIFT 1e-6     /* of a step by which it may begin too early or too late, */
 #define ROUNDINGS 8    /* and of its time */
@@ -40,6 +41,7 @@ static Status publish(Instance *i)
         odd += i->outputs[k] - i->outputs[k];
     if (odd == 0.0) {
         memcpy(i->state->values + model.inputs, i->outputs, (size_t)count * sizeof *i->outputs);
+        motion_note(i->state);
         return FINE;
     }
     Text names = {NULL, 0, 0};
@@ -102,8 +104,8 @@ static Status is_next(Instance *i, double time, double step)
 static Status samples_due(Instance *i, double end, double step, double *count, double *elapsed)
 {
     const double period = i->state->period;
-    const double rounded = 2.0 * rounding(end) / step; /* a step may be a difference of times */
-    const double tolerance = fmin(TOLERANCE + rounded, MOST_TOLERANCE);
+    /* A step may be a difference of times. */
+    const double tolerance = fmin(TOLERANCE + 2.0 * rounding(end) / step, COARSEST);
     const double ratio = step >= period ? step / period : period / step;
     if (!(fabs(ratio - rint(ratio)) <= tolerance * ratio))
         return refuse(i, SAY_NO_FRACTION, step, period);

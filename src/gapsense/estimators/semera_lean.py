@@ -1,0 +1,49 @@
+"""SEMERA with fewer operations, for processors without a floating-point unit: `gapsense export-c semera --lean`.
+
+The state has the inductances in multiples of the sampling period, l / Delta, so that H = (i, i, -i_prev) needs no
+division; one reciprocal stands for three divisions; of the covariance, which is updated in Joseph form as before, only
+one half is computed; what rounding makes negative is set right once per sample, in the prediction.  The same filter,
+but rounded otherwise.
+"""
+
+from __future__ import annotations
+
+from gapsense.estimators.kalman import Gaussian
+from gapsense.estimators.semera import Form, Inputs, Outputs, Parameters, Seen, State, first, sample
+from gapsense.linalg import outer, pivot, symmetric, vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import square
+
+__all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Prior, and the first current registered."""
+    return first(inputs, par, LEAN)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample."""
+    return sample(state, inputs, par, LEAN)
+
+
+def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
+    (u, i), R = inputs, square(par.noise_voltage)
+
+    def measured(x: Array) -> Scalar:  # H x
+        return i * x[0] + i * x[1] - i_prev * x[2]  # not i (x_0 + x_1): r is small beside l / Delta, and loses digits
+
+    Ph = vector([measured(row) for row in prior.cov])
+    S = measured(Ph) + R
+    innovation = u - measured(prior.mean)
+
+    def posterior() -> Gaussian:
+        K = Ph * (1.0 / pivot(S))
+        AP = symmetric(prior.cov - outer(K, Ph))
+        rest = vector([measured(row) for row in AP]) - K * R
+        return Gaussian(prior.mean + K * innovation, symmetric(AP - outer(rest, K)))
+
+    return Seen(innovation, S, posterior)
+
+
+LEAN = Form(unit=lambda par: par.sample_time, seen=_seen)

@@ -1,0 +1,49 @@
+"""The components in all hosts that this machine has.  What comes out is kept for the table of hosts in the docs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from drivers import ROOT
+from parts import FOLDERS, Part
+from trials import HOSTS, largest_difference
+
+from gapsense.fmi.components import load_component
+from gapsense.fmi.native import package
+from gapsense.native import ZIG, zig_version
+
+TOLERANCE = 1e-6  # of the nominal value: the C library of Windows rounds exp, log and tanh in its own way
+RESULTS = ROOT / "build" / "hosts"
+
+
+@pytest.fixture(scope="session")
+def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Native FMUs of all platforms."""
+    if zig_version() != ZIG:
+        pytest.skip(f"no ziglang {ZIG}, which compiles for other platforms")
+    out = tmp_path_factory.mktemp("everywhere")
+    assert [None for _ in package.build(FOLDERS, out, ("linux64", "win64", "aarch64-linux"), {})]
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("host", "kind"), [(name, kind) for name, host in HOSTS.items() for kind in host.kinds])
+def test_components_in_host(host: str, kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    tried = HOSTS[host]
+    if missing := tried.missing():
+        pytest.skip(f"no {missing} on this machine")
+    fmus: Path = request.getfixturevalue("fmus" if kind == "python" else "everywhere")
+    differences = {}
+    for folder in FOLDERS:
+        component = load_component(folder)
+        where = fmus / "aarch64-linux" if host == "qemu" else fmus
+        part = Part(folder, component, where / f"{component.name}.fmu")
+        work = tmp_path / component.name
+        work.mkdir()
+        differences[component.name] = largest_difference(part, *tried.run(part, part.path, work))
+    about = {"host": tried.name, "platform": tried.platform, "kind": kind, "version": tried.version()}
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    (RESULTS / f"{host}-{kind}.json").write_text(json.dumps({**about, "differences": differences}), encoding="utf-8")
+    assert max(differences.values()) <= TOLERANCE, differences
