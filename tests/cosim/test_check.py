@@ -252,3 +252,8 @@ def test_names_are_not_judged_before_every_component_given_them_is_known(write, 
     found = check(write(shared(chain).replace('"Source"', '"Sorce"'), one=DEVICE), fmus=fmus)
     assert len(found) == 1
     assert "there is no FMU" in found[0]
+
+
+def test_native_fmus_that_are_not_built_are_built_with_their_option(write, chain, tmp_path):
+    for folder, command in (("native", "`gapsense build --native`"), ("fmus", "`gapsense build`")):
+        assert command in check(write(chain), fmus=tmp_path / "build" / folder)[0]

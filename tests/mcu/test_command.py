@@ -106,3 +106,15 @@ def test_an_earlier_export_is_replaced(tmp_path: Path) -> None:
         assert run("semera", "--outputs", outputs, "--out", str(tmp_path))[0] == 0
     assert "quality" in (tmp_path / "semera.h").read_text().partition("Outputs, valid")[2]
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
+def test_files_of_others_are_kept_and_own_ones_written_again(tmp_path: Path) -> None:
+    assert run("semera", "--out", str(tmp_path))[0] == 0
+    made = {path: path.read_bytes() for path in tmp_path.rglob("*.*") if path.is_file()}
+    assert run("semera", "--out", str(tmp_path), "--bake")[0] == 0
+    for path in made:
+        path.write_text("mine")
+        code, text = run("semera", "--out", str(tmp_path))
+        assert code == 2 and f"{path.name}` is there, and is not as we export it" in text
+        assert path.read_text() == "mine"
+        path.write_bytes(made[path])

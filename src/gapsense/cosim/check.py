@@ -28,12 +28,13 @@ from gapsense.cosim.rules import broken_rules
 from gapsense.cosim.scenario import Points, Port, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.problems import suggest
+from gapsense.shipped import NATIVE_FOLDER
 from gapsense.tables import Value
 
 MOST_POINTS = 10**6  # of a sweep
 MOST_JUDGED = 1000  # combinations for a component; the FMU tells the others
 T = TypeVar("T")
-OWN = "Build the FMUs with `gapsense build`."  # remedies for an FMU that is missing
+OWN = "Build the FMUs with `gapsense build%s`."  # remedies for an FMU that is missing
 FOREIGN = "Correct the path; it is relative to the scenario."
 
 
@@ -41,9 +42,10 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
     """Model description of each component whose FMU can be read; each FMU file is read once."""
     known: dict[Path, Description | None] = {}
     out = {}
+    own = OWN % (" --native" if NATIVE_FOLDER.name in fmus.parts[-2:] else "")
     for name, component in scenario.components.items():
         path = find_fmu(component.fmu, scenario.path, fmus)
-        remedy = FOREIGN if component.fmu.endswith(".fmu") else OWN
+        remedy = FOREIGN if component.fmu.endswith(".fmu") else own
         if path not in known:
             known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
         description = known[path]
