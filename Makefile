@@ -4,14 +4,14 @@ BIN := .venv/bin
 SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test fast lint types unit scenarios slow bench release fmus natives ziglang clean
+.PHONY: demo test fast lint types unit scenarios slow bench release fmus ziglang clean
 
 demo: fmus
 	$(BIN)/gapsense run scenarios/semera_valve
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint types fmus natives unit scenarios
+test: lint types fmus unit scenarios
 
 fast: fmus
 	$(BIN)/pytest -q -n 2 -m "not slow" -x
@@ -50,13 +50,6 @@ fmus: build/fmus/.built
 
 build/fmus/.built: .venv/installed $(SOURCES)
 	$(BIN)/python build_fmus.py
-	@touch $@
-
-natives: build/native/.built
-
-build/native/.built: .venv/installed $(SOURCES)
-	@mkdir -p build/native
-	@if command -v cc gcc clang >/dev/null; then $(BIN)/python build_fmus.py --native --platforms here; else echo "no C compiler: native FMUs are not built"; fi
 	@touch $@
 
 .venv/installed: pyproject.toml constraints.txt

@@ -18,7 +18,6 @@ from gapsense.fmi.components import find_components, load_component
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = find_components(ROOT / "fmus")
-NATIVE = ROOT / "build" / "native"
 KINDS = ("python", "native")
 
 
@@ -31,13 +30,11 @@ def subjects(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[st
 
 
 @pytest.fixture(params=[(kind, folder) for kind in KINDS for folder in FOLDERS], ids=lambda p: f"{p[1].name}-{p[0]}")
-def subject(request: Any, subjects: Any, fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Subject:
+def subject(request: Any, subjects: Any, tmp_path_factory: pytest.TempPathFactory) -> Subject:
     """Each FMU in turn."""
     kind, folder = request.param
     component = load_component(folder)
-    path = {"python": fmus, "native": NATIVE}[kind] / f"{component.name}.fmu"
-    if not path.is_file():
-        pytest.skip(f"there is no {path.relative_to(ROOT)}: `python build_fmus.py --native` builds it")
+    path: Path = request.getfixturevalue({"python": "fmus", "native": "natives"}[kind]) / f"{component.name}.fmu"
     if kind == "python" and not has_own_binary(path):
         pytest.skip("pythonfmu's own binary, which ends an instance at its first refusal")
     if (kind, component.name) not in subjects:
