@@ -49,7 +49,9 @@ TUNINGS: dict[str, dict[str, float]] = {
     "as printed": {"gate.decay": 0.0},
     "R": {"process.resistance_rate": 0.0},
 }
-NEAR = 1.04  # times the error of double against the truth (rms); 1.03 was found, with r taken for constant
+# Times the error of double against the truth (rms): 1.022 was found; 1.049 with r taken for constant, where the
+# printed form in float has up to 1.12.
+NEAR = {"": 1.03, "as printed": 1.03, "R": 1.1}
 WORST = 10.0  # times the largest error of the printed form against double, in either direction a matter of luck
 FLOOR = 1e-6  # Wb, 1/20,000 of the largest: not worth a word
 
@@ -115,7 +117,7 @@ def assert_near(runners: dict[str, Runner], tuning: str, records: list[tuple[Arr
     for outputs, (_, truth) in zip(found, records):
         is_used = outputs["double"][:, QUALITY] > 0.0
         wanted, have = (rms(outputs[form][:, FLUX][is_used] - truth[is_used]) for form in ("double", "lean"))
-        assert have <= NEAR * wanted + FLOOR
+        assert have <= NEAR[tuning] * wanted + FLOOR
     printed, lean = (
         max(np.abs(outputs[form][:, FLUX] - outputs["double"][:, FLUX]).max() for outputs in found)
         for form in ("printed", "lean")
