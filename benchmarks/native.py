@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from ctypes import CFUNCTYPE, byref, c_double, c_int, c_size_t, c_uint, c_void_p, sizeof
+from ctypes import byref, c_double, c_int, c_size_t, c_uint, c_void_p, sizeof
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -83,7 +83,7 @@ def apart(component: Component, unpacked: Path, table: Path) -> float:
 
 
 def through_fmpy(name: str, unpacked: Path, table: Path) -> float:
-    """FMPy's raw functions, with arrays made beforehand."""
+    """FMPy's raw functions, with all arguments made beforehand."""
     import fmpy
     from fmpy.fmi2 import FMU2Slave
 
@@ -98,22 +98,25 @@ def through_fmpy(name: str, unpacked: Path, table: Path) -> float:
         rows = [[float(value) for value in row] for row in list(csv.reader(file))[1:]]
     references = (c_uint * sum(counts))(*range(sum(counts)))
     given, got = byref(references), byref(references, counts[0] * sizeof(c_uint))
-    inputs = [(c_double * counts[0])(*row[1:]) for row in rows]
-    outputs, step, c = (c_double * counts[1])(), rows[1][0], slave.component
+    inputs, outputs = [byref((c_double * counts[0])(*row[1:])) for row in rows], byref((c_double * counts[1])())
+    many, few = map(c_size_t, counts)
+    time, step, width = c_double(), rows[1][0], c_double(rows[1][0])
     set_, go, get = (raw(slave, call) for call in ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal"))
+    c = c_void_p(slave.component)
     begin = perf_counter()
     for k in range(STEPS):
-        set_(c, given, counts[0], inputs[k % ROWS])
-        go(c, k * step, step, 1)
-        get(c, got, counts[1], outputs)
+        time.value = k * step
+        set_(c, given, many, inputs[k % ROWS])
+        go(c, time, width, 1)
+        get(c, got, few, outputs)
     return 1e6 * (perf_counter() - begin) / STEPS
 
 
 def raw(slave: Any, call: str) -> Any:
-    """A function of the FMU that takes arrays as they are."""
-    is_step = call == "fmi2DoStep"
-    types = (c_void_p, c_double, c_double, c_int) if is_step else (c_void_p, c_void_p, c_size_t, c_void_p)
-    return CFUNCTYPE(c_int, *types)((call, slave.dll))
+    """A function of the FMU that takes values of C as they are: converting others takes longer than the call."""
+    function = getattr(slave.dll, call)
+    function.argtypes, function.restype = None, c_int
+    return function
 
 
 if __name__ == "__main__":
