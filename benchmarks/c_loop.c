@@ -46,12 +46,12 @@ static int turn(Part *p, double *buffer, double start, double duration, int is_t
 }
 
 /* One component by itself on given inputs, row by row, and the seconds of each step.  0, or the status of the failure. */
-int replay(Part *p, const double *rows, double base, long count, double *steps)
+int replay(Part *p, const double *rows, double start, double base, long count, double *steps)
 {
     for (long k = 0; k < count; k++) {
         memcpy(p->input_values, rows + k * p->input_count, p->input_count * sizeof *rows);
         const double before = p->seconds[1];
-        int status = turn(p, NULL, k * base, base, 1);
+        int status = turn(p, NULL, start + k * base, base, 1);
         if (status) return status;
         steps[k] = p->seconds[1] - before;
     }

@@ -102,9 +102,10 @@ def replay(experiment: Experiment, rows: Rows) -> dict[str, Replayed]:
             one, steps = c_part(part, []), np.empty(len(rows))
             places = [master.places.index[p] for p in master.places.of(part.component.name, "input")]
             given = np.ascontiguousarray(rows[:, places])
-            base, count, pointers = ctypes.c_double(grid.base_step), ctypes.c_long(len(given)), (given, steps)
+            times, count = map(ctypes.c_double, (grid.start, grid.base_step)), ctypes.c_long(len(given))
+            pointers = (given, steps)
             rows_in, steps_out = (ctypes.c_void_p(array.ctypes.data) for array in pointers)
-            if c.replay(ctypes.byref(one), rows_in, base, count, steps_out):
+            if c.replay(ctypes.byref(one), rows_in, *times, count, steps_out):
                 raise RuntimeError(f"`{part.component.name}` failed in the loop in C.")
             found[part.component.name] = Replayed(list(one.seconds), steps)
     return found
