@@ -15,9 +15,9 @@ COMPONENT = Component(
         input_(
             "mode",
             "1",
-            "True mode: 1 lower stop, 2 moving, 3 upper stop; anything else is refused",
+            "True mode: 1 lower stop, 2 moving, 3 upper stop; 0, not known, counts as moving; others are refused",
             start=2.0,
-            min=1.0,
+            min=0.0,
             max=3.0,
             source="plant.mode",
         ),

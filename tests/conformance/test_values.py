@@ -65,9 +65,10 @@ def in_step(subject: Subject, time: float, step: float, text: str) -> str:
 
 
 def test_inputs_beyond_their_range(subject: Subject, one: Instance) -> None:
-    """As where hosts set to 0 what nothing drives; at their ends, ranges are closed."""
+    """Refused; at their ends, ranges are closed."""
     for k, port in enumerate(subject.component.of("input")):
-        beyond = [v for v in (port.min and port.min - 1.0, port.max and port.max + 1e-9) if v is not None]
+        ends = ((port.min, -1.0), (port.max, 1e-9))
+        beyond = [end + more for end, more in ends if end is not None]
         for value in beyond:
             one.again("running").all(("SetReal", [k], [value]))
             answer = one.do("DoStep", 0.0, subject.step, 1)

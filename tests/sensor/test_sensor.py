@@ -157,7 +157,7 @@ def test_first_sample_is_never_lost():
     assert np.all(rows[:, :3] == rows[0, :3])
 
 
-@pytest.mark.parametrize("mode", [0.0, 1.0, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("mode", [1.0, 2.0, 3.0, 4.0])
 def test_exact_contact_passes_the_mode_through(mode):
     assert np.all(readings(IDEAL, 3, TRUE._replace(mode=mode))[:, 2] == mode)
 
@@ -224,3 +224,8 @@ def test_state_is_complete():
         state, _ = KERNEL.step(state, inputs_at(k), REALISTIC)
     copy = record(State, flat(state))
     assert flat(KERNEL.step(copy, TRUE, REALISTIC)[0]) == flat(KERNEL.step(state, TRUE, REALISTIC)[0])
+
+
+def test_mode_that_is_not_known_is_no_contact():
+    """Hosts give 0 to what is not connected, and some at the start to what is."""
+    assert [KERNEL.initial(TRUE._replace(mode=mode), IDEAL)[1].mode_measured for mode in (0.0, 1.0, 3.0)] == [2, 1, 3]

@@ -123,7 +123,8 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
     current = inputs.current * (1.0 + par.gain_error_current) + par.offset_current + par.noise_current * z_current
     by_position = _mode(inputs.position, state.contact.closed, par)
     is_by_position = par.contact_source == ContactSource.position
-    contact, mode = _bounced(state.contact, where(is_by_position, by_position, inputs.mode), par.contact_bounce)
+    told = where(inputs.mode < LOWER / 2.0, MOVING, inputs.mode)  # 0: a host that knows none yet
+    contact, mode = _bounced(state.contact, where(is_by_position, by_position, told), par.contact_bounce)
     reading = Reading(
         voltage=_converted(voltage, par.range_voltage, par.resolution_voltage),
         current=_converted(current, par.range_current, par.resolution_current),
