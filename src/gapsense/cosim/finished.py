@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.loop import language
 from gapsense.cosim.metrics import measure
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.record import Result, Run, Signal, Timing
@@ -90,9 +91,10 @@ def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -
 
 
 def versions() -> dict[str, str]:
-    """Versions of what computed the result."""
+    """Versions of what computed the result, and the language that the loop over base steps is in."""
     return {
         **{package: installed(package) for package in ("gapsense", "fmpy", "numpy")},
+        "loop": language(),
         "python": platform.python_version(),
         "platform": platform.platform(),
     }

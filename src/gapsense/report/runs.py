@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+from gapsense.cosim.loop import PYTHON
 from gapsense.cosim.sensitivity import PERTURBATION
 from gapsense.fmi.ports import Component
 from gapsense.report.table import add_row, quantity, table
 
+WITHOUT_C = "The loop in C does not load here; that in Python takes some 3 us more per component and step."
 UNREAD = "cannot be read: see `gapsense check`"
 
 
@@ -51,6 +53,8 @@ def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
     span = result.times[-1] - result.times[0]
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
+    if result.run.versions.get("loop") == PYTHON:
+        title += f"\n{WITHOUT_C}"
     rows = (
         (name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
         for name, t in result.timing.items()

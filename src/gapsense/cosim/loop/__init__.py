@@ -7,7 +7,13 @@ from gapsense.cosim.loop.library import entry
 from gapsense.cosim.loop.reference import in_python
 from gapsense.cosim.loop.work import Advance, Work
 
-__all__ = ["Advance", "Work", "advancer"]
+__all__ = ["PYTHON", "Advance", "Work", "advancer", "language"]
+PYTHON = "Python"
+
+
+def language() -> str:
+    """What the loop is written in, as a result tells it."""
+    return "C" if entry() else PYTHON
 
 
 def advancer(work: Work) -> Advance:
