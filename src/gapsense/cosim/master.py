@@ -126,9 +126,9 @@ class Master:
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
-                f"{part.component.name}.{variable.name}": part.instance.get(variable)
+                f"{part.component.name}.{name}": value
                 for part in self.each(STARTING, self.parts)
-                for variable in part.instance.description.of("parameter")
+                for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
             }
             self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped, keeper)
             for part in self.each(ENDING, self.parts):

@@ -139,15 +139,6 @@ class RemoteInstance(Instance):
         self.is_used, self.is_set = True, False
         self.wanted("initialize", [dict(values), start, stop])
 
-    def set(self, variable: Variable, value: Value) -> None:
-        """Set one variable of any type."""
-        self.wanted("set", [variable.name, value])
-
-    def get(self, variable: Variable) -> Value:
-        """Read one variable of any type."""
-        value: Value = self.wanted("get", variable.name)
-        return value
-
     def state(self) -> bytes:
         """All that the instance remembers."""
         return b64decode(self.wanted("state"))
