@@ -14,7 +14,7 @@ from gapsense.cosim.finished import finished
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
-from gapsense.cosim.recording import Take
+from gapsense.cosim.recording import STOP, Take
 from gapsense.cosim.scenario import ISOLATIONS, Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.interrupts import counted
@@ -106,8 +106,9 @@ def run_once(
     """
     scenario, descriptions = master.scenario, master.descriptions
     take = taken_run(scenario, descriptions, seed_shift, point)
-    with counted(at_most=1) as interrupts:
-        recording = master.run(take.columns, take.seeds, progress, interrupts, take.values, keeper=kept)
+    master.marks[STOP] = 0
+    with counted(at_most=1, then=master.stop) as interrupts:
+        recording = master.run(take.columns, take.seeds, progress, take.values, keeper=kept)
         if interrupts() > 1:
             recording.error, recording.interrupted = None, True
     return finished(scenario, descriptions, take, recording)
