@@ -6,6 +6,8 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
+import pickle
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,10 +21,10 @@ from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.document import Source, packed
+from gapsense.cosim.document import Source
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
-from gapsense.cosim.prepare import find_fmus, prepare
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
 from gapsense.cosim.scenario import Scenario
@@ -115,11 +117,8 @@ def sweep(
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
     ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
-    folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
-        "scenario": packed(scenario),
-        "variant": variant,
-        "fmus": str(folder.resolve()),
+        "pickled": b64encode(pickle.dumps((read, descriptions))).decode(),
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }
