@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from gapsense.spare import ahead
 
 
-def run_ahead(again: bool = False) -> AbstractContextManager[None]:
-    """Start the process of a run in a process of its own now, and `again` that of the next one when a run begins."""
-    return ahead("gapsense.cosim.apart_child", "fmpy.fmi2", again=again)
+@contextmanager
+def run_ahead(again: bool = False) -> Iterator[None]:
+    """Start the process of a run in a process of its own now, and `again` that of the next one when it is taken."""
+    with ahead("gapsense.cosim.apart_child", "fmpy.fmi2", again=again):
+        yield
 
 
-def sweep_ahead(workers: int) -> AbstractContextManager[None]:
+@contextmanager
+def sweep_ahead(workers: int) -> Iterator[None]:
     """Start the processes of a sweep now."""
-    return ahead("gapsense.cosim.worker", "fmpy.fmi2", count=workers)
+    with ahead("gapsense.cosim.worker", "fmpy.fmi2", count=workers):
+        yield
