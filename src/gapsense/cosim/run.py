@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.checkpoint import Checkpoint, Keeper, keeper
 from gapsense.cosim.document import Source
@@ -71,16 +73,17 @@ def run(
     FmuError
         If a component fails; `result` of the error holds what was recorded before.
     """
-    read, descriptions = prepare(scenario, variant, fmus)
-    read = isolated(read, isolation, step_limit)
-    subject = Subject(read, descriptions)
-    take = subject.taken(seed_shift, point)
-    kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
-    if read.experiment.isolation == "process":
-        recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
-        return finished(subject, take, recording)
-    with Master(read, descriptions) as master:
-        return run_once(master, seed_shift, progress, point, kept)
+    with run_ahead() if isolation == "process" else nullcontext():
+        read, descriptions = prepare(scenario, variant, fmus)
+        read = isolated(read, isolation, step_limit)
+        subject = Subject(read, descriptions)
+        take = subject.taken(seed_shift, point)
+        kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
+        if read.experiment.isolation == "process":
+            recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
+            return finished(subject, take, recording)
+        with Master(read, descriptions) as master:
+            return run_once(master, seed_shift, progress, point, kept)
 
 
 def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:
