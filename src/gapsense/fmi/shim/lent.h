@@ -12,6 +12,7 @@ typedef struct {
     ssize_t limits;              /* of inputs, a least and a greatest value each; 0 if any will do */
     double period, end, shift;   /* see slave.py */
     int is_lent;                 /* the values here are those that count, not the slave's */
+    double declined;             /* size of steps for which the slave lends nothing, as far as is known */
 } Lent;
 
 static void put(PyObject **slot, PyObject *object)
@@ -62,6 +63,8 @@ static int has_room(Lent *lent)
 static int borrow(Lent *lent, PyObject *slave, double time, double step)
 {
     PyObject *advance, *state, *constants, *signals, *limits;
+    if (step == lent->declined)
+        return 0;
     PyObject *loan = py.PyObject_CallMethod(slave, "lend", "(dd)", time, step);
     int is_given = loan && py.PyTuple_Size(loan) > 0 &&
                    py.PyArg_ParseTuple(loan, "OOOOOnnddd", &advance, &state, &constants, &signals, &limits,
@@ -75,6 +78,7 @@ static int borrow(Lent *lent, PyObject *slave, double time, double step)
         lent->is_lent = has_room(lent) && take_doubles(signals, lent->signals, lent->inputs + lent->outputs) &&
                         take_doubles(limits, lent->signals + lent->inputs + 2 * lent->outputs, lent->limits);
     }
+    lent->declined = is_given ? 0.0 : step;
     py.Py_DecRef(loan);
     return lent->is_lent;
 }

@@ -52,6 +52,7 @@ static int make_slave(Instance *instance)
     }
     put(&instance->queue, queue);
     put(&instance->slave, slave);
+    instance->lent.declined = 0.0;
     instance->can_lend = py.PyObject_HasAttrString(slave, "lend");
     return 1;
 }
