@@ -39,6 +39,7 @@ from gapsense.cosim.recording import (
 from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports, texts
+from gapsense.cosim.subject import Subject
 from gapsense.cosim.unpacked import unpacked
 from gapsense.processes import Marks, new_marks
 from gapsense.tables import Value
@@ -59,6 +60,7 @@ class Master:
 
     def __init__(self, scenario: Scenario, descriptions: Descriptions, marks: Marks | None = None) -> None:
         self.scenario, self.descriptions = scenario, descriptions
+        self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
         self.places = Layout(ports(descriptions), texts(descriptions))
@@ -102,6 +104,7 @@ class Master:
         if not self.parts or structure(scenario, descriptions) != structure(self.scenario, self.descriptions):
             return False
         self.scenario, self.descriptions = scenario, descriptions
+        self.subject = Subject(scenario, descriptions)
         for part in self.parts:
             part.component = scenario.components[part.component.name]
         return True
@@ -138,9 +141,9 @@ class Master:
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
-                f"{part.component.name}.{variable.name}": part.instance.get(variable)
+                f"{part.component.name}.{name}": value
                 for part in self.each(STARTING, self.parts)
-                for variable in part.instance.description.of("parameter")
+                for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
             }
             self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
             for part in self.each(ENDING, self.parts):

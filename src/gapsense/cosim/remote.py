@@ -21,7 +21,8 @@ from gapsense.cosim.instance import FATAL, GET, KEPT, SET, STEP, WARNING, Instan
 from gapsense.cosim.instance3 import kind_of
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.variables import Variable
-from gapsense.processes import Died, Process
+from gapsense.processes import Died
+from gapsense.spare import process
 from gapsense.tables import Value
 
 
@@ -37,7 +38,7 @@ class RemoteInstance(Instance):
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
-        self.process, self.ended = Process(limit=limit), Event()
+        self.process, self.ended = process(limit=limit), Event()
         home = self.process.folder
         (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
         try:
@@ -140,15 +141,6 @@ class RemoteInstance(Instance):
             self.messages.clear()
         self.is_used, self.is_set = True, False
         self.wanted("initialize", [dict(values), start, stop])
-
-    def set(self, variable: Variable, value: Value) -> None:
-        """Set one variable of any type."""
-        self.wanted("set", [variable.name, value])
-
-    def get(self, variable: Variable) -> Value:
-        """Read one variable of any type."""
-        value: Value = self.wanted("get", variable.name)
-        return value
 
     def state(self) -> bytes:
         """All that the instance remembers."""
