@@ -61,7 +61,7 @@ def exchange(host: Host, c: c_void_p, name: str, refs: list[int], count: int) ->
 
 
 def failing(host: Host, kind: str) -> dict[str, Any]:
-    """A step of the kernel that goes wrong: status, messages, whether the outputs are the old ones; and a reset."""
+    """A step of the kernel that goes wrong: status, messages, whether the outputs stay; then set, step, get, reset."""
     cls, mood = class_in(host), [""]
     advance = cls.kernel.advance
 
@@ -80,7 +80,9 @@ def failing(host: Host, kind: str) -> dict[str, Any]:
     before, mood[0] = outputs_of(host, c), kind
     status, said = host.step(c, 3, STEP), host.heard()
     found = {"status": status, "said": said, "is_kept": outputs_of(host, c) == before}
-    return found | {"again": host.call(c, "Reset")}
+    mood[0] = ""
+    found["afterwards"] = round_(host, c, 4), host.call(c, "Reset")
+    return found
 
 
 def outputs_of(host: Host, c: c_void_p) -> list[float]:
