@@ -159,6 +159,8 @@ static int step_kernel(Lent *lent, double time, double step)
     int is_taken = result && take_result(lent, result);
     if (is_taken)
         lent->end = time + step;
+    else if (result)
+        py.PyErr_Clear(); /* a result of no use: the slave says so in its own words */
     py.Py_DecRef(result);
     py.Py_DecRef(inputs);
     return is_taken;
