@@ -47,7 +47,6 @@ def test_usual_calls_do_not_ask_the_slave(semera: Path) -> None:
         ("raises", "ArithmeticError: in the kernel"),
         ("interrupted", "KeyboardInterrupt"),
         ("infinite", "output `resistance` is not finite. Check the parameters, or reduce the step."),
-        ("short", "IndexError"),
         ("no numbers", "TypeError"),
     ],
 )
