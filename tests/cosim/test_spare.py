@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from operator import itemgetter
 
 import pytest
 
@@ -12,28 +12,25 @@ from gapsense.cosim.unpacked import is_needed
 from gapsense.spare import ahead
 
 
-def double(task):
-    """Prepared for a task: what is asked for, twice."""
-    return lambda number: {"twice": 2 * number, "loaded": "wave" in sys.modules}
-
-
 def answer_of(process):
-    process.prepare(double, None)
-    return process.ask(21, "the test")
+    """What the first of two numbers is, says a process."""
+    process.prepare(itemgetter, 0)
+    return process.ask([42, 43], "the test")
 
 
 def test_next_process_is_the_one_that_was_started_ahead_and_has_loaded_its_modules():
-    with ahead("wave"):
+    with ahead("this"):  # which prints a text
         (waiting,) = spare._waiting
-        with ahead("wave", count=2):  # has what is there already
+        with ahead("this", count=2):  # has what is there already
             taken = spare.process(limit=3.0)
         assert taken is waiting
         assert taken.limit == 3.0
         assert not spare._waiting
         other = spare.process()
         try:
-            assert answer_of(taken) == {"twice": 42, "loaded": True}
-            assert answer_of(other) == {"twice": 42, "loaded": False}
+            assert answer_of(taken) == answer_of(other) == 42
+            assert "Beautiful is better than ugly." in taken.words()
+            assert other.words() == ""
         finally:
             taken.close()
             other.close()
@@ -57,7 +54,7 @@ def test_one_that_is_taken_is_followed_by_another_on_request_and_the_last_is_end
 
 def test_function_of_a_module_elsewhere_gets_a_process_that_finds_it():
     with ahead():
-        guest = spare.process(guest=double)
+        guest = spare.process(guest=run)
         assert len(spare._waiting) == 1
         guest.close()
 

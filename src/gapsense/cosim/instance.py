@@ -70,6 +70,7 @@ class Instance:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
                 self.slave = self.instantiated(folder)
@@ -101,8 +102,9 @@ class Instance:
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
-        entry: Callable[..., int] = self.slave.dll[self.entry(name)]
-        return entry
+        if name not in self.entries:
+            self.entries[name] = self.slave.dll[self.entry(name)]
+        return self.entries[name]
 
     def call(self, function: str, *arguments: Any) -> None:
         """Call an entry point and raise FmuError if it fails."""
