@@ -157,7 +157,12 @@ def mapped(file: Path) -> Marks:
 def own_marks() -> Marks:
     """Marks of this process, shared with the one that started it if that is one of ours."""
     folder = os.environ.get(FOLDER)
-    return mapped(Path(folder, "marks")) if folder else array("q", bytes(8 * MARKS))
+    return mapped(Path(folder, "marks")) if folder else new_marks()
+
+
+def new_marks() -> Marks:
+    """Marks that nobody shares."""
+    return array("q", bytes(8 * MARKS))
 
 
 def follow() -> None:

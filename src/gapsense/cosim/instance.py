@@ -96,6 +96,12 @@ class Instance:
         slave.instantiate(callbacks=callbacks, loggingOn=True)
         return slave
 
+    @property
+    def has_only_reals(self) -> bool:
+        """True if one call for Real variables moves all inputs, and one all outputs."""
+        moved = (*self.description.of("input"), *self.description.of("output"))
+        return all(variable.type == "Real" and variable.size in ("", "Float64") for variable in moved)
+
     def entry(self, function: str) -> str:
         """Name that this version of FMI has for an entry point of FMI 2.0."""
         return function

@@ -77,9 +77,14 @@ class RemoteInstance(Instance):
             raise self.failure(verb, status)
         return answer
 
+    @property
+    def has_only_reals(self) -> bool:
+        """True if memory that is shared holds all inputs and outputs."""
+        return self.description.fmi == 2 and super().has_only_reals
+
     def function(self, name: str) -> Callable[..., int]:
         """What stands for an entry point here; only those that the master calls itself."""
-        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs, STEP: self.do_step}
+        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs}
         return named.get(name, lambda _: self.request("call", name)[0])
 
     def set_inputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
@@ -93,10 +98,6 @@ class RemoteInstance(Instance):
         status = 0 if self.is_read else self.request(GET)[0]
         ctypes.memmove(values, self.memory.outputs, 8 * count.value)
         return status
-
-    def do_step(self, _: Any, start: ctypes.c_double, duration: ctypes.c_double, keep: Any) -> int:
-        """Set the inputs if they are new, step, read the outputs."""
-        return self.request(STEP, [start.value, duration.value])[0]
 
     def entry(self, function: str) -> str:
         """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
@@ -123,8 +124,9 @@ class RemoteInstance(Instance):
         return move
 
     def doer(self, duration: float) -> Callable[[float], int]:
-        """Function of the start time that does a step and returns the status."""
-        return lambda start: self.request("do", [start, duration])[0]
+        """Function of the start time that sets new inputs, does a step, reads Real outputs, and returns the status."""
+        verb = STEP if self.has_only_reals else "do"
+        return lambda start: self.request(verb, [start, duration])[0]
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""

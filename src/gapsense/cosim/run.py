@@ -15,6 +15,7 @@ from gapsense.cosim.finished import finished
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
+from gapsense.cosim.recording import STOP
 from gapsense.cosim.scenario import ISOLATIONS, Scenario
 from gapsense.cosim.subject import Subject
 from gapsense.interrupts import counted
@@ -107,8 +108,9 @@ def run_once(
     is asked for between steps.  After the second one whatever fails does so because of it.
     """
     take = master.subject.taken(seed_shift, point)
-    with counted(at_most=1) as interrupts:
-        recording = master.run(take.columns, take.seeds, progress, interrupts, take.values, keeper=kept)
+    master.marks[STOP] = 0
+    with counted(at_most=1, then=master.stop) as interrupts:
+        recording = master.run(take.columns, take.seeds, progress, take.values, keeper=kept)
         if interrupts() > 1:
             recording.error, recording.interrupted = None, True
     return finished(master.subject, take, recording)
