@@ -49,11 +49,16 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 @contextmanager
 def process_kept() -> Iterator[None]:
-    """Loading changes the working folder, and Python FMUs the search path, where each then stands once."""
-    folder = Path.cwd()
+    """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
+
+    What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
+    """
+    folder, keeps_nothing = Path.cwd(), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = keeps_nothing
         os.chdir(folder)
         sys.path[:] = dict.fromkeys(sys.path)
 
