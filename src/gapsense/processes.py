@@ -34,6 +34,7 @@ FOLDER = "GAPSENSE_PROCESS"  # variable of the environment: the folder of the pr
 MARKS = 8
 PATIENCE = 1.0  # seconds that a process may take to end by itself
 LOOK = 0.2  # seconds between two looks at whether the other process is still there
+GLANCE = 0.002  # seconds between two looks at whether a process that was told to end has ended
 SHOWN = 2000  # characters of a process's last words
 Marks: TypeAlias = "memoryview[int] | array[int]"  # whole numbers in memory
 
@@ -125,18 +126,22 @@ class Process:
         names = {s.value: f"{s.name}, {signal.strsignal(s) or 'a signal'}" for s in signal.Signals}
         return f"its process was ended by signal {-code} ({names.get(-code, 'unknown')})"
 
-    def close(self) -> None:
-        """End the process, in the middle of its work if need be, and remove its temporary files."""
+    def dismiss(self) -> None:
+        """Tell the process to end, or end it in the middle of its work if need be."""
         if self.is_busy:
             self.process.kill()
         with suppress(OSError):
             if self.process.stdin:
                 self.process.stdin.close()
-        try:
-            self.process.wait(timeout=PATIENCE)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+
+    def close(self) -> None:
+        """End the process and remove its temporary files."""
+        self.dismiss()
+        until = monotonic() + PATIENCE
+        while self.process.poll() is None and monotonic() < until:
+            sleep(GLANCE)  # `wait` with a timeout sleeps longer and longer
+        self.process.kill()
+        self.process.wait()
         self.log.close()
         if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
             self.process.stdout.close()

@@ -57,6 +57,8 @@ def complete(
         finally:
             pending.clear()
             for worker in workers:
+                worker.dismiss()  # all at once, since it takes them a while
+            for worker in workers:
                 worker.close()
     return False
 
@@ -110,9 +112,14 @@ class Worker:
             self.process.prepare(self.job.prepare, self.job.task)
         return entry
 
+    def dismiss(self) -> None:
+        """Tell the process to end."""
+        self.is_closed = True
+        self.process.dismiss()
+
     def close(self) -> None:
         """End the process."""
-        self.is_closed = True
+        self.dismiss()
         self.process.close()
         self.thread.join()
         self.process.close()  # of one that the thread has started meanwhile

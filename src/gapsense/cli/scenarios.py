@@ -86,12 +86,14 @@ def sweep(
     fmus: cli.Fmus = None,
     to: cli.Out = Path("results"),
     settings: cli.Set = None,
+    native: cli.Native = False,
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
     """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
+    fmus = cli.chosen(scenario, fmus, native)
     with sweep_ahead(workers), cli.bar("sweeping") as progress:
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)

@@ -49,11 +49,16 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 @contextmanager
 def process_kept() -> Iterator[None]:
-    """Loading changes the working folder, and Python FMUs the search path, where each then stands once."""
-    folder = Path.cwd()
+    """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
+
+    What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
+    """
+    folder, keeps_nothing = Path.cwd(), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = keeps_nothing
         os.chdir(folder)
         sys.path[:] = dict.fromkeys(sys.path)
 
@@ -70,6 +75,7 @@ class Instance:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
                 self.slave = self.instantiated(folder)
@@ -107,8 +113,9 @@ class Instance:
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
-        entry: Callable[..., int] = self.slave.dll[self.entry(name)]
-        return entry
+        if name not in self.entries:
+            self.entries[name] = self.slave.dll[self.entry(name)]
+        return self.entries[name]
 
     def call(self, function: str, *arguments: Any) -> None:
         """Call an entry point and raise FmuError if it fails."""

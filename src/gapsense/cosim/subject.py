@@ -7,10 +7,12 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+import gapsense
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.loop import language
 from gapsense.cosim.order import execution_order
@@ -99,16 +101,7 @@ def known_hash(file: Path, *_: int) -> str:
 @cache
 def versions() -> dict[str, str]:
     """Versions of what computed the result."""
-    return {
-        **{package: installed(package) for package in ("gapsense", "fmpy", "numpy")},
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-    }
+    import fmpy  # which whoever has a result has loaded
 
-
-def installed(package: str) -> str:
-    """Version of an installed package."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
+    packages = {package.__name__: str(package.__version__) for package in (gapsense, fmpy, np)}
+    return {**packages, "python": platform.python_version(), "platform": platform.platform()}
