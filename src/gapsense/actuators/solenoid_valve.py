@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, equal_parts, next_part, rk4, rk4_until
+from gapsense.integrate import crossing, equal_parts, least, next_part, rk4, rk4_until
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, loop, not_, sqrt, square, where
 
@@ -97,6 +97,7 @@ class Valve(NamedTuple):
     circuit: Circuit
     mover: Mover
     micro_step: Scalar  # length of the equal micro-steps [s]
+    finest: Scalar  # shortest one that the limit asks for [s]
     open_square: Scalar  # R_open R_iron0, the share of the largest gap in the rate of the flux [1/H^2]
     rate_scale: Scalar  # N^2 R_iron0 [1/H]
 
@@ -116,11 +117,11 @@ class Sums(NamedTuple):
     charge: Scalar
 
 
-class Settled(NamedTuple):
-    """A micro-step at rest that left the flux as it was: one more of that length from there does exactly the same."""
+class Limit(NamedTuple):
+    """Of the length of a micro-step, at some flux."""
 
-    dt: Scalar  # 0 if there was none just before
-    part: Sums  # what it added to the sums
+    rate: Scalar  # of the flux, in units of `rate_scale` / N^2 s^-1
+    longest: Scalar  # where the rate asks for a limit [s]
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -139,8 +140,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    start = (inputs.dt, at, state.mode, sums, Settled(0.0, Sums(0.0, 0.0)))
-    _, at, mode, sums, _ = loop(MICRO_STEPS, partial(_micro_step, valve), start)
+    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, valve), (inputs.dt, at, state.mode, sums))
     state = State(
         flux_linkage=at.lam,
         position=at.h,
@@ -169,53 +169,67 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
     )
     mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
+    micro_step = equal_parts(inputs.dt, par.micro_step)
     return Valve(
         resistance=par.coil_resistance,
         voltage=inputs.voltage,
         circuit=circuit,
         mover=mover,
-        micro_step=equal_parts(inputs.dt, par.micro_step),
+        micro_step=micro_step,
+        finest=micro_step / REFINEMENT,
         open_square=open_reluctance * par.core_reluctance,
         rate_scale=par.core_reluctance * square(par.coil_turns),
     )
 
 
 def _micro_step(
-    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums, settled: Settled
-) -> tuple[tuple[Scalar, Moving, Scalar, Sums, Settled], Scalar]:
-    """One step of the loop; `left` is what is left of the communication step [s]."""
-    dt = _limited(valve, next_part(left, valve.micro_step), at.lam)
-    is_moving = mode == MOVING
+    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums
+) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    """One step of the loop, and more of the kind if it has left the flux as it was; `left` is left of the step [s]."""
+    limit, is_moving = _limit(valve, at.lam), mode == MOVING
+    dt = _limited(valve, left, limit)
+    length, then, mode_then, part = cond(
+        is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode)
+    )
 
-    def anew() -> tuple[Scalar, Moving, Scalar, Sums, Settled]:
-        length, then, mode_then, part = cond(
-            is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode)
-        )
-        is_settled = not_(is_moving) & (then.lam == at.lam) & (mode_then == mode)
-        return length, then, mode_then, part, Settled(where(is_settled, dt, 0.0), part)
+    def once(left: Scalar, sums: Sums) -> tuple[Scalar, Sums]:
+        return left - length, Sums(sums.losses + part.losses, sums.charge + part.charge)
 
-    # a flux that settles stops changing at all, and micro-steps are many where it settles fast
-    again = (dt, at, mode, settled.part, settled)
-    length, at, mode, part, settled = cond(dt == settled.dt, lambda: again, anew)
-    left = left - length
-    return (left, at, mode, Sums(sums.losses + part.losses, sums.charge + part.charge), settled), not_(left > 0.0)
+    def is_same(left: Scalar) -> Scalar:
+        """Whether the next micro-step does the same, if the flux is the same."""
+        return (left > 0.0) & (_limited(valve, left, limit) == length)
+
+    def again(left: Scalar, sums: Sums) -> tuple[tuple[Scalar, Sums], Scalar]:
+        left, sums = once(left, sums)
+        return (left, sums), not_(is_same(left))
+
+    left, sums = once(left, sums)
+    unchanged = (left, sums)
+    is_settled = not_(is_moving) & (then.lam == at.lam) & (mode_then == mode)
+    left, sums = cond(
+        is_settled,
+        lambda: cond(is_same(left), lambda: loop(MICRO_STEPS, again, unchanged), lambda: unchanged),
+        lambda: unchanged,
+    )
+    return (left, then, mode_then, sums), not_(left > 0.0)
 
 
-def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates.
+def _limit(valve: Valve, lam: Scalar) -> Limit:
+    """Limit of a micro-step where the core saturates.
 
     By (51) with (50) the flux has the rate r/N^2 (R_air + R_iron^2 / R_iron0) [1/s], which grows a hundredfold in
     saturation; the explicit method would lose its accuracy there, and far in saturation its stability.  Beyond the
     limit of shortening, the constant reluctance of the core above 0.999 of saturation keeps the flux bounded.
     """
     rate = valve.resistance * (valve.open_square + square(magnetics.core_law(lam, valve.circuit)))  # times the scale
+    fine = FINENESS * valve.rate_scale / rate
+    return Limit(rate, where(fine < valve.finest, valve.finest, fine))
 
-    def shortened() -> Scalar:
-        fine, finest = FINENESS * valve.rate_scale / rate, valve.micro_step / REFINEMENT
-        longest = where(fine < finest, finest, fine)
-        return where(dt < longest, dt, longest)
 
-    return cond(rate * dt > FINENESS * valve.rate_scale, shortened, lambda: dt)
+def _limited(valve: Valve, left: Scalar, limit: Limit) -> Scalar:
+    """The next part of what is left of a step, or less."""
+    dt = next_part(left, valve.micro_step)
+    return where(limit.rate * dt > FINENESS * valve.rate_scale, least(dt, limit.longest), dt)
 
 
 def _move(valve: Valve, dt: Scalar, at: Moving, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
