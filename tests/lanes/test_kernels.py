@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.lanes import simulated
+from gapsense.lanes import stepped
 from gapsense.lanes.kernels import plan_of
 from gapsense.records import flat, names
 
@@ -52,7 +52,7 @@ def test_every_run_has_the_bits_that_it_has_alone(name, compiler):
     """Also where inputs are zero, tiny or huge."""
     pars, inputs, columns, par = cases(name, degenerate=True)
     assert plan_of(kernel(name), SAMPLES, ()).library
-    found, compared = simulated(kernel(name), columns, par), 0
+    found, compared = stepped(kernel(name), columns, par), 0
     for run, (given, own) in enumerate(zip(inputs, pars)):
         expected = alone(name, given, own)
         np.testing.assert_array_equal(found[: len(expected), :, run], expected, f"run {run}")
@@ -66,9 +66,9 @@ def test_numpy_gives_the_same_but_for_rounding(name, monkeypatch):
     _, _, columns, par = cases(f"gapsense.{name}", degenerate=False)
     by_numpy = plan_of.__wrapped__(k, SAMPLES, ())
     by_numpy.__dict__["library"] = None
-    found = simulated(k, columns, par)
+    found = stepped(k, columns, par)
     monkeypatch.setattr("gapsense.lanes.kernels.plan_of", lambda *_: by_numpy)
-    expected = simulated(k, columns, par)
+    expected = stepped(k, columns, par)
     scale = np.maximum(np.abs(expected), 1e-3 * np.abs(expected).max(axis=(0, 2), keepdims=True))
     assert np.all(np.abs(found - expected) <= 1e-9 * scale)
 
@@ -78,6 +78,6 @@ def test_chosen_outputs_and_shared_inputs_and_parameters():
     k, (_, _, columns, par) = kernel(name), cases(name, degenerate=False)
     every = names(k.module.Outputs)
     par = [np.mean(v) if i else v for i, v in enumerate(par)]
-    whole = simulated(k, columns[:, :, :1], par)
-    np.testing.assert_array_equal(simulated(k, columns[:, :, :1], par, every[2:0:-1]), whole[:, 2:0:-1])
+    whole = stepped(k, columns[:, :, :1], par)
+    np.testing.assert_array_equal(stepped(k, columns[:, :, :1], par, every[2:0:-1]), whole[:, 2:0:-1])
     assert whole.shape == (SAMPLES, len(every), RUNS)

@@ -31,7 +31,7 @@ def over_runs(kernel: Kernel) -> OverRuns:
     return OverRuns(Code(initial), Code(constants), Code(advance))
 
 
-def simulated(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[str] = ()) -> Floats:
+def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[str] = ()) -> Floats:
     """Outputs of many runs of a kernel, (samples, outputs, runs).
 
     Parameters
@@ -58,7 +58,7 @@ def simulated(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence
 
 @cache
 def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
-    """The plan of some samples, for `simulated`."""
+    """The plan of some samples, for `stepped`."""
     layout = names(kernel.module.Parameters)
     tables = [name for name, field in fields(kernel.module.Parameters).items() if field.kind == "table"]
     width, every = len(names(kernel.module.Inputs)), names(kernel.module.Outputs)
