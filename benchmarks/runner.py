@@ -51,12 +51,12 @@ and libcosim are Jacobi (inputs one step old, hence other values; simulate_ssp a
 initial outputs). Deviation: largest relative difference of five last outputs to gapsense.cosim with the same exchange.
 libcosim and the containers record nothing meanwhile, cofmupy all outputs, gapsense.cosim all signals of the scenario
 at each step. cofmupy has its own environment, .venv-cofmupy: it wants another fmpy than we do.
-Aims: ahead of all peers; overhead of gapsense.cosim below 4 us."""
+Aims: ahead of all peers, below 6 us; overhead of gapsense.cosim below 0.1 us."""
 ALONE = """Loop in C over one component at a time, on the inputs of the experiment above; the kernel as plain Python on
-the same inputs. In the whole scenario a step takes longer: the caches are shared. Aim: do_step of semera below 6 us."""
+the same inputs. In the whole scenario a step takes longer, as caches are shared. Aim: semera do_step below 2.7 us."""
 ACTUATOR = """Loop in C over one component at a time, on the inputs of benchmarks/actuator, of scenarios/pot_magnet
-(variant off) and of scenarios/bounded_ukf; median of all steps. Aims: do_step of Ekf and HybridEkf below 10 us, of
-BoundedUkf below 25 us, a micro-step of ReluctanceActuator below 6 us."""
+(variant off) and of scenarios/bounded_ukf; median of all steps. Aims: do_step of Ekf below 5.1 and 6.3, of HybridEkf
+below 2.8 and 4.9, of BoundedUkf below 11.2 us."""
 
 
 def main() -> int:

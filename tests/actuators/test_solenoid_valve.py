@@ -106,6 +106,19 @@ def test_small_steps_compose_to_a_large_one(kernel, voltage, duration):
     assert np.abs(np.subtract(small, large) / scale).max() < 1e-7
 
 
+def test_micro_steps_of_a_settled_flux_are_those_of_single_steps(kernel):
+    long, short = 2.0**-12, 2.0**-17  # one and 32 micro-steps: sums of them are exact
+    par = VALVE._replace(micro_step=short)
+    settled, _ = drive(kernel, par, [5.0] * 200, long)[-1]
+    at_once, _ = kernel.step(settled, valve.Inputs(0.0, long, 5.0), par)
+    one_by_one = settled
+    for _ in range(32):
+        one_by_one, _ = kernel.step(one_by_one, valve.Inputs(0.0, short, 5.0), par)
+    assert at_once.flux_linkage == settled.flux_linkage
+    assert at_once[:5] == one_by_one[:5]
+    assert at_once.dissipated_energy > settled.dissipated_energy
+
+
 @pytest.mark.parametrize("voltage", [1e3, -1e4, 1e6])
 def test_absurd_voltage_stays_finite(kernel, voltage):
     for state, outputs in drive(kernel, VALVE, [voltage] * 10):

@@ -19,7 +19,7 @@ OF_KERNELS = (  # in order: each may import those before it
 )  # fmt: skip
 OF_FILES = (  # likewise
     "shipped", "native", "problems", "locks", "files", "tables", "parameters", "ledger", "importable", "interrupts",
-    "processes", "workers",
+    "processes", "spare", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}

@@ -116,6 +116,13 @@ class Sums(NamedTuple):
     charge: Scalar
 
 
+class Settled(NamedTuple):
+    """A micro-step at rest that left the flux as it was: one more of that length from there does exactly the same."""
+
+    dt: Scalar  # 0 if there was none just before
+    part: Sums  # what it added to the sums
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, inside the stops."""
     valve = _valve(inputs, par)
@@ -132,7 +139,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, valve), (inputs.dt, at, state.mode, sums))
+    start = (inputs.dt, at, state.mode, sums, Settled(0.0, Sums(0.0, 0.0)))
+    _, at, mode, sums, _ = loop(MICRO_STEPS, partial(_micro_step, valve), start)
     state = State(
         flux_linkage=at.lam,
         position=at.h,
@@ -173,14 +181,24 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
 
 
 def _micro_step(
-    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums
-) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums, settled: Settled
+) -> tuple[tuple[Scalar, Moving, Scalar, Sums, Settled], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
     dt = _limited(valve, next_part(left, valve.micro_step), at.lam)
     is_moving = mode == MOVING
-    dt, at, mode, part = cond(is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode))
-    left = left - dt
-    return (left, at, mode, Sums(sums.losses + part.losses, sums.charge + part.charge)), not_(left > 0.0)
+
+    def anew() -> tuple[Scalar, Moving, Scalar, Sums, Settled]:
+        length, then, mode_then, part = cond(
+            is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode)
+        )
+        is_settled = not_(is_moving) & (then.lam == at.lam) & (mode_then == mode)
+        return length, then, mode_then, part, Settled(where(is_settled, dt, 0.0), part)
+
+    # a flux that settles stops changing at all, and micro-steps are many where it settles fast
+    again = (dt, at, mode, settled.part, settled)
+    length, at, mode, part, settled = cond(dt == settled.dt, lambda: again, anew)
+    left = left - length
+    return (left, at, mode, Sums(sums.losses + part.losses, sums.charge + part.charge), settled), not_(left > 0.0)
 
 
 def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:

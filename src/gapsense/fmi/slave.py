@@ -61,6 +61,7 @@ class Slave(Variables):
         ]
         self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
         self.ranges = [] if component.survives else ranges(component.of("input"))
+        self.limits = [] if component.survives else limits(component.of("input"))
         self.period = 0.0  # of the samples; 0 for a component that is not sampled
         self.par: tuple[Any, ...] = ()
         self.constants: tuple[Any, ...] = ()  # what a step needs of the parameters
@@ -117,6 +118,17 @@ class Slave(Variables):
             return True
         except BaseException as error:
             self._fail(error, current_time, step_size)
+
+    def lend(self, time: float, step: float) -> tuple[Any, ...]:
+        """What the Linux binary needs for steps like this one, beside `SHIFT`; nothing if it had better ask `do_step`.
+
+        The binary sets, steps and gets by itself then, and puts `state`, `signals` and `end` back before it calls
+        anything else.  What it finds unusual it leaves to `do_step`.
+        """
+        if not self.is_running or self.elapsed or self.period not in (0.0, step):
+            return ()
+        arguments = self.kernel.advance, self.state, self.constants, self.signals, self.limits
+        return (*arguments, self.clock, self.inputs, self.period, self.end, SHIFT)
 
     def _initialize(self) -> None:
         given = self._given()
@@ -200,6 +212,13 @@ def ranges(ports: tuple[Port, ...]) -> list[tuple[int, float, float]]:
     with_range = [(k, port) for k, port in enumerate(ports) if (port.min, port.max) != (None, None)]
     least, greatest = -math.inf, math.inf
     return [(k, least if p.min is None else p.min, greatest if p.max is None else p.max) for k, p in with_range]
+
+
+def limits(ports: tuple[Port, ...]) -> list[float]:
+    """Least and greatest value of each, finite ones."""
+    most = sys.float_info.max
+    pairs = [(-most if p.min is None else p.min, most if p.max is None else p.max) for p in ports]
+    return [limit for least, greatest in pairs for limit in (max(least, -most), min(greatest, most))]
 
 
 def _copy(value: Any) -> Any:

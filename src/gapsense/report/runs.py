@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
-from gapsense.cosim.sensitivity import PERTURBATION
-from gapsense.fmi.ports import Component
 from gapsense.report.table import add_row, quantity, table
+
+if TYPE_CHECKING:
+    from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+    from gapsense.fmi.ports import Component
 
 UNREAD = "cannot be read: see `gapsense check`"
 
@@ -75,6 +77,8 @@ def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:
 
 def growths(found: Sequence[Growth]) -> Table:
     """How a small change grows in the signals of a baseline, the most sensitive ones first."""
+    from gapsense.cosim.sensitivity import PERTURBATION
+
     rows = ((g.signal, f"{g.amplification:.3g}", f"{g.change:.3g}", f"{g.allowed:.3g}", g.unit) for g in found)
     heads = ("signal", "amplification", "change", "allowed", "unit")
     return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
