@@ -28,7 +28,6 @@ import reduced_model_textbook as textbook
 from kernels import in_c
 from wrong_models import filter_parameters
 
-from gapsense import emit
 from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
 from gapsense.kernel import Kernel
@@ -127,8 +126,8 @@ def by_numpy(code: Code, rows: list[Row]) -> float:
 
 def alone(code: Code, rows: list[Row]) -> float:
     """One run in scalar Python."""
-    function, values = emit.compiled(code.graph), [tuple(float(np.squeeze(entry)) for entry in row) for row in rows]
-    return 1e9 * best(lambda: function(*values), 1000)
+    values = [tuple(float(np.squeeze(entry)) for entry in row) for row in rows]
+    return 1e9 * best(lambda: code.python(*values), 1000)
 
 
 def component(study: Study) -> tuple[float, Any]:
