@@ -41,33 +41,45 @@ def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[s
     inputs : array
         Flat inputs of each sample, (samples, inputs, runs), or (samples, inputs, 1) if all runs have the same.
     par : sequence
-        Flat parameters: arrays (runs,) or numbers for all runs; tables are lists, the same for all runs.
+        Flat parameters: arrays (runs,) or numbers for all runs; tables are lists, or arrays (numbers, runs).
     outputs : sequence of str
         Names of the flat outputs that are wanted, all of them by default.
     """
-    numbers = [value for value in par if not isinstance(value, list)]
-    tables = {name: value for name, value in zip(names(kernel.module.Parameters), par) if isinstance(value, list)}
-    columns = np.stack(np.broadcast_arrays(*map(np.atleast_1d, numbers))) if numbers else np.empty((0, 1))
+    of_tables = tables(kernel)
+    entries = dict(zip(names(kernel.module.Parameters), par))
+    numbers = [np.atleast_1d(value) for name, value in entries.items() if name not in of_tables]
     samples, width, count = np.shape(inputs)
-    runs = max(count, columns.shape[1])
+    runs = max(
+        count,
+        *(np.shape(entries[name])[-1] for name in of_tables if np.ndim(entries[name]) == 2),
+        *map(len, numbers),
+        1,
+    )
     found = plan_of(kernel, samples, (*outputs,)).run(
-        runs, par=columns, inputs=np.reshape(inputs, (samples * width, count)), **tables
+        runs,
+        par=np.array([np.broadcast_to(value, runs) for value in numbers]),
+        inputs=np.reshape(inputs, (samples * width, count)),
+        **{name: entries[name] for name in of_tables},
     )
     return found.reshape(samples, -1, runs)
+
+
+def tables(kernel: Kernel) -> list[str]:
+    """Names of the parameters that are tables."""
+    return [name for name, field in fields(kernel.module.Parameters).items() if field.kind == "table"]
 
 
 @cache
 def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
     """The plan of some samples, for `stepped`."""
     layout = names(kernel.module.Parameters)
-    tables = [name for name, field in fields(kernel.module.Parameters).items() if field.kind == "table"]
     width, every = len(names(kernel.module.Inputs)), names(kernel.module.Outputs)
     chosen = [every.index(name) for name in outputs or every]
     over = over_runs(kernel)
 
-    def steps(par: Row, inputs: Row, **of_tables: Any) -> list[Any]:
+    def steps(par: Row, inputs: Row, **given: Any) -> list[Any]:
         rest = iter(par)
-        row = [of_tables[name] if name in of_tables else next(rest) for name in layout]
+        row = [given[name] if name in given else next(rest) for name in layout]
         constants = over.constants(row)
         state, made = over.initial(inputs[:width], row)
         rows = [made]
@@ -76,5 +88,6 @@ def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
             rows.append(made)
         return [made[k] for made in rows for k in chosen]
 
-    sizes = {"par": len(layout) - len(tables), "inputs": samples * width}
-    return plan(steps, **sizes, **dict.fromkeys(tables, Array.TABLE))
+    of_tables = tables(kernel)
+    sizes = {"par": len(layout) - len(of_tables), "inputs": samples * width}
+    return plan(steps, **sizes, **dict.fromkeys(of_tables, Array.TABLE))
