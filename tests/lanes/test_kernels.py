@@ -99,16 +99,11 @@ def test_kernels_in_a_loop_are_a_plan_of_their_own(compiler):
     valve, semera = kernel("gapsense.actuators.solenoid_valve"), kernel("gapsense.estimators.semera")
     law = Code(graph(lambda wanted, flux, current: where(flux < wanted, 24.0, 0.0) - current))
     current, flux = (k.module.Outputs._fields.index(n) for k, n in ((valve, "current"), (semera, "flux_linkage")))
-    tables_of = {
-        k: v for k, v in enumerate(flat(parameters(valve.module.__name__, random.Random(1)))) if isinstance(v, list)
-    }
 
     def walk(of_valve, of_semera, wanted):
-        dt, first, second = 50e-6, over_runs(valve), over_runs(semera)
         numbers = iter(of_valve)
-        of_valve = [
-            tables_of[k] if k in tables_of else next(numbers) for k in range(len(valve.module.Parameters._fields))
-        ]
+        of_valve = [tables.get(k) or next(numbers) for k in range(len(valve.module.Parameters._fields))]
+        dt, first, second = 50e-6, over_runs(valve), over_runs(semera)
         constants = first.constants(of_valve), second.constants(of_semera)
         state, outputs = first.initial((0.0, 0.0, 24.0), of_valve)
         known, seen = second.initial((24.0, outputs[current]), of_semera)
@@ -118,11 +113,12 @@ def test_kernels_in_a_loop_are_a_plan_of_their_own(compiler):
             known, seen = second.advance(known, (voltage, outputs[current]), constants[1])
         return *outputs, *seen
 
-    rows = [[[v for v in flat(parameters(k.module.__name__, random.Random(run))) if not isinstance(v, list)]
-             for run in range(RUNS)] for k in (valve, semera)]  # fmt: skip
+    pars = [[flat(parameters(k.module.__name__, random.Random(run))) for run in range(RUNS)] for k in (valve, semera)]
+    tables = {k: value for k, value in enumerate(pars[0][0]) if isinstance(value, list)}
+    numbers = [[v for k, v in enumerate(par) if k not in tables] for par in pars[0]]
     columns = {
-        "of_valve": np.array(rows[0]).T,
-        "of_semera": np.array(rows[1]).T,
+        "of_valve": np.array(numbers).T,
+        "of_semera": np.array(pars[1]).T,
         "wanted": np.linspace(0, 0.05, RUNS)[None],
     }
     recorded = plan(walk, **{name: len(column) for name, column in columns.items()})

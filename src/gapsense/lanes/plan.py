@@ -49,7 +49,7 @@ class Plan:
     def _words(self) -> npt.NDArray[np.int32]:
         return np.array(self.program.words(), np.int32)
 
-    def run(self, runs: int, **given: Any) -> Floats:
+    def run(self, runs: int, /, **given: Any) -> Floats:
         """What is kept, (values, runs).
 
         Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs; array memory changes in
@@ -96,7 +96,7 @@ class Plan:
                     _call(self.program.codes[function - OWN], at, values, arrays)
 
 
-def plan(function: Callable[..., Sequence[Any]], **given: int | Array) -> Plan:
+def plan(function: Callable[..., Sequence[Any]], /, **given: int | Array) -> Plan:
     """The plan of a function of columns, which it gets by name as rows of values, and which returns a row to keep.
 
     Parameters
