@@ -95,12 +95,6 @@ CALLED void put(const Column *c, M row, V x, M taken, const Block *block)
         if (taken[i]) *number(c, row[i], i, block) = x[i];
 }
 
-CALLED void clear(const Column *c, const Block *block)
-{
-    for (ptrdiff_t row = 0; row < c->size; row++)
-        for (int i = 0; i < block->count; i++) *number(c, row, i, block) = 0.0;
-}
-
 /* Index k with table[k] < x <= table[k + 1], from 0 to the last but one: both ends extrapolate. */
 CALLED M located(const Column *c, V x, const Block *block)
 {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.emit.lanes import held
+from gapsense.emit.lanes import is_array
 from gapsense.lanes.code import NUMBERS, WHOLE, Code, Record, Value
 from gapsense.lanes.library import loaded, source
 from gapsense.lanes.program import KEEP, KEPT, OWN, TAKE, program
@@ -148,20 +148,13 @@ def _call(code: Code, at: Sequence[int], values: list[Any], arrays: list[Floats]
     rest = iter(entries)
     made = code.numpy(*([next(rest) for _ in range(size)] for size in code.sizes), arrays[-1].shape[1])
     results = made if len(code.graph.results) > 1 else (made,)
-    places = iter(at[len(entries) :])
-    for row, (_, graphs) in zip(results, code.graph.results):
-        for value, entry in zip(row, graphs):
-            _put(value, entry, places, values, arrays)
+    numbers = (
+        v for row, (_, entries) in zip(results, code.graph.results) for v, e in zip(row, entries) if not is_array(e)
+    )
+    for place, value in zip(at[len(entries) :], numbers):
+        values[place] = value
 
 
 def _entry(kind: Any, place: int, values: list[Any], arrays: list[Floats]) -> Any:
     """An entry as numpy code takes it."""
     return arrays[place] if kind == "memory" else arrays[place][:, 0] if kind == "table" else values[place]
-
-
-def _put(value: Any, entry: Any, places: Iterator[int], values: list[Any], arrays: list[Floats]) -> None:
-    """What a call has made of an entry of its graph, at its place; array memory has changed where it is."""
-    if isinstance(entry, list):
-        arrays[next(places)][:] = 0.0
-    elif held(entry) is None:
-        values[next(places)] = value
