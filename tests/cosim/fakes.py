@@ -28,7 +28,8 @@ DO_STEP = {
     2: ctypes.CFUNCTYPE(INT, ANY, DOUBLE, DOUBLE, INT),
     3: ctypes.CFUNCTYPE(INT, ANY, DOUBLE, DOUBLE, BOOL, ANSWER, ANSWER, ANSWER, VALUES),
 }
-INPUTS, OUTPUTS, SIGNALS = 2, 2, 1  # of each part: inputs that may be connected, outputs; inputs that are played
+INPUTS, OUTPUTS = 2, 2  # of each part
+SPECIAL = (-0.0, -0.0, -0.0, np.nan, np.inf, -np.inf)  # values that an output may get
 
 
 class Fake:
@@ -71,8 +72,8 @@ class Fake:
         for i in range(count):
             values[i] = self.level * (i + 1)
         status = self.noted("get", instance, references[:count])
-        if self.trouble[0] == "nan" and self.trouble[1] <= self.count:
-            values[0] = np.nan
+        if self.trouble[0] == "value" and self.trouble[1] <= self.count:
+            values[0] = SPECIAL[self.trouble[2]]
         return status
 
 

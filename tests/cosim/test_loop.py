@@ -1,11 +1,14 @@
 """The C library that does component-steps, and the Python code where it does not load: same calls, same bits."""
 
 import ctypes
+import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Timer
 
 import numpy as np
 import pytest
@@ -18,7 +21,9 @@ from gapsense.cosim import run
 from gapsense.cosim.loop import compiled, library
 from gapsense.cosim.loop.build import LOOP
 from gapsense.cosim.loop.reference import in_python
-from gapsense.cosim.recording import ROWS
+from gapsense.cosim.played import Player
+from gapsense.cosim.recording import ROWS, STOP
+from gapsense.interrupts import counted
 
 needs_library = pytest.mark.skipif(library.entry() is None, reason="the library is for Linux on x86-64")
 
@@ -82,7 +87,7 @@ def test_structures_are_those_of_c(tmp_path):
 
 NUMBERS = st.floats(-1e3, 1e3)
 PLACE = st.tuples(st.integers(0, 2), st.integers(0, 1))
-TROUBLE = st.tuples(st.sampled_from(["", "", "status", "nan", "stop", "ends"]), st.integers(1, 40), st.integers(0, 5))
+TROUBLE = st.tuples(st.sampled_from(["", "", "status", "value", "stop", "ends"]), st.integers(1, 40), st.integers(0, 5))
 PARTS = st.tuples(st.sampled_from([2, 3]), st.integers(1, 4), st.integers(0, 3), st.sampled_from([True, True, False]))
 CASES = st.fixed_dictionaries(
     {
@@ -130,8 +135,9 @@ PLAIN = {
 
 @pytest.mark.parametrize("advancer", [pytest.param(in_c, marks=needs_library), in_python])
 def test_all_base_steps_are_done_and_timed(advancer):
-    trial = Trial(PLAIN)
-    assert trial.run(advancer)[4] == ""
+    trial = Trial({**PLAIN, "at_once": 30})
+    advance = advancer(trial.work(0))
+    assert (advance(0), advance(20)) == (0, 20)
     assert trial.recording.calls == [20, 9, 20] and trial.recording.rows == 7
     assert all(0.0 < seconds < 10.0 for seconds in trial.recording.seconds)
     assert trial.marks[ROWS] == 7 and not np.any(trial.recording.data == -1.0)
@@ -156,6 +162,24 @@ def test_what_python_raises_in_a_step_is_raised(advancer, error):
     assert trial.recording.rows == trial.marks[ROWS] == 1 and trial.recording.calls == [3, 0, 2]
 
 
+@needs_library
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+def test_ctrl_c_ends_a_run_in_which_only_c_is_busy():
+    forever = 10**15
+    trial, done = Trial({**PLAIN, "signals": 0, "decimation": forever}), 0
+    trial.parts, trial.player = [], Player([], lambda k: np.empty((forever, 0)))
+
+    def stop():
+        trial.marks[STOP] = 1
+
+    advance = in_c(trial.work(0))
+    with counted(then=stop):
+        Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+        while not trial.marks[STOP]:
+            done = advance(forever)
+    assert 0 < done < forever
+
+
 # Against real FMUs ----------------------------------------------------------------------------------------------------
 
 
@@ -172,6 +196,7 @@ def test_run_gives_the_same_bits(write, chain, fmus, without_library, method):
     assert list(in_c.signals) == list(in_python.signals)
     assert all(in_c[name].tobytes() == in_python[name].tobytes() for name in in_c.signals)
     assert [t.calls for t in in_c.timing.values()] == [t.calls for t in in_python.timing.values()]
+    assert (in_c.run.versions["loop"], in_python.run.versions["loop"]) == ("C", "Python")
 
 
 ERRORS = """

@@ -61,7 +61,7 @@ def exchange(host: Host, c: c_void_p, name: str, refs: list[int], count: int) ->
 
 
 def failing(host: Host, kind: str) -> dict[str, Any]:
-    """A step of the kernel that goes wrong: status, messages, whether the outputs are the old ones; and a reset."""
+    """A step of the kernel that goes wrong: status, messages, whether the outputs stay; then set, step, get, reset."""
     cls, mood = class_in(host), [""]
     advance = cls.kernel.advance
 
@@ -71,7 +71,7 @@ def failing(host: Host, kind: str) -> dict[str, Any]:
         if mood[0] == "interrupted":
             raise KeyboardInterrupt
         state, outputs = advance(state, inputs, constants)
-        odd = {"infinite": (math.inf, *outputs[1:]), "short": outputs[:1], "no numbers": ("x", *outputs[1:])}
+        odd = {"infinite": (math.inf, *outputs[1:]), "no numbers": ("x", *outputs[1:])}
         return state, odd.get(mood[0], outputs)
 
     cls.kernel.advance, c = moody, host.started()
@@ -80,7 +80,9 @@ def failing(host: Host, kind: str) -> dict[str, Any]:
     before, mood[0] = outputs_of(host, c), kind
     status, said = host.step(c, 3, STEP), host.heard()
     found = {"status": status, "said": said, "is_kept": outputs_of(host, c) == before}
-    return found | {"again": host.call(c, "Reset")}
+    mood[0] = ""
+    found["afterwards"] = round_(host, c, 4), host.call(c, "Reset")
+    return found
 
 
 def outputs_of(host: Host, c: c_void_p) -> list[float]:

@@ -58,7 +58,7 @@ class Player:
             self.provide(k)
             buffer[self.places] = self.block[k - self.begin]
 
-        return play
+        return play if len(self.places) else lambda k: None
 
 
 def player(signals: Mapping[Port, Played], index: Mapping[Port, int], experiment: Experiment) -> Player:

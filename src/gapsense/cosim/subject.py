@@ -14,6 +14,7 @@ import numpy as np
 
 import gapsense
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.loop import language
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
@@ -59,7 +60,7 @@ class Subject:
             order=order.names,
             delayed=tuple(str(connection) for connection in order.delayed),
             files={},
-            versions=versions(),
+            versions={**versions(), "loop": language()},
             source=str(scenario.path.resolve()),
             figure=scenario.figure,
         )

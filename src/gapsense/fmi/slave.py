@@ -120,10 +120,10 @@ class Slave(Variables):
             self._fail(error, current_time, step_size)
 
     def lend(self, time: float, step: float) -> tuple[Any, ...]:
-        """What the Linux binary needs for steps like this one, beside `SHIFT`; nothing if it had better ask `do_step`.
+        """What the Linux binary needs to take steps like this one by itself; nothing if it had better ask `do_step`.
 
-        The binary sets, steps and gets by itself then, and puts `state`, `signals` and `end` back before it calls
-        anything else.  What it finds unusual it leaves to `do_step`.
+        While it has this, it also sets inputs and gets signals.  Before it calls any other method, it puts `state`,
+        `signals` and `end` back; whatever is unusual, it leaves to `do_step`, which knows the words.
         """
         if not self.is_running or self.elapsed or self.period not in (0.0, step):
             return ()
@@ -215,10 +215,12 @@ def ranges(ports: tuple[Port, ...]) -> list[tuple[int, float, float]]:
 
 
 def limits(ports: tuple[Port, ...]) -> list[float]:
-    """Least and greatest value of each, finite ones."""
+    """Least and greatest value of each, one after the other; of those without a range the finite ones."""
     most = sys.float_info.max
-    pairs = [(-most if p.min is None else p.min, most if p.max is None else p.max) for p in ports]
-    return [limit for least, greatest in pairs for limit in (max(least, -most), min(greatest, most))]
+    found = [-most, most] * len(ports)
+    for k, least, greatest in ranges(ports):
+        found[2 * k : 2 * k + 2] = max(least, -most), min(greatest, most)
+    return found
 
 
 def _copy(value: Any) -> Any:

@@ -7,7 +7,12 @@ from gapsense.cosim.loop.library import entry
 from gapsense.cosim.loop.reference import in_python
 from gapsense.cosim.loop.work import Advance, Work
 
-__all__ = ["Advance", "Work", "advancer"]
+__all__ = ["Advance", "Work", "advancer", "language"]
+
+
+def language() -> str:
+    """What the loop is written in, as a result tells it."""
+    return "C" if entry() else "Python"
 
 
 def advancer(work: Work) -> Advance:

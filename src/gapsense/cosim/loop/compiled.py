@@ -41,7 +41,8 @@ class Guest:
     """A part in the loop in C. What only Python can move is called back, and what that fails of is kept."""
 
     def __init__(self, part: Part, work: Work) -> None:
-        self.part, self.failed, self.error = part, "", BaseException()
+        self.part, self.failed = part, ""
+        self.error: BaseException | None = None
         base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
@@ -135,7 +136,7 @@ def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
     """Error for what the loop returned."""
     part = guest.part
     if cause == IN_PYTHON:
-        return part.failure(guest.failed, loop.time, loop.next) if guest.failed else guest.error
+        return guest.error or part.failure(guest.failed, loop.time, loop.next)
     part.status = loop.status
     words = {AT_SET: part.set_inputs.function, AT_STEP: STEP, AT_GET: part.get_outputs.function}
     return part.failure(words.get(cause, NOT_FINITE), loop.time, loop.next)
