@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.problems import InputError
+from gapsense.studies.identification.conventions import CONVENTIONS
 from gapsense.studies.identification.flux import edges, operations
-from gapsense.studies.identification.record import CONVENTIONS, SHOWN, Columns, Record, Vector, read_columns, to_record
+from gapsense.studies.identification.record import SHOWN, Columns, Record, Vector, read_columns, to_record
 
 FEWEST_SAMPLES = 8
 FEWEST_PERIODS = 2  # one alone cannot tell whether the record is periodic

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import Column, bar, command, show, written
-from gapsense.studies.identification.record import CONVENTIONS
+from gapsense.studies.identification.conventions import CONVENTIONS
 
 MODELS = ("solenoid_valve",)
 

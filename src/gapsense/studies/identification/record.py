@@ -34,7 +34,6 @@ SIGNALS = {
     "position": ("position",),
     "mode": ("mode_measured", "mode"),
 }
-CONVENTIONS = ("trapezoid", "end", "start")
 
 
 class Columns(NamedTuple):

@@ -1,0 +1,5 @@
+"""What a recorded voltage was between two samples; apart from the rest, since the command's help names them."""
+
+from __future__ import annotations
+
+CONVENTIONS = ("trapezoid", "end", "start")
