@@ -1,7 +1,8 @@
 """What a step of each kernel costs in each of its forms: `python benchmarks/kernels.py [NAME ...]`.
 
 Source on floats, generated Python, numpy and C over many runs (per run), C in double and in float. The kernels are
-found, and their parameters and inputs drawn, as in tests/kernels/test_parity.py.
+found, and their parameters and inputs drawn, as in tests/kernels/test_parity.py. Of the generated Python also what a
+busy machine does not change: how many instructions of the interpreter a step takes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from types import SimpleNamespace
+from types import FrameType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,7 @@ def main() -> None:
         "kernel",
         "source",
         "Python",
+        "instructions",
         *(f"numpy, {n} runs" for n in BATCHES),
         f"C, {BATCHES[0]} runs",
         "C double",
@@ -70,7 +72,7 @@ def main() -> None:
         table.add_column(title, justify="left" if title == "kernel" else "right")
     for module in kernel_modules():
         if not wanted or kernel(module).name in wanted:
-            table.add_row(kernel(module).name, *(f"{value:.4f}" for value in row(module)))
+            table.add_row(kernel(module).name, *(f"{value:.4g}" for value in row(module)))
     Console(width=None if sys.stdout.isatty() else 120).print(table)
 
 
@@ -84,8 +86,9 @@ def row(module: str) -> list[float]:
     python = best(
         lambda: sequence(lambda given, _: k.scalar["initial"](given, entries), advance, values, constants), STEPS
     )
+    count = instructions(advance, k.scalar["initial"](values[0], entries)[0], values[1:], constants)
     forms = [*(batch(module, runs) for runs in BATCHES), over_runs(module, BATCHES[0])]
-    return [source, python, *forms, in_c(module, False), in_c(module, True)]
+    return [source, python, count, *forms, in_c(module, False), in_c(module, True)]
 
 
 def sequence(initial: Callable[..., Any], step: Callable[..., Any], inputs: Sequence[Any], par: Any) -> float:
@@ -95,6 +98,25 @@ def sequence(initial: Callable[..., Any], step: Callable[..., Any], inputs: Sequ
     for given in inputs[1:]:
         state, _ = step(state, given, par)
     return perf_counter() - begin
+
+
+def instructions(advance: Callable[..., Any], state: Any, inputs: Sequence[Any], constants: Any) -> float:
+    """Instructions of the interpreter in a step."""
+    count = 0
+
+    def traced(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal count
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        count += event == "opcode"
+        return traced
+
+    sys.settrace(traced)
+    try:
+        for given in inputs:
+            state, _ = advance(state, given, constants)
+    finally:
+        sys.settrace(None)
+    return count / len(inputs)
 
 
 def best(measured: Callable[[], float], steps: int) -> float:

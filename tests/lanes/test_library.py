@@ -100,10 +100,13 @@ def test_a_library_that_does_not_load_is_told(fresh, compiler):
 
 
 def test_what_was_not_used_for_long_is_removed(fresh, compiler):
-    first = library.built(text())
-    os.utime(first, (1.0, 1.0))
+    first, left, foreign = library.built(text()), fresh / f"{library.PREFIX}killed", fresh / "file of somebody else"
+    left.mkdir()
+    foreign.touch()
+    for path in (first, left, foreign):
+        os.utime(path, (1.0, 1.0))
     library.built(text(3.0))
-    assert not first.exists()
+    assert not first.exists() and not left.exists() and foreign.exists()
     used = library.built(text())
     os.utime(used, (1.0, 1.0))
     library.built(text())

@@ -35,6 +35,13 @@ class Circuit(NamedTuple):
     core_saturation: Scalar  # lambda_sat [Wb]
 
 
+class Gap(NamedTuple):
+    """What a gap of some length is to the circuit; it stays the same while the mover rests."""
+
+    reluctance: Scalar  # [1/H]
+    slope: Scalar  # its derivative by the gap [1/(H m)]
+
+
 def gap_law(h: Scalar, c: Circuit) -> tuple[Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its derivative by the gap [1/(H m)]."""
     # the linear law comes last: over many runs at once the last branch is always computed, and the table may be empty

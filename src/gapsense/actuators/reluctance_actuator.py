@@ -12,9 +12,9 @@ from typing import Annotated, NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core, make_core
-from gapsense.actuators.magnetics import SmoothGap
+from gapsense.actuators.magnetics import Gap, SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
-from gapsense.actuators.reluctance_steps import Actuator, Gap, Losses, Moving, circuit_at, gap_at, micro_step
+from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, fabs, loop, square, where

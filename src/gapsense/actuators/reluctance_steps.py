@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
-from gapsense.actuators.magnetics import LocalGap, SmoothGap
+from gapsense.actuators.magnetics import Gap, LocalGap, SmoothGap
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
 from gapsense.integrate import crossing, least, next_part, rk4
 from gapsense.records import Scalar
@@ -44,13 +44,6 @@ class Electric(NamedTuple):
     flux_rate: Scalar
     excess: Scalar  # M_an - M
     steepness: Scalar  # of M_an
-
-
-class Gap(NamedTuple):
-    """The gap where the mover is: it stays the same while the mover rests."""
-
-    reluctance: Scalar
-    slope: Scalar  # its derivative
 
 
 class Circuit(NamedTuple):

@@ -13,9 +13,9 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 from gapsense.actuators import magnetics, motion
-from gapsense.actuators.magnetics import MU_0, Circuit
+from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Mover
-from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Sums, Valve, micro_step
+from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Sums, Valve, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, loop, sqrt, square, where
@@ -92,7 +92,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, valve.mover), motion.spring_force(h, valve.mover))
     state = State(0.0, h, 0.0, mode, 0.0, 0.0)
-    return state, _outputs(state, valve)
+    return state, _outputs(state, valve, gap_at(valve, h))
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -102,7 +102,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    _, at, mode, sums = loop(MICRO_STEPS, partial(micro_step, valve), (inputs.dt, at, state.mode, sums))
+    start = (inputs.dt, at, gap_at(valve, at.h), state.mode, sums)
+    _, at, gap, mode, sums = loop(MICRO_STEPS, partial(micro_step, valve), start)
     state = State(
         flux_linkage=at.lam,
         position=at.h,
@@ -111,7 +112,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         dissipated_energy=sums.losses,
         supplied_energy=state.supplied_energy + inputs.voltage * sums.charge,
     )
-    return state, _outputs(state, valve)
+    return state, _outputs(state, valve, gap)
 
 
 def _valve(inputs: Inputs, par: Parameters) -> Valve:
@@ -144,11 +145,10 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
     )
 
 
-def _outputs(state: State, valve: Valve) -> Outputs:
+def _outputs(state: State, valve: Valve, gap: Gap) -> Outputs:
     lam, h = state.flux_linkage, state.position
     c, mover = valve.circuit, valve.mover
-    gap_reluctance, slope = magnetics.gap_law(h, c)
-    R = gap_reluctance + magnetics.core_law(lam, c)
+    R = gap.reluctance + magnetics.core_law(lam, c)
     mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(state.velocity, mover)
     return Outputs(
         current=magnetics.current(lam, R, c),
@@ -156,10 +156,10 @@ def _outputs(state: State, valve: Valve) -> Outputs:
         velocity=state.velocity,
         flux_linkage=lam,
         inductance=square(c.turns) / R,
-        force=magnetics.force(lam, slope, c),
+        force=magnetics.force(lam, gap.slope, c),
         mode=state.mode,
         contact=where(state.mode == MOVING, 0.0, 1.0),
         dissipated_energy=state.dissipated_energy,
-        stored_energy=magnetics.energy(lam, gap_reluctance, c) + mechanical,
+        stored_energy=magnetics.energy(lam, gap.reluctance, c) + mechanical,
         supplied_energy=state.supplied_energy,
     )

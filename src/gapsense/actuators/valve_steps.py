@@ -6,7 +6,7 @@ from functools import partial
 from typing import NamedTuple
 
 from gapsense.actuators import magnetics, motion
-from gapsense.actuators.magnetics import Circuit
+from gapsense.actuators.magnetics import Circuit, Gap
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
 from gapsense.integrate import crossing, least, next_part, rk4, rk4_until
 from gapsense.records import Scalar
@@ -45,6 +45,15 @@ class Sums(NamedTuple):
     charge: Scalar
 
 
+class Step(NamedTuple):
+    """Length of a micro-step, what is at its end, and what it adds to the sums."""
+
+    length: Scalar
+    at: Moving
+    mode: Scalar
+    part: Sums
+
+
 class Limit(NamedTuple):
     """Of the length of a micro-step, at some flux."""
 
@@ -53,35 +62,43 @@ class Limit(NamedTuple):
 
 
 def micro_step(
-    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums
-) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    valve: Valve, left: Scalar, at: Moving, gap: Gap, mode: Scalar, sums: Sums
+) -> tuple[tuple[Scalar, Moving, Gap, Scalar, Sums], Scalar]:
     """One step of the loop, or all equal ones; `left` is what is left of the communication step [s]."""
     limit, is_moving = _limit(valve, at.lam), mode == MOVING
     dt = _limited(valve, left, limit)
-    length, then, mode_then, part = cond(
-        is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode)
-    )
-    left, sums = left - length, _added(sums, part)
-    is_settled = not_(is_moving) & (then.lam == at.lam) & (mode_then == mode)
-    left, sums = cond(is_settled, lambda: _repeated(valve, limit, length, part, left, sums), lambda: (left, sums))
-    return (left, then, mode_then, sums), not_(left > 0.0)
+
+    def move() -> tuple[Step, Gap]:
+        done = _move(valve, gap, dt, at, is_moving)
+        return done, gap_at(valve, done.at.h)
+
+    done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, mode), gap))
+    left, sums = left - done.length, _added(sums, done.part)
+    is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.mode == mode)
+    left, sums = cond(is_settled, lambda: _repeated(valve, limit, done, left, sums), lambda: (left, sums))
+    return (left, done.at, gap, done.mode, sums), not_(left > 0.0)
 
 
-def _repeated(valve: Valve, limit: Limit, length: Scalar, part: Sums, left: Scalar, sums: Sums) -> tuple[Scalar, Sums]:
-    """Time left and sums after the next micro-steps of equal `length`: where the flux has settled, each adds `part`."""
+def _repeated(valve: Valve, limit: Limit, done: Step, left: Scalar, sums: Sums) -> tuple[Scalar, Sums]:
+    """Time left and sums after the next micro-steps of equal length: where the flux has settled, each does the same."""
 
     def is_equal(left: Scalar) -> Scalar:
-        return (left > 0.0) & (_limited(valve, left, limit) == length)
+        return (left > 0.0) & (_limited(valve, left, limit) == done.length)
 
     def again(left: Scalar, sums: Sums) -> tuple[tuple[Scalar, Sums], Scalar]:
-        left = left - length
-        return (left, _added(sums, part)), not_(is_equal(left))
+        left = left - done.length
+        return (left, _added(sums, done.part)), not_(is_equal(left))
 
     return cond(is_equal(left), lambda: loop(MICRO_STEPS, again, (left, sums)), lambda: (left, sums))
 
 
 def _added(sums: Sums, part: Sums) -> Sums:
     return Sums(sums.losses + part.losses, sums.charge + part.charge)
+
+
+def gap_at(valve: Valve, h: Scalar) -> Gap:
+    """The gap of length `h`."""
+    return Gap(*magnetics.gap_law(h, valve.circuit))
 
 
 def _limit(valve: Valve, lam: Scalar) -> Limit:
@@ -102,13 +119,14 @@ def _limited(valve: Valve, left: Scalar, limit: Limit) -> Scalar:
     return where(limit.rate * dt > FINENESS * valve.rate_scale, least(dt, limit.longest), dt)
 
 
-def _move(valve: Valve, dt: Scalar, at: Moving, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
+def _move(valve: Valve, gap: Gap, dt: Scalar, at: Moving, is_moving: Scalar) -> Step:
     """Step of the moving mover, up to the contact if there is one."""
-    mover, after = valve.mover, partial(rk4, partial(_moving_rates, valve), at)
+    mover, first = valve.mover, _rates_in(gap, valve, at)
+    after = partial(rk4, partial(_moving_rates, valve), at, first=first)
     y, sums = after(dt)
     is_below = y.h < mover.lower
 
-    def land() -> tuple[Scalar, Moving, Scalar, Sums]:
+    def land() -> Step:
         def distance(length: Scalar) -> Scalar:
             return motion.clearance(after(length)[0].h, is_below, mover)
 
@@ -118,33 +136,35 @@ def _move(valve: Valve, dt: Scalar, at: Moving, is_moving: Scalar) -> tuple[Scal
         stop = where(is_below, mover.lower, mover.upper)
         mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, then.lam, stop))
         losses = sums.losses + motion.kinetic_energy(then.v, mover)
-        return length, Moving(then.lam, stop, 0.0), mode, Sums(losses, sums.charge)
+        return Step(length, Moving(then.lam, stop, 0.0), mode, Sums(losses, sums.charge))
 
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: (dt, y, MOVING, sums))
+    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: Step(dt, y, MOVING, sums))
 
 
-def _rest(valve: Valve, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
+def _rest(valve: Valve, gap: Gap, dt: Scalar, at: Moving, mode: Scalar) -> Step:
     """Step on a stop, of the flux only, up to the release if there is one."""
-    gap_reluctance, slope = magnetics.gap_law(at.h, valve.circuit)
     spring = motion.spring_force(at.h, valve.mover)
 
     def margin(y: tuple[Scalar]) -> Scalar:
-        return -motion.inward(mode, magnetics.force(y[0], slope, valve.circuit) + spring)
+        return -motion.inward(mode, magnetics.force(y[0], gap.slope, valve.circuit) + spring)
 
-    rate = partial(_resting_rates, valve, gap_reluctance)
+    rate = partial(_resting_rates, valve, gap.reluctance)
     dt, (lam,), sums, is_released = rk4_until(rate, (at.lam,), dt, margin)
-    return dt, Moving(lam, at.h, 0.0), where(is_released, MOVING, mode), sums
+    return Step(dt, Moving(lam, at.h, 0.0), where(is_released, MOVING, mode), sums)
 
 
 def _moving_rates(valve: Valve, y: Moving) -> tuple[Moving, Sums]:
+    return _rates_in(gap_at(valve, y.h), valve, y)
+
+
+def _rates_in(gap: Gap, valve: Valve, y: Moving) -> tuple[Moving, Sums]:
     """(51) and (52); integrands: losses in copper and damper [W], and the current [A]."""
     c, mover = valve.circuit, valve.mover
-    gap_reluctance, slope = magnetics.gap_law(y.h, c)
-    i = magnetics.current(y.lam, gap_reluctance + magnetics.core_law(y.lam, c), c)
+    i = magnetics.current(y.lam, gap.reluctance + magnetics.core_law(y.lam, c), c)
     drop = valve.resistance * i
     drag = mover.damping * y.v
-    acceleration = (magnetics.force(y.lam, slope, c) + motion.spring_force(y.h, mover) - drag) / mover.mass
+    acceleration = (magnetics.force(y.lam, gap.slope, c) + motion.spring_force(y.h, mover) - drag) / mover.mass
     return Moving(valve.voltage - drop, y.v, acceleration), Sums(drop * i + drag * y.v, i)
 
 
@@ -158,5 +178,4 @@ def _resting_rates(valve: Valve, gap_reluctance: Scalar, y: tuple[Scalar]) -> tu
 
 def _net_force(valve: Valve, lam: Scalar, h: Scalar) -> Scalar:
     """Force on the mover at rest [N], (52)."""
-    _, slope = magnetics.gap_law(h, valve.circuit)
-    return magnetics.force(lam, slope, valve.circuit) + motion.spring_force(h, valve.mover)
+    return magnetics.force(lam, gap_at(valve, h).slope, valve.circuit) + motion.spring_force(h, valve.mover)

@@ -27,6 +27,7 @@ HERE = Path(__file__).resolve().parent
 FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", *NO_FOLDING, "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
+PREFIX = "lanes-"  # of all that is ours in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
 CACHE = "GAPSENSE_CACHE"  # the folder, for who wants another
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
@@ -64,7 +65,7 @@ def built(text: str) -> Path:
         raise NativeError("No C compiler is found: neither what `CC` names, nor `cc`, `gcc` or `clang`.")
     flags, about = tuned(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
-    name = f"lanes-{digest}{ENDING}"
+    name = f"{PREFIX}{digest}{ENDING}"
     kept = cache_folder() / name
     try:
         if kept.is_file():
@@ -89,7 +90,7 @@ def compiled(text: str, command: Sequence[str], file: Path) -> Path:
     """Compile a source into a file, which is complete or absent."""
     file.parent.mkdir(parents=True, exist_ok=True)
     tidy(file.parent)
-    with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+    with tempfile.TemporaryDirectory(dir=file.parent, prefix=PREFIX) as folder:
         part = Path(folder) / file.name
         part.with_suffix(".c").write_text(text, encoding="utf-8")
         run((*command, *SHARED, str(part.with_suffix(".c")), "-o", str(part), *(() if ENDING == ".dll" else ("-lm",))))
@@ -124,8 +125,8 @@ def own_folder() -> Path:
 
 
 def tidy(folder: Path) -> None:
-    """Remove what has not been used for long."""
-    for path in folder.iterdir():
+    """Remove what of ours has not been used for long, or was left by a process that was killed."""
+    for path in folder.glob(f"{PREFIX}*"):
         with suppress(OSError):
             if path.stat().st_mtime < time.time() - OLD:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
