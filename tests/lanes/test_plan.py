@@ -58,6 +58,12 @@ def test_zeros_of_both_signs_are_two_numbers(code, compiler):
     assert np.signbit(found[:, 0]).tolist() == [False, True, True, False]
 
 
+def test_columns_that_are_missing_or_too_many_are_named(code):
+    recorded = plan(lambda start: code((*start, 1.0)), start=2)
+    with pytest.raises(ValueError, match="columns other found, start expected"):
+        recorded.run(1, other=[1.0, 2.0])
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [

@@ -69,6 +69,8 @@ class Plan:
         return [slice(k, k + 1) for k in range(runs)] if any(a.strides[1] for a in tables) else [slice(None)]
 
     def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
+        if given.keys() != self.given.keys():
+            raise ValueError(f"columns {', '.join(given)} found, {', '.join(self.given)} expected. Correct them.")
         made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
         made |= {NUMBERS: self.numbers, **self.record.tables}
         made |= {name: np.zeros((size, runs)) for name, size in self.record.memories.items()}
