@@ -5,7 +5,7 @@ vectors.  Those of numpy may differ where there are logarithms, by their last bi
 """
 
 from gapsense.lanes.code import Code, Row
-from gapsense.lanes.kernels import OverRuns, over_runs, stepped
+from gapsense.lanes.kernels import OverRuns, is_compiled, over_runs, stepped
 from gapsense.lanes.plan import Array, Plan, plan
 
-__all__ = ["Array", "Code", "OverRuns", "Plan", "Row", "over_runs", "plan", "stepped"]
+__all__ = ["Array", "Code", "OverRuns", "Plan", "Row", "is_compiled", "over_runs", "plan", "stepped"]

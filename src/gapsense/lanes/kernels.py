@@ -57,6 +57,11 @@ def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[s
     return plan_of(kernel, samples, (*outputs,)).run(runs, **columns).reshape(samples, -1, runs)
 
 
+def is_compiled(kernel: Kernel, samples: int, outputs: Sequence[str] = ()) -> bool:
+    """Whether `stepped` has C for this; for a few runs scalar Python is faster than numpy."""
+    return plan_of(kernel, samples, (*outputs,)).library is not None
+
+
 def columns_of(kernel: Kernel) -> dict[str, int | Array]:
     """A column for each flat parameter."""
     cls = kernel.module.Parameters

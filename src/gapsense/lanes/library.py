@@ -31,7 +31,7 @@ PREFIX = "lanes-"  # of all that is ours in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
 CACHE = "GAPSENSE_CACHE"  # the folder, for who wants another
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
-INSTEAD = "Numpy computes instead, several times slower, and its logarithms may differ in the last bit."
+INSTEAD = "Python computes instead, several times slower; the logarithms of numpy may differ in the last bit."
 
 
 def source(codes: Sequence[Code]) -> str:

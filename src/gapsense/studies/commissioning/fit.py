@@ -20,6 +20,7 @@ from gapsense.estimators.mhe import JUMP, Parameters, weight
 from gapsense.estimators.mhe_model import device
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.kernel import Kernel
+from gapsense.lanes import is_compiled, stepped
 from gapsense.records import flat
 from gapsense.studies.commissioning import device as simulated
 from gapsense.studies.identification.record import Record, Vector
@@ -82,14 +83,19 @@ class Problem(NamedTuple):
 
     def residuals(self, logs: Vector) -> Vector:
         """Their squares add up to the cost; values far from any device give large ones instead of NaN."""
-        off = self.weights * (self.current - simulate(changed(self, logs), self.voltage).current)
+        return self.of_current(logs, simulate(changed(self, logs), self.voltage).current)
+
+    def of_current(self, logs: Vector, current: Vector) -> Vector:
+        """The residuals, if this is the current of the model."""
+        off = self.weights * (self.current - current)
         return np.nan_to_num(np.append(off, logs / deviations(self.names)), nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, logs: Vector) -> Matrix:
         """Derivatives of the residuals."""
-        at = self.residuals(logs)
-        steps = STEP * np.eye(logs.size)
-        return np.array([(self.residuals(logs + s) - at) / STEP for s in steps]).T
+        points = logs + STEP * np.eye(logs.size + 1, logs.size, -1)  # the first one is where it is
+        found = currents([changed(self, point) for point in points], self.voltage)
+        at, *others = map(self.of_current, points, found)
+        return np.array([(other - at) / STEP for other in others]).T
 
 
 def commission(record: Record, known: Parameters, progress: Progress = lambda done, total: None) -> Commissioned:
@@ -150,6 +156,14 @@ def changed(p: Problem, logs: Vector) -> Parameters:
     """What is known, multiplied by factors."""
     factors = zip(p.names, np.exp(logs).tolist())
     return p.known._replace(**{name: getattr(p.known, name) * factor for name, factor in factors})
+
+
+def currents(pars: list[Parameters], voltage: list[float]) -> Matrix:
+    """Currents of several models, (models, samples); in scalar Python where numpy would be slower."""
+    if not is_compiled(KERNEL, len(voltage), ("current",)):
+        return np.array([simulate(par, voltage).current for par in pars])
+    columns = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
+    return stepped(KERNEL, np.reshape(voltage, (-1, 1, 1)), columns, ("current",))[:, 0].T
 
 
 def simulate(par: Parameters, voltage: list[float]) -> Trajectory:
