@@ -1,16 +1,19 @@
-"""Nanoseconds per step and run of the filter of [RTS] in motion: `python benchmarks/filters.py`.
+"""Nanoseconds per step and run of the estimators of [RTS] in motion: `python benchmarks/filters.py [--figure-9]`.
 
-Our numpy code over many runs, the generated Python and C of the component `Ekf` (with its outputs in SI units), and
-filterpy's ExtendedKalmanFilter with the same model, whose functions and Jacobians are written out in numpy.  All but C
-step the motion of the soft-landing cycle; C steps random inputs, as in kernels.py.  CPU time, the best of some passes.
+Filter, smoother and open loop over many runs, in C and by numpy, and one run in scalar Python; the generated Python and
+C of the component `Ekf` (with its outputs in SI units); and filterpy's ExtendedKalmanFilter with the same model, whose
+functions and Jacobians are written out in numpy.  All but the C of the component step the motion of the soft-landing
+cycle; that steps random inputs, as in kernels.py.  CPU time, the best of some passes.  On request also the seconds of
+all of Fig. 9, `gapsense study monte-carlo`.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -28,27 +31,36 @@ from wrong_models import filter_parameters
 from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
 from gapsense.kernel import Kernel
-from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step
+from gapsense.lanes import Code, Row, plan
+from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step, open_step
+from gapsense.studies.smoother.comparison import compare
 from gapsense.studies.smoother.models import CHUNK, errors, noise, nominal, perturbed, unvaried
 from gapsense.studies.smoother.runs import Estimator, filtered
-from gapsense.studies.smoother.study import Study
+from gapsense.studies.smoother.study import Study, studied
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
-PASSES = 5
+PASSES, REPEATS = 5, 20
+STEPS = ("filter", "backward step of the smoother", "open loop")
 
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--figure-9", action="store_true", help="also the seconds of the whole study, on 2 processes")
     study = Study(sampled(soft_landing()[-1]), nominal())
     table = Table(title="Nanoseconds per step and run, in motion")
     table.add_column("what")
     table.add_column("ns", justify="right")
     table.add_column("remark")
-    for runs in (1000, CHUNK):
-        forward, backward = over_runs(study, runs)
-        table.add_row(f"filter, numpy over {runs} runs", f"{forward:.0f}", "as in `gapsense study monte-carlo`")
-        table.add_row(f"smoother's backward step, numpy over {runs} runs", f"{backward:.0f}", "")
+    if parser.parse_args().figure_9:
+        table.add_row("all of Fig. 9, 130,000 runs", f"{figure_9():.1f} s", "not nanoseconds")
+    runs = {1000: steps_of(study, 1000), CHUNK: steps_of(study, CHUNK), 1: steps_of(study, 1)}
+    for k, what in enumerate(STEPS):
+        for count in (1000, CHUNK):
+            table.add_row(f"{what}, C over {count} runs", f"{in_lanes(*runs[count][k]):.1f}", "as in the studies")
+            table.add_row(f"{what}, numpy over {count} runs", f"{by_numpy(*runs[count][k]):.0f}", "without a compiler")
+        table.add_row(f"{what}, scalar Python", f"{alone(*runs[1][k]):.0f}", "")
     ours, states = component(study)
     table.add_row("component Ekf, generated Python", f"{ours:.0f}", "what its FMU runs")
     table.add_row("component Ekf, generated C", f"{1e3 * in_c('gapsense.estimators.ekf', single=False):.0f}", "gcc -O2")
@@ -66,21 +78,56 @@ def main() -> None:
     Console(width=None if sys.stdout.isatty() else 120).print(table)
 
 
-def over_runs(study: Study, runs: int) -> tuple[float, float]:
-    """The numpy code: a step of the filter and one of the smoother, in the middle of the making."""
+def figure_9() -> float:
+    """Seconds of the study, with a library that was compiled before."""
+    study = studied("fitted", 1)
+    compare(study, [0.01], 1, 1)
+    begin = perf_counter()
+    compare(study)
+    return perf_counter() - begin
+
+
+def steps_of(study: Study, runs: int) -> list[tuple[Code, list[Row]]]:
+    """A step of each of `STEPS` and the rows that it takes, in the middle of the making."""
     s, m = study.samples, study.model
     varied = perturbed(m, 0.01 * errors(1, 0, runs))
     current = s.current[:, None] + noise(1, 0, runs, s.time.size, TUNING.noise_current)
     motion = next(filtered(s, current, varied, Estimator(Variant(), TUNING, m)))
     middle = len(motion.filtered) // 2
-    given = (float(s.voltage[motion.first + middle]), current[motion.first + middle + 1])
-    rows = motion.filtered[middle : middle + 2]
-    forward, backward = forward_step(m, Variant(), MOVING, MOVING), backward_step(m, Variant())
-    steps = (
-        lambda: forward(rows[0], given, varied, TUNING),
-        lambda: backward(rows[0], given[:1], rows[1], varied, TUNING),
-    )
-    return tuple(1e9 * best(step, 20) / runs for step in steps)
+    voltage = float(s.voltage[motion.first + middle])
+    row, later = motion.filtered[middle : middle + 2]
+    return [
+        (
+            forward_step(m, Variant(), MOVING, MOVING),
+            [row, (voltage, current[motion.first + middle + 1]), varied, TUNING],
+        ),
+        (backward_step(m, Variant()), [row, (voltage,), later, varied, TUNING]),
+        (open_step(m, MOVING, MOVING), [row[:3], (voltage,), varied]),
+    ]
+
+
+def in_lanes(code: Code, rows: list[Row]) -> float:
+    """As calls of a plan."""
+    runs = np.size(rows[0][0])
+    columns = {f"row_{k}": np.array([np.broadcast_to(entry, runs) for entry in row]) for k, row in enumerate(rows)}
+
+    def repeated(**columns: Row) -> Row:
+        return [code(*columns.values()) for _ in range(REPEATS)][-1]
+
+    made = plan(repeated, **{name: len(column) for name, column in columns.items()})
+    made.run(runs, **columns)
+    return 1e9 * best(lambda: made.run(runs, **columns), 3) / (runs * REPEATS)
+
+
+def by_numpy(code: Code, rows: list[Row]) -> float:
+    """As calls of numpy code."""
+    return 1e9 * best(lambda: code(*rows), REPEATS) / np.size(rows[0][0])
+
+
+def alone(code: Code, rows: list[Row]) -> float:
+    """One run in scalar Python."""
+    values = [tuple(float(np.squeeze(entry)) for entry in row) for row in rows]
+    return 1e9 * best(lambda: code.python(*values), 1000)
 
 
 def component(study: Study) -> tuple[float, Any]:

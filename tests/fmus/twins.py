@@ -42,9 +42,9 @@ class Binary:
         return self.host.call(self.c, name, *arguments), [text for _, _, text in self.host.heard()]
 
     def plain(self, name: str, *numbers: float) -> Answer:
-        flag = {"SetupExperiment": [0, c_double(0.0)], "DoStep": []}.get(name, [])
-        after = {"SetupExperiment": [0, c_double(0.0)], "DoStep": [1]}.get(name, [])
-        status, said = self.told(name, *flag, *map(c_double, numbers), *after)
+        absent = [0, c_double(0.0)]  # tolerance and stop time
+        before, after = {"SetupExperiment": (absent, absent), "DoStep": ([], [1])}.get(name, ([], []))
+        status, said = self.told(name, *before, *map(c_double, numbers), *after)
         return status, b"", said
 
     def get(self, kind: str, refs: list[int]) -> Answer:

@@ -15,17 +15,21 @@ from wrong_models import filter_parameters
 
 from gapsense import ledger
 from gapsense.estimators.rts import motions, smooth_record
-from gapsense.studies.smoother.batch import Variant
+from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 from gapsense.studies.smoother.comparison import (
     ESTIMATORS,
     WIDTHS,
     compare,
     errors_of_chunk,
+    estimates,
+    plan_of,
+    positions,
+    squared_errors,
     trajectories,
 )
 from gapsense.studies.smoother.models import CHUNK, chunks, errors, noise, perturbed
 from gapsense.studies.smoother.show import orderings
-from gapsense.studies.smoother.study import noise_of_width, study_of, tuning
+from gapsense.studies.smoother.study import drawn, noise_of_width, operation_of, study_of, tuning
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
@@ -51,6 +55,30 @@ def test_errors_are_those_of_the_scalar_kernel(coarse):
                     total[o, 0] += (mean[k, 0] - z[k]) ** 2
                     total[o, 1] += ((mean[k, 0] - mean[k, 1]) - (z[k] - z[k - 1])) ** 2
         np.testing.assert_allclose(found[ESTIMATORS.index(name)], total, rtol=1e-6)
+
+
+def test_every_run_has_the_bits_that_it_has_alone(study):
+    """All samples of both operations in scalar Python, with wide errors, and the sums over them."""
+    if plan_of(study).library is None:
+        pytest.skip("no C compiler (cc, gcc, clang): numpy has a logarithm of its own")
+    tuned = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
+    varied, measured = drawn(study, 0.3, 0, 9)
+    found, z = squared_errors(study, varied, measured, tuned), positions(study.samples, study.model).tolist()
+    for run in (0, 8):
+        sums = np.zeros((len(ESTIMATORS), 2, 2))
+        alone = Varied(*(float(value[run]) for value in varied)), measured[:, run].tolist()
+        for name, k, row in estimates(study, *alone, tuned):
+            at = sums[ESTIMATORS.index(name), operation_of(study.samples, k)]
+            at += (row[0] - z[k]) ** 2, ((row[0] - row[1]) - (z[k] - z[k - 1])) ** 2
+        np.testing.assert_array_equal(found[..., run], sums)
+
+
+def test_numbers_do_not_depend_on_how_many_runs_are_computed_together(coarse):
+    varied, measured = drawn(coarse, 0.1, 0, 19)
+    tuned = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
+    whole = squared_errors(coarse, varied, measured, tuned)
+    part = squared_errors(coarse, Varied(*(value[3:14] for value in varied)), measured[:, 3:14], tuned)
+    np.testing.assert_array_equal(part, whole[..., 3:14])
 
 
 def test_comparison_divides_by_the_reference(coarse):

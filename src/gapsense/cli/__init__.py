@@ -1,5 +1,7 @@
 """The command line: one module per group of commands here and one in each study's folder, found by walking."""
 
+import atexit
+import signal
 from importlib import import_module
 from pathlib import Path
 
@@ -13,5 +15,7 @@ with handled(leave):  # loading takes a while
         import_module(f"{__name__}.{_file.stem}")
     for _name in studies.modules("command"):
         import_module(_name)
+
+atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # at the end there is nothing left to interrupt
 
 __all__ = ["app"]

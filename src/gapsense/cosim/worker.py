@@ -15,6 +15,7 @@ from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import run_once
 from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.subject import versions
 from gapsense.importable import imported
 from gapsense.ledger import kept
 from gapsense.processes import own_marks
@@ -26,6 +27,7 @@ class Runs:
     def __init__(self, task: Mapping[str, Any]) -> None:
         import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
 
+        versions()  # likewise: it starts a process
         scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = None if task["keep"] is None else Path(task["keep"])

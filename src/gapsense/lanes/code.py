@@ -1,8 +1,9 @@
 """A function on flat rows over runs, and the record of calls of such functions.
 
 A row has an entry for each number of a record; an entry is a number of each run, or one for all of them.  Given
-arrays, a `Code` computes at once, by numpy.  Given the values of a `Record`, which stand for numbers of runs that come
-later, it is recorded, with all that plain Python does around it: loops over samples are done now, and never again.
+arrays, a `Code` computes at once, by numpy; given plain numbers, a single run, in scalar Python.  Given the values of a
+`Record`, which stand for numbers of runs that come later, it is recorded, with all that plain Python does around it:
+loops over samples are done now, and never again.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from gapsense.emit.lanes import held
 
 Row: TypeAlias = tuple[Any, ...]
 NUMBERS = "numbers"  # the column of plain numbers, the same for all runs
+ONE = (float, int, list)  # what an entry is if there is one run only
 WHOLE = -1  # in place of a row: all numbers of a column, which are array memory or a table
 
 
@@ -80,6 +82,11 @@ class Code:
         self.symbols = [symbol for _, _, symbols in graph.arguments for symbol in symbols]
 
     @cached_property
+    def python(self) -> Callable[..., Any]:
+        """The same as scalar Python, for a single run."""
+        return emit.compiled(self.graph)
+
+    @cached_property
     def numpy(self) -> Callable[..., Any]:
         """The same as numpy code; `runs` comes behind the rows."""
         return emit.compiled(self.graph, emit.Numpy)
@@ -92,14 +99,17 @@ class Code:
 
     def __call__(self, *rows: Any) -> Any:
         """The results for some rows."""
-        record = next((entry.record for row in rows for entry in row if isinstance(entry, Value)), None)
+        entries = [entry for row in rows for entry in row]
+        record = next((entry.record for entry in entries if isinstance(entry, Value)), None)
         if record:
-            return self._recorded(record, rows)
+            return self._recorded(record, entries)
+        if all(isinstance(entry, ONE) for entry in entries):
+            return self.python(*rows)
         with np.errstate(all="ignore"):  # both branches of a condition may be computed, and one may be meaningless
             return self.numpy(*rows, 0)
 
-    def _recorded(self, record: Record, rows: Sequence[Row]) -> Any:
-        taken = [record.value(entry) for row in rows for entry in row]
+    def _recorded(self, record: Record, entries: Sequence[Any]) -> Any:
+        taken = [record.value(entry) for entry in entries]
         made: list[Value] = []
         kept = {symbol.id: value for symbol, value in zip(self.symbols, taken)}
         results = [tuple(self._made(entry, kept, made, record) for entry in row) for _, row in self.graph.results]

@@ -53,8 +53,8 @@ def loaded(text: str) -> ctypes.CDLL | None:
 
 @cache
 def _tell(sentence: str) -> None:
-    """Warn of the same thing once."""
-    warnings.warn(sentence, stacklevel=2)
+    """Warn of the same thing once; where in the program that was helps nobody."""
+    warnings.warn_explicit(sentence, UserWarning, "gapsense", 1)
 
 
 def built(text: str) -> Path:

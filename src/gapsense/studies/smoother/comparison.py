@@ -158,8 +158,9 @@ def trajectories(study: Study, width: float, tuned: Tuning, worst: Worst) -> dic
     """Normalised positions of all estimators in one run, NaN at rest: (N,) by estimator."""
     found = {name: np.full(study.samples.time.size, np.nan) for name in ESTIMATORS}
     varied, measured = drawn(study, width, worst.chunk, worst.run + 1, slice(-1, None))
-    for name, k, row in estimates(study, varied, measured, tuned):
-        found[name][k] = np.squeeze(row[0])
+    alone = Varied(*(float(value[0]) for value in varied)), measured[:, 0].tolist()
+    for name, k, row in estimates(study, *alone, tuned):
+        found[name][k] = row[0]
     return found
 
 
