@@ -282,6 +282,26 @@ def test_loop_with_truth_value_as_state(tmp_path: Path) -> None:
         assert run_numpy(function, *values) == expected
 
 
+def test_loop_whose_variables_change_places_and_stops_by_what_they_were(tmp_path: Path) -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        x, y, n = loop(9, lambda x, y, n: ((y, x + y, n + 1.0), x + n > c), (a, b, 0.0))
+        return x * 100.0 + y * 10.0 + n
+
+    for k, c in enumerate((0.0, 5.0, 40.0, 1e9)):
+        expected = function(1.0, 2.0, c)
+        assert run_python(function, 1.0, 2.0, c) == expected
+        assert run_c(function, tmp_path / str(k), 1.0, 2.0, c) == expected
+
+
+def test_which_branch_was_taken_is_its_condition() -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        x, is_first = cond(a > b, lambda: (sqrt(b), True), lambda: (c, False))
+        return where(is_first, x, a)
+
+    assert "True" not in python_text(function)
+    assert [run_python(function, a, 4.0, 7.0) for a in (5.0, 3.0)] == [2.0, 3.0]
+
+
 def test_loop_over_records_reads_them_by_name() -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         def body(left: Any, at: Point) -> Any:
