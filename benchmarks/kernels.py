@@ -1,8 +1,8 @@
 """What a step of each kernel costs in each of its forms: `python benchmarks/kernels.py [NAME ...]`.
 
-Source on floats, generated Python, numpy over many runs (per run), C in double and in float. The kernels are found, and
-their parameters and inputs drawn, as in tests/kernels/test_parity.py. Of the generated Python also what a busy machine
-does not change: how many instructions of the interpreter a step takes.
+Source on floats, generated Python, numpy and C over many runs (per run), C in double and in float. The kernels are
+found, and their parameters and inputs drawn, as in tests/kernels/test_parity.py. Of the generated Python also what a
+busy machine does not change: how many instructions of the interpreter a step takes.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "kernels"
 from c_code import CKernel
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
+from gapsense.lanes import stepped
 from gapsense.records import flat
 
 STEPS, DRAWN = 200, 50  # steps of a sequence; different runs in a batch, which is filled with copies of them
-BATCHES = (1000, 10000)
+BATCHES, STEPS_OVER_RUNS = (1000, 10000), 20
 ENOUGH = 0.3  # seconds of measuring each form
 LOOP = """
 #include <time.h>
@@ -62,6 +63,7 @@ def main() -> None:
         "Python",
         "instructions",
         *(f"numpy, {n} runs" for n in BATCHES),
+        f"C, {BATCHES[0]} runs",
         "C double",
         "C float",
     ]
@@ -85,7 +87,8 @@ def row(module: str) -> list[float]:
         lambda: sequence(lambda given, _: k.scalar["initial"](given, entries), advance, values, constants), STEPS
     )
     count = instructions(advance, k.scalar["initial"](values[0], entries)[0], values[1:], constants)
-    return [source, python, count, *(batch(module, runs) for runs in BATCHES), in_c(module, False), in_c(module, True)]
+    forms = [*(batch(module, runs) for runs in BATCHES), over_runs(module, BATCHES[0])]
+    return [source, python, count, *forms, in_c(module, False), in_c(module, True)]
 
 
 def sequence(initial: Callable[..., Any], step: Callable[..., Any], inputs: Sequence[Any], par: Any) -> float:
@@ -124,23 +127,42 @@ def best(measured: Callable[[], float], steps: int) -> float:
     return 1e6 * min(found) / steps
 
 
-def batch(module: str, runs: int, steps: int = 20) -> float:
-    """Microseconds per step and run of the numpy code, over runs with different parameters and inputs."""
-    k, rngs = kernel(module), [random.Random(100 + run) for run in range(DRAWN)]
+def batch(module: str, runs: int) -> float:
+    """Microseconds per step and run of the numpy code."""
+    k, (par, inputs) = kernel(module), drawn(module, runs)
+    return best(
+        lambda: sequence(
+            lambda given, p: k.initial_batch(given, p, runs), lambda s, g, p: k.step_batch(s, g, p, runs), inputs, par
+        ),
+        STEPS_OVER_RUNS * runs,
+    )
+
+
+def over_runs(module: str, runs: int) -> float:
+    """The same of C over runs, with what it takes to hand the numbers over."""
+    par, inputs = drawn(module, runs)
+
+    def seconds() -> float:
+        begin = perf_counter()
+        stepped(kernel(module), inputs, par)
+        return perf_counter() - begin
+
+    inputs = np.array(inputs)
+    seconds()  # compiles
+    return best(seconds, STEPS_OVER_RUNS * runs)
+
+
+def drawn(module: str, runs: int) -> tuple[list[Any], list[list[Any]]]:
+    """Parameters and inputs of runs that differ."""
+    rngs = [random.Random(100 + run) for run in range(DRAWN)]
     pars = [parameters(module, rng) for rng in rngs]
-    rows = zip(*(input_sequence(module, rng, steps + 1, degenerate=False) for rng in rngs))
+    rows = zip(*(input_sequence(module, rng, STEPS_OVER_RUNS + 1, degenerate=False) for rng in rngs))
 
     def filled(values: Sequence[Any]) -> Any:
         return values[0] if isinstance(values[0], list) else np.resize(np.array(values, float), runs)
 
     par = [filled(entry) for entry in zip(*map(flat, pars))]
-    inputs = [[filled(entry) for entry in zip(*map(flat, given))] for given in rows]
-    return best(
-        lambda: sequence(
-            lambda given, p: k.initial_batch(given, p, runs), lambda s, g, p: k.step_batch(s, g, p, runs), inputs, par
-        ),
-        steps * runs,
-    )
+    return par, [[filled(entry) for entry in zip(*map(flat, given))] for given in rows]
 
 
 def in_c(module: str, single: bool) -> float:
@@ -151,10 +173,10 @@ def in_c(module: str, single: bool) -> float:
     with tempfile.TemporaryDirectory() as folder:
         c = CKernel(SimpleNamespace(name=k.name, module=k.module, c=lambda: source), Path(folder), single)
     c.call("initial", inputs[0], par)
-    tables = [np.array(v, c.real) for v in par if isinstance(v, list)]
+    tables = [np.array(v, c.real) for v in flat(par) if isinstance(v, list)]
     sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
     given = np.array([flat(i) for i in inputs[1:]], c.real)
-    scalars, start = np.array([v for v in par if not isinstance(v, list)], c.real), c.state.copy()
+    scalars, start = np.array([v for v in flat(par) if not isinstance(v, list)], c.real), c.state.copy()
     states = [given.shape[1], len(start), address(start), address(c.state), addresses(c.memory)]
     rest = [address(given), address(scalars), addresses(tables), sizes, address(c.outputs)]
     function = c.library.nanoseconds

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
+from traced import graph
 
-from gapsense.lanes import stepped
+from gapsense.lanes import Code, over_runs, plan, stepped
 from gapsense.lanes.kernels import plan_of
 from gapsense.records import flat, names
+from gapsense.trace import where
 
 RUNS, SAMPLES = 11, 40  # a number of runs that no vector divides
 LARGE = 4000  # nodes of a graph whose C takes seconds to compile
@@ -71,6 +73,60 @@ def test_numpy_gives_the_same_but_for_rounding(name, monkeypatch):
     expected = stepped(k, columns, par)
     scale = np.maximum(np.abs(expected), 1e-3 * np.abs(expected).max(axis=(0, 2), keepdims=True))
     assert np.all(np.abs(found - expected) <= 1e-9 * scale)
+
+
+@pytest.mark.parametrize("in_c", [True, False])
+def test_runs_may_have_tables_of_their_own(in_c, compiler, monkeypatch):
+    """Which numpy does one by one."""
+    name = "gapsense.actuators.solenoid_valve"
+    pars, inputs, columns, par = cases(name, degenerate=False)
+    factors = 1.0 + 0.01 * np.arange(RUNS)
+    names_, place = names(kernel(name).module.Parameters), next(k for k, v in enumerate(par) if isinstance(v, list))
+    plans = plan_of.__wrapped__(kernel(name), SAMPLES, ())
+    monkeypatch.setattr("gapsense.lanes.kernels.plan_of", lambda *_: plans)
+    if not in_c:
+        plans.__dict__["library"] = None
+    values = np.array(par[place])
+    par[place] = values[:, None] * factors
+    found = stepped(kernel(name), columns, par)
+    for run in (0, 3, RUNS - 1):
+        own = pars[run]._replace(**{names_[place]: (values * factors[run]).tolist()})
+        np.testing.assert_allclose(found[:, :, run], alone(name, inputs[run], own), rtol=0.0 if in_c else 1e-9)
+
+
+def test_kernels_in_a_loop_are_a_plan_of_their_own(compiler):
+    """A valve, an estimator of its flux linkage, and a law that switches the voltage by it: as each run does alone."""
+    valve, semera = kernel("gapsense.actuators.solenoid_valve"), kernel("gapsense.estimators.semera")
+    law = Code(graph(lambda wanted, flux, current: where(flux < wanted, 24.0, 0.0) - current))
+    current, flux = (k.module.Outputs._fields.index(n) for k, n in ((valve, "current"), (semera, "flux_linkage")))
+
+    def walk(of_valve, of_semera, wanted):
+        numbers = iter(of_valve)
+        of_valve = [tables.get(k) or next(numbers) for k in range(len(valve.module.Parameters._fields))]
+        dt, first, second = 50e-6, over_runs(valve), over_runs(semera)
+        constants = first.constants(of_valve), second.constants(of_semera)
+        state, outputs = first.initial((0.0, 0.0, 24.0), of_valve)
+        known, seen = second.initial((24.0, outputs[current]), of_semera)
+        for k in range(1, SAMPLES):
+            (voltage,) = law((*wanted, seen[flux], outputs[current]))
+            state, outputs = first.advance(state, (k * dt, dt, voltage), constants[0])
+            known, seen = second.advance(known, (voltage, outputs[current]), constants[1])
+        return *outputs, *seen
+
+    pars = [[flat(parameters(k.module.__name__, random.Random(run))) for run in range(RUNS)] for k in (valve, semera)]
+    tables = {k: value for k, value in enumerate(pars[0][0]) if isinstance(value, list)}
+    numbers = [[v for k, v in enumerate(par) if k not in tables] for par in pars[0]]
+    columns = {
+        "of_valve": np.array(numbers).T,
+        "of_semera": np.array(pars[1]).T,
+        "wanted": np.linspace(0, 0.05, RUNS)[None],
+    }
+    recorded = plan(walk, **{name: len(column) for name, column in columns.items()})
+    assert recorded.library
+    found = recorded.run(RUNS, **columns)
+    for run in range(RUNS):
+        expected = walk(**{name: tuple(column[:, run].tolist()) for name, column in columns.items()})
+        np.testing.assert_array_equal(found[:, run], expected)
 
 
 def test_chosen_outputs_and_shared_inputs_and_parameters():

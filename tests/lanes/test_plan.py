@@ -61,9 +61,9 @@ def test_zeros_of_both_signs_are_two_numbers(code, compiler):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"start": np.zeros((3, 1))}, r"`start` has the shape \(3, 1\), \(2,\) or \(2, 13\) or \(2, 1\) expected"),
+        ({"start": np.zeros((3, 1))}, r"`start` has the shape \(3, 1\), \(2,\) or \(2, 1\) or \(2, 13\) expected"),
         ({"noise": np.zeros((SAMPLES, RUNS + 1))}, r"`noise` has the shape \(40, 14\)"),
-        ({"table": np.zeros((4, RUNS))}, r"`table` has the shape \(4, 13\), \(4,\) expected"),
+        ({"table": np.zeros((4, 2))}, r"`table` has the shape \(4, 2\), \(4,\) or \(4, 1\) or \(4, 13\) expected"),
         ({"memory": np.zeros((4, 1))}, r"`memory` has the shape \(4, 1\), \(4, 13\) expected"),
         ({"memory": np.zeros((4, RUNS), int)}, "`memory` is no array of doubles"),
     ],

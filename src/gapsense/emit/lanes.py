@@ -115,15 +115,15 @@ class Lanes(C):
     def source(self) -> str:
         """Text of the function `void name(v, at, k, block)`, with its constants as `k`.
 
-        `at` has the place of each entry of each argument, then of each result that is made here: in `v` for a number,
-        among the columns of `block` for array memory and tables.  A truth value is 1.0 or 0.0 outside.
+        `at` has the place of each entry of each argument, in `v` for a number, among the columns of `block` for array
+        memory and tables; then the places of the numbers that are made.  A truth value is 1.0 or 0.0 outside.
         """
         places = count()
         for name, cls, symbols in self.graph.arguments:
             for symbol, entry, place in zip(symbols, names(cls), places):
                 self._take(symbol, f"{name}_{entry}", place)
         self.region(self.graph.tape.root)
-        for entry in (entry for _, entries in self.graph.results for entry in entries if held(entry) is None):
+        for entry in (entry for _, entries in self.graph.results for entry in entries if not is_array(entry)):
             self._give(entry, next(places))
         signature = f"static void {self.graph.name}(V *v, const int *at, const double *k, const Block *block)\n{{\n"
         return (
@@ -141,12 +141,15 @@ class Lanes(C):
             self.write(f"const {f'M {text} = {value} != 0.0' if self._is_whole(symbol) else f'V {text} = {value}'};")
 
     def _give(self, entry: Any, place: int) -> None:
-        if isinstance(entry, list):
-            self.write(f"clear(&block->columns[at[{place}]], block);")
-        elif self._is_whole(entry):
+        if self._is_whole(entry):
             self.write(f"v[at[{place}]] = choose({self.ref(entry)}, every(1.0), every(0.0));")
         else:
             self.write(f"v[at[{place}]] = {self.bare(entry)};")
+
+
+def is_array(entry: Any) -> bool:
+    """Whether a result is no number: array memory that begins, or an argument that stays where it is."""
+    return isinstance(entry, list) or held(entry) is not None
 
 
 def held(entry: Any) -> Expr | None:

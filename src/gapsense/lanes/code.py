@@ -68,7 +68,7 @@ class Record:
         return self.numbers.setdefault(repr(float(entry)), Value(self, NUMBERS, len(self.numbers)))
 
     def memory(self, size: int) -> Value:
-        """Array memory of zeros that a call makes."""
+        """Array memory of zeros that begins with a call."""
         self.memories[name := f"memory {len(self.memories)}"] = size
         return Value(self, name, WHOLE)
 
@@ -120,9 +120,8 @@ class Code:
     def _made(entry: Any, kept: dict[int, Value], made: list[Value], record: Record) -> Value:
         """Value of an entry of a result; array memory and tables stay where they are."""
         if isinstance(entry, list):
-            made.append(record.memory(len(entry)))
-        elif (array := held(entry)) is not None:
+            return record.memory(len(entry))
+        if (array := held(entry)) is not None:
             return kept[array.id]
-        else:
-            made.append(Value(record))
+        made.append(Value(record))
         return made[-1]

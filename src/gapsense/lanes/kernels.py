@@ -10,9 +10,11 @@ import numpy as np
 
 from gapsense.emit import HARMLESS_IN_C, Lanes, split
 from gapsense.kernel import Kernel
-from gapsense.lanes.code import Code, Row
+from gapsense.lanes.code import Code
 from gapsense.lanes.plan import Array, Floats, Plan, plan
 from gapsense.records import fields, names
+
+INPUTS = "inputs of all samples"  # the column, called as no parameter is
 
 
 class OverRuns(NamedTuple):
@@ -41,40 +43,43 @@ def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[s
     inputs : array
         Flat inputs of each sample, (samples, inputs, runs), or (samples, inputs, 1) if all runs have the same.
     par : sequence
-        Flat parameters: arrays (runs,) or numbers for all runs; tables are lists, the same for all runs.
+        Flat parameters: arrays (runs,) or numbers for all runs; tables are lists, or arrays (numbers, runs).
     outputs : sequence of str
         Names of the flat outputs that are wanted, all of them by default.
     """
-    numbers = [value for value in par if not isinstance(value, list)]
-    tables = {name: value for name, value in zip(names(kernel.module.Parameters), par) if isinstance(value, list)}
-    columns = np.stack(np.broadcast_arrays(*map(np.atleast_1d, numbers))) if numbers else np.empty((0, 1))
+    columns = {
+        name: value if kind is Array.TABLE else np.reshape(value, (1, -1))
+        for (name, kind), value in zip(columns_of(kernel).items(), par)
+    }
     samples, width, count = np.shape(inputs)
-    runs = max(count, columns.shape[1])
-    found = plan_of(kernel, samples, (*outputs,)).run(
-        runs, par=columns, inputs=np.reshape(inputs, (samples * width, count)), **tables
-    )
-    return found.reshape(samples, -1, runs)
+    columns[INPUTS] = np.reshape(inputs, (samples * width, count))
+    runs = max(np.shape(value)[1] for value in columns.values() if np.ndim(value) == 2)
+    return plan_of(kernel, samples, (*outputs,)).run(runs, **columns).reshape(samples, -1, runs)
+
+
+def columns_of(kernel: Kernel) -> dict[str, int | Array]:
+    """A column for each flat parameter."""
+    cls = kernel.module.Parameters
+    tables = [name for name, field in fields(cls).items() if field.kind == "table"]
+    return {name: Array.TABLE if name in tables else 1 for name in names(cls)}
 
 
 @cache
 def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
     """The plan of some samples, for `stepped`."""
-    layout = names(kernel.module.Parameters)
-    tables = [name for name, field in fields(kernel.module.Parameters).items() if field.kind == "table"]
     width, every = len(names(kernel.module.Inputs)), names(kernel.module.Outputs)
     chosen = [every.index(name) for name in outputs or every]
     over = over_runs(kernel)
 
-    def steps(par: Row, inputs: Row, **of_tables: Any) -> list[Any]:
-        rest = iter(par)
-        row = [of_tables[name] if name in of_tables else next(rest) for name in layout]
-        constants = over.constants(row)
-        state, made = over.initial(inputs[:width], row)
+    def steps(**columns: Any) -> list[Any]:
+        inputs = columns.pop(INPUTS)
+        par = [value[0] if isinstance(value, tuple) else value for value in columns.values()]
+        constants = over.constants(par)
+        state, made = over.initial(inputs[:width], par)
         rows = [made]
         for k in range(width, len(inputs), width):
             state, made = over.advance(state, inputs[k : k + width], constants)
             rows.append(made)
         return [made[k] for made in rows for k in chosen]
 
-    sizes = {"par": len(layout) - len(tables), "inputs": samples * width}
-    return plan(steps, **sizes, **dict.fromkeys(tables, Array.TABLE))
+    return plan(steps, **columns_of(kernel), **{INPUTS: samples * width})

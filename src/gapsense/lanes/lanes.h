@@ -57,20 +57,23 @@ SMALL int any(M c)
 #endif
 }
 
-#define ONE_BY_ONE(kind, name)                         \
+#define ONE_BY_ONE(kind, name, together)               \
     kind V each_##name(V x)                            \
     {                                                  \
         V y;                                           \
+        if (together) return every(name(x[0]));        \
         for (int i = 0; i < W; i++) y[i] = name(x[i]); \
         return y;                                      \
     }
-ONE_BY_ONE(SMALL, sqrt)
-ONE_BY_ONE(SMALL, floor)
-ONE_BY_ONE(CALLED, exp)
-ONE_BY_ONE(CALLED, log)
-ONE_BY_ONE(CALLED, sin)
-ONE_BY_ONE(CALLED, cos)
-ONE_BY_ONE(CALLED, tanh)
+/* Whether all runs have the same number, as they have at rest: one call then does for all. */
+#define SAME !any((M)x != (M)every(x[0]))
+ONE_BY_ONE(SMALL, sqrt, 0)
+ONE_BY_ONE(SMALL, floor, 0)
+ONE_BY_ONE(CALLED, exp, SAME)
+ONE_BY_ONE(CALLED, log, SAME)
+ONE_BY_ONE(CALLED, sin, SAME)
+ONE_BY_ONE(CALLED, cos, SAME)
+ONE_BY_ONE(CALLED, tanh, SAME)
 
 /* Number `row` of a run; one that does not exist, asked for by a run that does not take this branch, is the nearest. */
 SMALL double *number(const Column *c, ptrdiff_t row, int i, const Block *block)
@@ -90,12 +93,6 @@ CALLED void put(const Column *c, M row, V x, M taken, const Block *block)
 {
     for (int i = 0; i < block->count; i++)
         if (taken[i]) *number(c, row[i], i, block) = x[i];
-}
-
-CALLED void clear(const Column *c, const Block *block)
-{
-    for (ptrdiff_t row = 0; row < c->size; row++)
-        for (int i = 0; i < block->count; i++) *number(c, row, i, block) = 0.0;
 }
 
 /* Index k with table[k] < x <= table[k + 1], from 0 to the last but one: both ends extrapolate. */

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.emit.lanes import held
+from gapsense.emit.lanes import is_array
 from gapsense.lanes.code import NUMBERS, WHOLE, Code, Record, Value
 from gapsense.lanes.library import loaded, source
 from gapsense.lanes.program import KEEP, KEPT, OWN, TAKE, program
@@ -28,8 +28,8 @@ class Column(ctypes.Structure):
 class Array(Enum):
     """Columns that functions take as a whole."""
 
-    TABLE = "table"  # the same for all runs
-    MEMORY = "memory"
+    TABLE = "table"  # the same for all runs, or one for each
+    MEMORY = "memory"  # of each run
 
 
 class Plan:
@@ -49,15 +49,24 @@ class Plan:
     def _words(self) -> npt.NDArray[np.int32]:
         return np.array(self.program.words(), np.int32)
 
-    def run(self, runs: int, **given: Any) -> Floats:
+    def run(self, runs: int, /, **given: Any) -> Floats:
         """What is kept, (values, runs).
 
-        Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs, as tables always are;
-        array memory changes in the array that is given.
+        Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs; array memory changes in
+        the array that is given.
         """
         arrays = self._columns(runs, given)
-        (self._by_numpy if self.library is None else self._in_c)(runs, arrays)
+        if self.library:
+            self._in_c(self.library, runs, arrays)
+        else:
+            for part in self._parts(runs, arrays):
+                self._by_numpy([array[:, part] for array in arrays])
         return arrays[-1]
+
+    def _parts(self, runs: int, arrays: list[Floats]) -> list[slice]:
+        """The runs that numpy can do together: all, or each for itself if they have tables of their own."""
+        tables = [a for name, a in zip(self.program.columns, arrays) if self.given.get(name) is Array.TABLE]
+        return [slice(k, k + 1) for k in range(runs)] if any(a.strides[1] for a in tables) else [slice(None)]
 
     def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
         made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
@@ -66,17 +75,16 @@ class Plan:
         made[KEPT] = np.empty((len(self.kept), runs))
         return [_of_all_runs(np.asarray(made[name], float), runs) for name in self.program.columns]
 
-    def _in_c(self, runs: int, arrays: list[Floats]) -> None:
+    def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
         words, constants = self._words, [code.c.constants for code in self.program.codes]
         columns = (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
         numbers = (ctypes.c_void_p * (OWN + len(constants)))(*[None] * OWN, *(c.ctypes.data for c in constants))
-        assert self.library is not None
-        memory = np.empty(self.library.width() * (self.program.room + 1))
+        memory = np.empty(library.width() * (self.program.room + 1))
         places = [ctypes.c_void_p(array.ctypes.data) for array in (words, memory)]
         first, last, length = map(ctypes.c_ssize_t, (0, runs, words.size))
-        self.library.run(places[0], length, columns, numbers, places[1], first, last)
+        library.run(places[0], length, columns, numbers, places[1], first, last)
 
-    def _by_numpy(self, runs: int, arrays: list[Floats]) -> None:
+    def _by_numpy(self, arrays: list[Floats]) -> None:
         values: list[Any] = [None] * self.program.room
         with np.errstate(all="ignore"):  # as in `Code`
             for function, at in self.program.steps:
@@ -85,10 +93,10 @@ class Plan:
                 elif function == KEEP:
                     arrays[at[0]][at[1]] = values[at[2]]
                 else:
-                    _call(self.program.codes[function - OWN], at, values, arrays, runs)
+                    _call(self.program.codes[function - OWN], at, values, arrays)
 
 
-def plan(function: Callable[..., Sequence[Any]], **given: int | Array) -> Plan:
+def plan(function: Callable[..., Sequence[Any]], /, **given: int | Array) -> Plan:
     """The plan of a function of columns, which it gets by name as rows of values, and which returns a row to keep.
 
     Parameters
@@ -114,9 +122,7 @@ def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
     """A column of the right shape."""
     array = np.atleast_1d(np.asarray(value, float))
     n = len(array) if isinstance(size, Array) else size
-    shapes: list[tuple[int, ...]] = [(n,)] if size is not Array.MEMORY else []
-    shapes += [(n, runs)] if size is not Array.TABLE else []
-    shapes += [(n, 1)] if isinstance(size, int) else []
+    shapes: list[tuple[int, ...]] = [(n, runs)] if size is Array.MEMORY else [(n,), (n, 1), (n, runs)]
     if array.shape not in shapes:
         expected = " or ".join(map(str, shapes))
         raise ValueError(f"column `{name}` has the shape {array.shape}, {expected} expected. Correct it.")
@@ -136,26 +142,19 @@ def _number(array: Floats, row: int) -> Any:
     return array[row] if array.strides[1] else array[row, 0]
 
 
-def _call(code: Code, at: Sequence[int], values: list[Any], arrays: list[Floats], runs: int) -> None:
+def _call(code: Code, at: Sequence[int], values: list[Any], arrays: list[Floats]) -> None:
     """Do a recorded call by numpy."""
     entries = [_entry(symbol.extra, place, values, arrays) for symbol, place in zip(code.symbols, at)]
     rest = iter(entries)
-    made = code.numpy(*([next(rest) for _ in range(size)] for size in code.sizes), runs)
+    made = code.numpy(*([next(rest) for _ in range(size)] for size in code.sizes), arrays[-1].shape[1])
     results = made if len(code.graph.results) > 1 else (made,)
-    places = iter(at[len(entries) :])
-    for row, (_, graphs) in zip(results, code.graph.results):
-        for value, entry in zip(row, graphs):
-            _put(value, entry, places, values, arrays)
+    numbers = (
+        v for row, (_, entries) in zip(results, code.graph.results) for v, e in zip(row, entries) if not is_array(e)
+    )
+    for place, value in zip(at[len(entries) :], numbers):
+        values[place] = value
 
 
 def _entry(kind: Any, place: int, values: list[Any], arrays: list[Floats]) -> Any:
     """An entry as numpy code takes it."""
     return arrays[place] if kind == "memory" else arrays[place][:, 0] if kind == "table" else values[place]
-
-
-def _put(value: Any, entry: Any, places: Iterator[int], values: list[Any], arrays: list[Floats]) -> None:
-    """What a call has made of an entry of its graph, at its place; array memory has changed where it is."""
-    if isinstance(entry, list):
-        arrays[next(places)][:] = 0.0
-    elif held(entry) is None:
-        values[next(places)] = value

@@ -80,8 +80,6 @@ class _Writer:
         return self.columns[value.column] if value.row == WHOLE else self.places[value]
 
     def _new(self, value: Value) -> int:
-        if value.row == WHOLE:
-            return self.columns[value.column]
         if not (value.column or value in self.last or value in self.rows):
             return NOWHERE
         if not self.free:

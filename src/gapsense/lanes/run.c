@@ -1,5 +1,6 @@
 /* The calls of a plan, for all runs. FUNCTIONS, the names of all functions, are defined before. */
 #include <stdint.h>
+#include <string.h>
 
 typedef void Function(V *v, const int *at, const double *k, const Block *block);
 
@@ -7,15 +8,21 @@ typedef void Function(V *v, const int *at, const double *k, const Block *block);
 static void take(V *v, const int *at, const double *k, const Block *block)
 {
     const Column *c = &block->columns[at[0]];
+    const double *first = number(c, at[1], 0, block);
     (void)k;
-    for (int i = 0; i < W; i++) v[at[2]][i] = *number(c, at[1], i, block);
+    if (c->run == 0)
+        v[at[2]] = every(*first);
+    else if (c->run == sizeof(double) && block->count == W)
+        memcpy(&v[at[2]], first, sizeof(V));
+    else
+        v[at[2]] = element(c, NONE + at[1], block);
 }
 
-/* A number of each run into a column: at = column, row, place. */
+/* A number of each run into a column, in which runs are neighbours: at = column, row, place. */
 static void keep(V *v, const int *at, const double *k, const Block *block)
 {
     (void)k;
-    put(&block->columns[at[0]], NONE + at[1], v[at[2]], ALL, block);
+    memcpy(number(&block->columns[at[0]], at[1], 0, block), &v[at[2]], sizeof(double) * (size_t)block->count);
 }
 
 static Function *const functions[] = {take, keep, FUNCTIONS};

@@ -84,17 +84,17 @@ def compare(
             " parameter changes its sign). Correct them."
         )
     parts, tell = chunks(runs), progress or (lambda done, total: None)
+    facts = {**study.facts(), "in C": plan_of(study).library is not None}  # compiled before workers look for it
     tasks: list[Facts] = [{"width": width, "runs": runs} for width in widths]
     count, total = len(tasks), len(tasks) * (1 + len(parts))
-    noises = compute(noise_of_width, study.facts(), tasks, workers, file, lambda done, _: tell(done, total))
+    noises = compute(noise_of_width, facts, tasks, workers, file, lambda done, _: tell(done, total))
     tunings = [tuning(variances, study) for variances in noises.results]
-    _ = plan_of(study).library  # compiled once, before the workers look for it
     tasks = [
         {"width": width, "chunk": chunk, "runs": size, "tuning": [*tuned]}
         for width, tuned in zip(widths, tunings)
         for chunk, size in parts
     ]
-    found = compute(errors_of_chunk, study.facts(), tasks, workers, file, lambda done, _: tell(count + done, total))
+    found = compute(errors_of_chunk, facts, tasks, workers, file, lambda done, _: tell(count + done, total))
     groups = [found.results[k : k + len(parts)] for k in range(0, len(tasks), len(parts))]
     squares = np.array([np.sum([part["squares"] for part in group], axis=0) for group in groups])
     worst = [max(Worst(*part["worst"]) for part in group) for group in groups]
