@@ -11,7 +11,8 @@ from valve_records import columns, write
 
 from gapsense.cosim import run
 from gapsense.problems import InputError
-from gapsense.studies.identification.checks import noise, read_record
+from gapsense.studies.identification.checks import read_record
+from gapsense.studies.identification.operations import noise
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -76,8 +77,8 @@ MALFORMED = {
     "repeated row": (lambda lines: lines.insert(20, lines[19]), [r"row 21: `time` is .* 0 s after the row before"]),
     "missing row": (lambda lines: lines.pop(30), [r"row 31: `time` is .* 0.0001 s after .* steps of 5e-05 s"]),
     "too short": (lambda lines: lines.__delitem__(slice(6, None)), [r"5 rows found, at least 8"]),
-    "one period": (lambda lines: lines.__delitem__(slice(350, None)), [r"1 complete periods found .* row 12, 332\)"]),
-    "no edge": (lambda lines: lines.__delitem__(slice(10, None)), [r"`voltage` has no rising edge|complete periods"]),
+    "cut": (lambda lines: lines.__delitem__(slice(100, None)), [r"no complete operation .* row 12\).*has ended"]),
+    "no edge": (lambda lines: lines.__delitem__(slice(10, None)), [r"no current flows"]),
     "not from rest": (lambda lines: lines.__delitem__(slice(1, 60)), [r"row 2 to \d+: `current` is 0\.\d+ A before"]),
 }
 
@@ -129,7 +130,7 @@ def test_sound_signals_are_not_called_clipped(tmp_path, step, seed):
 
 def test_period_that_does_not_end_as_it_began_is_refused(tmp_path):
     (found, *_) = problems(write(tmp_path / "c.csv", seed=1, periods=3), period=13e-3)
-    assert re.search(r"row \d+ to \d+: `current` is .* at the start of this period and .* at its end", found)
+    assert re.search(r"row \d+ to \d+: `current` is .* at the start of this operation and .* at its end", found)
 
 
 def test_noise_is_found_beside_jumps():

@@ -6,14 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense.problems import InputError
-from gapsense.studies.identification.flux import edges, operations
+from gapsense.studies.identification.operations import noise, operations, resolution, starts, true_runs
 from gapsense.studies.identification.record import CONVENTIONS, SHOWN, Columns, Record, Vector, read_columns, to_record
+from gapsense.studies.identification.rest import without_offsets
 
 FEWEST_SAMPLES = 8
-FEWEST_PERIODS = 2  # one alone cannot tell whether the record is periodic
 JITTER = 0.01  # largest deviation of a time step from their median, relative
 REST = 0.01  # largest current at rest, and largest change over a period, relative to the largest current
 SIGMAS = 4.0
@@ -26,7 +25,7 @@ def read_records(
     column: Sequence[str] | None,
     convention: str = CONVENTIONS[0],
     period: float | None = None,
-    needs: str = "periods",
+    needs: str = "operations",
 ) -> list[Record]:
     """Records of files, as `read_record` has them; `column` has texts `QUANTITY=NAME`.
 
@@ -53,7 +52,7 @@ def read_record(
     names: Mapping[str, str] | None = None,
     convention: str = "trapezoid",
     period: float | None = None,
-    needs: str = "periods",
+    needs: str = "operations",
 ) -> Record:
     """Record of a file, checked; an InputError tells all that is wrong with it at once.
 
@@ -68,7 +67,7 @@ def read_record(
     period : float, optional
         Length of an operation [s], where rising edges of the voltage do not tell it.
     needs : str
-        `periods`: complete periods from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
+        `operations`: complete ones from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
         nothing but sound samples.
     """
     problems: list[str] = []
@@ -81,17 +80,12 @@ def read_record(
             problems += _clipping(columns, name)
     if not problems and needs != "samples":
         record = to_record(columns, convention)
+        record = without_offsets(record)
         problems += _rest_problems(record, path.name)
-        problems += _period_problems(record, path.name, period) if needs == "periods" else []
+        problems += _operation_problems(record, path.name, period) if needs == "operations" else []
     if problems:
         raise InputError(problems)
-    return to_record(columns, convention)
-
-
-def noise(x: Vector) -> float:
-    """Standard deviation of the noise of a signal, from its second differences; jumps do not count."""
-    curvature = np.abs(np.diff(x, 2))
-    return float(1.4826 * np.median(curvature) / np.sqrt(6.0)) if curvature.size else 0.0
+    return without_offsets(to_record(columns, convention))
 
 
 def _time_problems(columns: Columns) -> Iterator[str]:
@@ -118,7 +112,7 @@ def _clipping(columns: Columns, name: str) -> Iterator[str]:
     unit = {"voltage": "V", "current": "A"}[name]
     for extreme, word in ((x.max(initial=0.0), "largest"), (x.min(initial=0.0), "smallest")):
         is_flat = x == extreme
-        runs = [] if extreme == 0.0 else [run for run in _runs(is_flat) if run[1] - run[0] >= CLIPPED]
+        runs = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
         clipped = [run for run in runs if _is_noisy(x[~is_flat]) or (name == "current" and _is_steep(x, run[0]))]
         if clipped:
             first, end = clipped[0]
@@ -128,28 +122,17 @@ def _clipping(columns: Columns, name: str) -> Iterator[str]:
             )
 
 
-def _runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Starts and ends of stretches that are true."""
-    change = np.flatnonzero(np.diff(np.concatenate(([0], is_true.astype(int), [0]))))
-    return list(zip(change[::2].tolist(), change[1::2].tolist()))
-
-
 def _is_noisy(x: Vector) -> bool:
     """Noise of several digits, with which no stretch of equal samples is possible."""
     steps = np.diff(x)
     alternates = float(np.mean(steps[1:] * steps[:-1] < 0.0)) if steps.size > 1 else 0.0
-    return alternates > 0.25 and noise(x) > 2.0 * _resolution(x)
+    return alternates > 0.25 and noise(x) > 2.0 * resolution(x)
 
 
 def _is_steep(x: Vector, first: int) -> bool:
     """True if the signal changes by more than a digit just before it becomes flat, where a settling one would not."""
     change = float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
-    return change > STEEP * float(np.ptp(x)) and change > 2.0 * _resolution(x)
-
-
-def _resolution(x: Vector) -> float:
-    """Smallest difference between two values."""
-    return float(np.diff(np.unique(x)).min(initial=np.inf))
+    return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)
 
 
 def _largest_at_rest(record: Record) -> float:
@@ -157,29 +140,28 @@ def _largest_at_rest(record: Record) -> float:
 
 
 def _rest_problems(record: Record, file: str) -> Iterator[str]:
-    """A record whose first operation does not begin at rest."""
-    starts = edges(record.voltage)
-    if starts.size == 0 or record.voltage.max() <= 0.0:
-        yield f"{file}: `voltage` has no rising edge, so that nothing operates. Record at least one, from rest on."
+    """A record in which nothing operates, or whose first operation does not begin at rest."""
+    found = starts(record)
+    if not found:
+        yield f"{file}: no current flows, so that nothing operates. Record at least one operation, from rest on."
         return
-    first = int(starts[0])
-    i, limit = float(record.current[: first + 1].mean()), _largest_at_rest(record)
+    i, limit = float(record.current[: found[0] + 1].mean()), _largest_at_rest(record)
     if abs(i) > limit:
-        place = f"{file}, row {record.rows[0]} to {record.rows[first]}"
+        place = f"{file}, row {record.rows[0]} to {record.rows[found[0]]}"
         yield (
-            f"{place}: `current` is {i:.4g} A before the voltage first rises; at most {limit:.2g} A is expected. The "
-            "flux linkage is an integral from rest on: record from rest, or cut the file to begin there."
+            f"{place}: `current` is {i:.4g} A before the first operation; at most {limit:.2g} A is expected. The flux "
+            "linkage is an integral from rest on: record from rest, or cut the file to begin there."
         )
 
 
-def _period_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
-    """Too few operations, or operations that do not end as they began."""
+def _operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
+    """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
-    if len(found) < FEWEST_PERIODS:
-        rows = ", ".join(str(record.rows[k]) for k in edges(record.voltage)[: 2 * SHOWN]) or "none"
+    if not found:
+        rows = ", ".join(str(record.rows[k]) for k in starts(record)[: 2 * SHOWN]) or "none"
         yield (
-            f"{file}: {len(found)} complete periods found (`voltage` rises after row {rows}), at least "
-            f"{FEWEST_PERIODS} are expected for (23). Record longer, or give the period with `--period` in s."
+            f"{file}: no complete operation (current begins to flow after row {rows}). Record until the current has "
+            "ended, or give the length of a period with `--period` in s."
         )
     limit = 2.0 * _largest_at_rest(record)
     for operation in found[:SHOWN]:
@@ -187,7 +169,7 @@ def _period_problems(record: Record, file: str, period: float | None) -> Iterato
         if abs(i[1] - i[0]) > limit:
             place = f"{file}, row {record.rows[operation.start]} to {record.rows[operation.stop]}"
             yield (
-                f"{place}: `current` is {i[0]:.4g} A at the start of this period and {i[1]:.4g} A at its end;"
+                f"{place}: `current` is {i[0]:.4g} A at the start of this operation and {i[1]:.4g} A at its end;"
                 " equal currents are expected for (23). Leave the voltage off for longer, or give the period with "
                 "`--period` in s."
             )

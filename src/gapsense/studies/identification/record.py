@@ -46,6 +46,13 @@ class Columns(NamedTuple):
     is_mean: bool = False  # the voltage is the mean over the interval before each sample
 
 
+class Offset(NamedTuple):
+    """What a signal is at rest, where it should be zero."""
+
+    value: float
+    error: float  # standard error
+
+
 class Record(NamedTuple):
     """Uniform samples."""
 
@@ -57,6 +64,7 @@ class Record(NamedTuple):
     position: Vector | None  # [m], where it was recorded
     mode: Vector | None  # [1], likewise
     rows: npt.NDArray[np.int_]  # lines of the file, for messages
+    offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
 
     @property
     def applied(self) -> Vector:
