@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Column, bar, command, show, written
+from gapsense.cli.common import Clipped, Column, Decimal, Separator, bar, command, show, written
 from gapsense.studies.identification.record import CONVENTIONS
 
 MODELS = ("solenoid_valve",)
@@ -27,22 +27,25 @@ def identify(
         list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
-    period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="edges")] = None,
+    period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: {', '.join(CONVENTIONS)}")] = CONVENTIONS[
         0
     ],
     column: Column = None,
+    separator: Separator = ",",
+    decimal: Decimal = ".",
+    clipped: Clipped = False,
     starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = 6,
     seed: Annotated[int, typer.Option(help="Of the random starts")] = 1,
 ) -> None:
-    """Identify a solenoid valve from voltage and current, recorded from rest on over whole periods.
+    """Identify a solenoid valve from voltage and current of whole operations, recorded from rest on.
 
     The gap law, the stops and the relaxed spring are taken as known. Prints values, standard errors and correlations,
     and names what the records do not identify.
     """
     from gapsense.report import plot
     from gapsense.studies.identification import file, fit, validation
-    from gapsense.studies.identification.checks import read_records
+    from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -50,8 +53,9 @@ def identify(
     if figure is not None:
         plot.check_file(figure)
     known = file.read_known(parameters)
-    records = read_records(data, column, voltage, period)
-    kept = read_records(validate or [], column, voltage, needs="rest")
+    how = reading(column, voltage, separator, decimal, clipped)
+    records = read_records(data, how, period)
+    kept = read_records(validate or [], how, needs="rest")
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress)
     checks = [validation.validate(result.parameters, record) for record in kept]

@@ -25,7 +25,19 @@ STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), parameters(result), correlations(result)]
-    return [*shown, *([validation(checks)] if checks else []), *remarks(result)]
+    told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
+    return [*shown, *([validation(checks)] if checks else []), *remarks(result), *told]
+
+
+def about(record: Record) -> list[str]:
+    """Sentences on what was done to a record, and on what is odd about it."""
+    units = {"voltage": "V", "current": "A"}
+    told = [
+        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
+        " before the first operation; this offset is subtracted."
+        for name, o in record.offsets.items()
+    ]
+    return told + [f"{record.name}: {text}" for text in record.remarks]
 
 
 def parameters(result: Identified) -> Table:
