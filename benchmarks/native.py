@@ -2,7 +2,8 @@
 
 python benchmarks/native.py [NAME ...]    after `python build_fmus.py` and `python build_fmus.py --native`
 
-Microseconds per step of the component's own step size, the median of five, every one in a process of its own.
+Microseconds per step of the component's own step size, the median of five, every one in a process of its own. Without
+names also what a component-step takes in a whole run, on native FMUs: in our runner, which records, and in a loop in C.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.shim.build import headers
 
 ROOT = Path(__file__).resolve().parents[1]
+MEASURE = ROOT / "benchmarks" / "measure.py"
 HOST = ROOT / "tests" / "native" / "host.c"
 KINDS = {"native": ROOT / "build" / "native", "Python": ROOT / "build" / "fmus"}
 ROUNDS, STEPS = 5, 20_000
 ROWS = 41
+RUNS = {"gapsense": "our runner, all signals recorded", "own_time": "loop in C, raw calls only"}  # in measure.py
 
 
 def main(names: list[str]) -> None:
@@ -42,6 +45,19 @@ def main(names: list[str]) -> None:
                 measured(caller, kind, component, folder, Path(work)) for caller in (from_c, apart) for kind in KINDS
             ]
         print(f"{component.name:20}" + "".join(f"{value:18.3f}" for value in values), flush=True)
+
+
+def show_runs() -> None:
+    """Print what a component-step takes in the experiment of runner.py."""
+    found: dict[str, list[float]] = {run: [] for run in RUNS}
+    for _ in range(ROUNDS):
+        for run, taken in found.items():  # in turn, as the load of the machine changes
+            words = [sys.executable, str(MEASURE), run, str(KINDS["native"])]
+            said = subprocess.run(words, capture_output=True, text=True, check=True, cwd=MEASURE.parent).stdout
+            taken.append(json.loads(said.splitlines()[-1])["microseconds"])
+    print("\nus per component-step of semera_valve on native FMUs (best)")
+    for run, taken in found.items():
+        print(f"{RUNS[run]:40}{median(taken):8.3f}{f'({min(taken):.3f})':>10}")
 
 
 def measured(caller: object, kind: str, component: Component, folder: Path, work: Path) -> float:
@@ -124,3 +140,5 @@ if __name__ == "__main__":
         print(json.dumps(through_fmpy(sys.argv[2], Path(sys.argv[3]), Path(sys.argv[4]))))
     else:
         main(sys.argv[1:])
+        if not sys.argv[1:]:
+            show_runs()

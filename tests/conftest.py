@@ -15,6 +15,7 @@ from gapsense.fmi.native.platforms import chosen, compilers
 from gapsense.native import NativeError
 
 ROOT = Path(__file__).resolve().parents[1]
+os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 
 
 def built(factory: pytest.TempPathFactory, name: str, *options: str) -> Path:

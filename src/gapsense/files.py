@@ -220,6 +220,12 @@ def read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def state(path: Path) -> tuple[int, int, int]:
+    """What is another number when a file has changed: its time, size and inode."""
+    about = path.stat()
+    return about.st_mtime_ns, about.st_size, about.st_ino
+
+
 def sha256(path: Path) -> str:
     """Hash of a file's content."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gapsense.files import sha256
-
 
 def importable_name(function: Callable[..., Any]) -> str:
     """`module:function`, under which another process finds the function."""
@@ -27,6 +25,8 @@ def imported(name: str) -> Any:
 
 def facts(function: Callable[..., Any]) -> list[str]:
     """Name of a function and hash of its module's file, for `ledger.key`."""
+    from gapsense.files import sha256  # here, so that what needs no arrays starts fast
+
     return [importable_name(function), sha256(source_file(function))]
 
 

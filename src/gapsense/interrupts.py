@@ -26,12 +26,16 @@ def handled(handler: Handler) -> Iterator[None]:
 
 
 @contextmanager
-def counted(at_most: int | None = None) -> Iterator[Callable[[], int]]:
-    """Function that tells how many Ctrl-C there were; one above `at_most` is a KeyboardInterrupt after all."""
+def counted(at_most: int | None = None, then: Callable[[], None] = lambda: None) -> Iterator[Callable[[], int]]:
+    """Function that tells how many Ctrl-C there were; `then` is called at each.
+
+    One above `at_most` is a KeyboardInterrupt after all.
+    """
     noted: list[int] = []
 
     def note(number: int, _: FrameType | None) -> None:
         noted.append(number)
+        then()
         if at_most is not None and len(noted) > at_most:
             raise KeyboardInterrupt
 

@@ -10,7 +10,10 @@ from __future__ import annotations
 import argparse
 import ctypes
 import hashlib
+import os
 import platform
+import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +27,9 @@ TARGET = "x86_64-linux-gnu.2.17"  # CentOS 7
 FLAGS = ("-std=gnu11", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror")
 ZIG_FLAGS = ("-target", TARGET, "-fno-sanitize=all", "-Wl,--build-id=none")
 
+# Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
+NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
+
 
 class NativeError(RuntimeError):
     """A library cannot be compiled, or its binary does not belong to its sources."""
@@ -35,6 +41,15 @@ def zig_version() -> str | None:
         return version("ziglang")
     except PackageNotFoundError:
         return None
+
+
+def own_compiler() -> tuple[str, ...] | None:
+    """Command of the C compiler of this machine: what `CC` names, or else the first one that is found."""
+    named = shlex.split(os.environ.get("CC", ""))
+    if named:
+        return tuple(named) if shutil.which(named[0]) else None
+    found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    return (found,) if found else None
 
 
 @dataclass(frozen=True)

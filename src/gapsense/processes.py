@@ -17,10 +17,11 @@ import signal
 import subprocess
 import sys
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any, TextIO, TypeAlias
 
@@ -33,6 +34,7 @@ FOLDER = "GAPSENSE_PROCESS"  # variable of the environment: the folder of the pr
 MARKS = 8
 PATIENCE = 1.0  # seconds that a process may take to end by itself
 LOOK = 0.2  # seconds between two looks at whether the other process is still there
+GLANCE = 0.002  # seconds between two looks at whether a process that was told to end has ended
 SHOWN = 2000  # characters of a process's last words
 Marks: TypeAlias = "memoryview[int] | array[int]"  # whole numbers in memory
 
@@ -48,10 +50,13 @@ class Died(RuntimeError):
 class Process:
     """One process, seen from the one that asks it; it does not get the terminal's Ctrl-C.
 
-    With a `limit` [s], `check` ends it when it has neither answered nor changed its marks for so long.
+    With a `limit` [s], `check` ends it when it has neither answered nor changed its marks for so long. It imports the
+    modules that it is to `load` before it is asked for anything.
     """
 
-    def __init__(self, guest: Callable[..., Any] | None = None, limit: float | None = None) -> None:
+    def __init__(
+        self, guest: Callable[..., Any] | None = None, limit: float | None = None, load: Sequence[str] = ()
+    ) -> None:
         self.limit, self.is_overdue, self.is_busy, self.is_limited = limit, False, False, False
         self.seen, self.since = b"", monotonic()
         self.folder = temporary_folder()
@@ -62,7 +67,7 @@ class Process:
         own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), str(self.folder))
         with (self.folder / "errors.txt").open("wb") as errors:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "gapsense.processes"],
+                [sys.executable, "-m", "gapsense.processes", *load],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
@@ -121,18 +126,22 @@ class Process:
         names = {s.value: f"{s.name}, {signal.strsignal(s) or 'a signal'}" for s in signal.Signals}
         return f"its process was ended by signal {-code} ({names.get(-code, 'unknown')})"
 
-    def close(self) -> None:
-        """End the process, in the middle of its work if need be, and remove its temporary files."""
+    def dismiss(self) -> None:
+        """Tell the process to end, or end it in the middle of its work if need be."""
         if self.is_busy:
             self.process.kill()
         with suppress(OSError):
             if self.process.stdin:
                 self.process.stdin.close()
-        try:
-            self.process.wait(timeout=PATIENCE)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+
+    def close(self) -> None:
+        """End the process and remove its temporary files."""
+        self.dismiss()
+        until = monotonic() + PATIENCE
+        while self.process.poll() is None and monotonic() < until:
+            sleep(GLANCE)  # `wait` with a timeout sleeps longer and longer
+        self.process.kill()
+        self.process.wait()
         self.log.close()
         if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
             self.process.stdout.close()
@@ -148,7 +157,12 @@ def mapped(file: Path) -> Marks:
 def own_marks() -> Marks:
     """Marks of this process, shared with the one that started it if that is one of ours."""
     folder = os.environ.get(FOLDER)
-    return mapped(Path(folder, "marks")) if folder else array("q", bytes(8 * MARKS))
+    return mapped(Path(folder, "marks")) if folder else new_marks()
+
+
+def new_marks() -> Marks:
+    """Marks that nobody shares."""
+    return array("q", bytes(8 * MARKS))
 
 
 def follow() -> None:
@@ -165,16 +179,36 @@ def remove_folder() -> None:
     shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
 
 
+def leave(is_done: Event) -> None:
+    """Leave no files; at a good end do not take the interpreter down in order, which takes longer than many a run."""
+    remove_folder()
+    if is_done.is_set():
+        sys.stderr.flush()
+        os._exit(0)
+
+
 def main() -> None:
     """Be a process that answers requests until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one that asks
     faulthandler.enable(all_threads=False)
-    atexit.register(remove_folder)  # first, so that it comes last
+    is_done = Event()
+    atexit.register(leave, is_done)  # first, so that it comes last
     Thread(target=follow, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what FMUs print goes to the error stream from now on
     sys.stdout = sys.stderr
-    request = json.loads(sys.stdin.readline())
+    for module in sys.argv[1:]:
+        import_module(module)
+    work(answers)
+    is_done.set()
+
+
+def work(answers: TextIO) -> None:
+    """Answer requests."""
+    first = sys.stdin.readline()
+    if not first:
+        return  # this process was not needed
+    request = json.loads(first)
     try:
         answer: Callable[[Any], Any] = imported(request["prepare"])(request["task"])
     except ScenarioError as error:

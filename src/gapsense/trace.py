@@ -310,6 +310,8 @@ def select(node: Expr, a: Any, b: Any) -> Any:
     key = _key(a), _key(b)
     if key[0] == key[1]:
         return a
+    if a is True and b is False and node.args[0].op in BOOLEAN:
+        return node.args[0]
     if memory_of(a) is not memory_of(b):
         raise _error("the branches of cond() return different array memory in the same place.")
     node.extra[2].setdefault(key, (a, b))

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from gapsense.interrupts import counted
 from gapsense.ledger import Entry, Ledger
-from gapsense.processes import Died, Marks, Process
+from gapsense.processes import Died, Marks
+from gapsense.spare import process
 
 Answer = Callable[[int], Mapping[str, Any]]
 Progress = Callable[[int, int], None]
@@ -56,6 +57,8 @@ def complete(
         finally:
             pending.clear()
             for worker in workers:
+                worker.dismiss()  # all at once, since it takes them a while
+            for worker in workers:
                 worker.close()
     return False
 
@@ -80,7 +83,7 @@ class Worker:
 
     def __init__(self, job: Job, pending: deque[int], answers: Queue[Entry | Exception]) -> None:
         self.job, self.pending, self.answers, self.is_closed = job, pending, answers, False
-        self.process = Process(job.guest, job.limit)
+        self.process = process(job.guest, job.limit)
         self.thread = Thread(target=self.feed, daemon=True)
         self.thread.start()
 
@@ -105,13 +108,18 @@ class Worker:
             entry = {"index": number, **self.job.mourn(died, self.process.marks)}
         self.process.close()
         if self.pending:
-            self.process = Process(self.job.guest, self.job.limit)
+            self.process = process(self.job.guest, self.job.limit)
             self.process.prepare(self.job.prepare, self.job.task)
         return entry
 
+    def dismiss(self) -> None:
+        """Tell the process to end."""
+        self.is_closed = True
+        self.process.dismiss()
+
     def close(self) -> None:
         """End the process."""
-        self.is_closed = True
+        self.dismiss()
         self.process.close()
         self.thread.join()
         self.process.close()  # of one that the thread has started meanwhile

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
+from gapsense.actuators import valve_steps
 from gapsense.kernel import Kernel
 from gapsense.records import flat
 from gapsense.studies.devices import VALVE
@@ -65,7 +66,7 @@ def test_energy_balance_closes_through_impacts(kernel, law, tolerance):
 
 
 def test_order_is_four_through_release_and_impact(monkeypatch, square, run):
-    monkeypatch.setattr(valve, "FINENESS", 1e9)  # or the steps of the saturated coil would not be halved
+    monkeypatch.setattr(valve_steps, "FINENESS", 1e9)  # or the steps of the saturated coil would not be halved
     fixed, times = Kernel(valve), np.array([1.0e-3, 2.5e-3, 4e-3, 12.5e-3, 14e-3, 15.5e-3])
 
     def states(micro_step):
@@ -104,6 +105,19 @@ def test_small_steps_compose_to_a_large_one(kernel, voltage, duration):
     small = drive(kernel, VALVE, [voltage] * 40, duration / 40)[-1][0]
     scale = np.array([0.024, 0.9e-3, 0.5, 1.0, 1e-3, 1e-3])
     assert np.abs(np.subtract(small, large) / scale).max() < 1e-7
+
+
+def test_micro_steps_of_a_settled_flux_are_those_of_single_steps(kernel):
+    long, short = 2.0**-12, 2.0**-17  # one and 32 micro-steps: sums of them are exact
+    par = VALVE._replace(micro_step=short)
+    settled, _ = drive(kernel, par, [5.0] * 200, long)[-1]
+    at_once, _ = kernel.step(settled, valve.Inputs(0.0, long, 5.0), par)
+    one_by_one = settled
+    for _ in range(32):
+        one_by_one, _ = kernel.step(one_by_one, valve.Inputs(0.0, short, 5.0), par)
+    assert at_once.flux_linkage == settled.flux_linkage
+    assert at_once[:5] == one_by_one[:5]
+    assert at_once.dissipated_energy > settled.dissipated_energy
 
 
 @pytest.mark.parametrize("voltage", [1e3, -1e4, 1e6])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gapsense.cosim import turn
+from gapsense.cosim.loop import library
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # the helpers of this folder can be imported by its tests
@@ -59,19 +59,19 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def turn_binary() -> Path:
-    """The library that does component-steps; a module may override it to do without."""
-    return turn.BINARY
+def loop_binary() -> Path:
+    """The library that does base steps; a module may override it to do without."""
+    return library.BINARY
 
 
 @pytest.fixture
-def python(fmus: Path, turn_binary: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def python(fmus: Path, loop_binary: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Runs Python code in a process of its own, for what may crash or kill it; `fmus` is defined in it."""
 
     def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(SRC)}
         head = f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n"
-        head += f"from gapsense.cosim import turn\nturn.BINARY = Path({str(turn_binary)!r})\n"
+        head += f"from gapsense.cosim.loop import library\nlibrary.BINARY = Path({str(loop_binary)!r})\n"
         return subprocess.run(
             [sys.executable, "-c", head + code], capture_output=True, text=True, env=environment, timeout=60, **options
         )

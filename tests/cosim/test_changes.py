@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from gapsense.cosim import ScenarioError, changed, check, load, run, sweep
-from gapsense.cosim.document import packed, unpacked
 from gapsense.cosim.scenario import Port
 
 
@@ -88,12 +87,3 @@ def test_what_a_sweep_gives_is_set_for_a_run_only(write, chain, fmus):
     assert run(source, fmus=fmus).parameters["gain.gain"] == 3.0
     with pytest.raises(ScenarioError, match=r"--set, gain.gain: `\[sweep\]` gives it too. Keep one."):
         sweep(source, fmus=fmus)
-
-
-def test_packed_scenario_is_the_same_in_another_folder(write, chain, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    source = changed(write(chain).relative_to(tmp_path), ["source.slope=3"])
-    away = packed(source)
-    monkeypatch.chdir("/")
-    assert load(unpacked(away)).components["source"].values == {"slope": 3}
-    assert load(unpacked(away)).name == "demo"

@@ -1,6 +1,6 @@
 """The loop does what the documentation says: checked against a plain loop written by hand.
 
-Everything runs twice: with the C library that does component-steps, and with the Python code in its place.
+Everything runs twice: with the C library that does base steps, and with the Python code in its place.
 """
 
 import math
@@ -12,21 +12,22 @@ from faulty import FAULTY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gapsense.cosim import FmuError, Master, prepare, run, run_once, turn
+from gapsense.cosim import FmuError, Master, prepare, run, run_once
 from gapsense.cosim.instance import summary
+from gapsense.cosim.loop import library
 from gapsense.cosim.scenario import Experiment
 
 GRIDS = st.tuples(st.integers(1, 4), st.integers(0, 3))
 
 
 @pytest.fixture(scope="module", params=["C", "Python"], autouse=True)
-def turn_binary(request):
+def loop_binary(request):
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "Python":
-            patch.setattr(turn, "BINARY", Path("none.so"))
-        elif turn.entry() is None:
+            patch.setattr(library, "BINARY", Path("none.so"))
+        elif library.entry() is None:
             pytest.skip("the library is for Linux on x86-64")
-        yield turn.BINARY
+        yield library.BINARY
 
 
 def by_hand(count, base, is_jacobi, grids, start=0.0, constant=0.5, gain=2.0, slope=2.0):

@@ -53,6 +53,13 @@ def test_all_runs_of_a_process_share_one_folder_per_content(write, chain, fmus):
     assert {path for path in home(os.getpid()).iterdir()} == before
 
 
+def test_compiled_python_is_not_kept_in_what_is_removed_anyway(write, chain, fmus, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    run(write(chain), fmus=fmus)
+    assert not sys.dont_write_bytecode
+    assert not [*home(os.getpid()).rglob("__pycache__")]
+
+
 def test_file_that_changed_or_is_damaged_is_named(write, chain, fmus, tmp_path):
     changed = tmp_path / "Lag.fmu"
     changed.write_bytes((fmus / "Lag.fmu").read_bytes())

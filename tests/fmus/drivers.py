@@ -297,11 +297,16 @@ def doubled(state, outputs):
 '''
 FAULTS = """
 
-_sound, _faults = advance, iter(["exception", "nothing", "nan", "infinite"])
+_begin, _sound, _faults, fault = initial, advance, iter(["exception", "nothing", "nan", "infinite"]), "none"
+
+
+def initial(inputs, par):
+    global fault
+    fault = next(_faults, "none")
+    return _begin(inputs, par)
 
 
 def advance(state, inputs, constants):
-    fault = next(_faults, "none")
     if fault == "exception":
         raise ArithmeticError("kaputt: für 100 %s %d %n")
     if fault == "nothing":

@@ -102,10 +102,11 @@ def in_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]
 
 
 def raw(function: str, folder: Path, *arguments: Any, **changes: str) -> Any:
-    """What a function of raw.py, or fuzz.py, gives for an extracted FMU."""
+    """What a function of raw.py gives for an extracted FMU; or fuzz.py, twins.py, or `lending.f` in lending.py."""
     name = next((folder / "binaries" / "linux64").glob("*.so"))
     guid = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["guid"]
-    script = ["fuzz.py"] if function == "fuzz" else ["raw.py", function]
+    file, _, inside = function.rpartition(".")
+    script = [f"{function}.py"] if function in ("fuzz", "twins") else [f"{file or 'raw'}.py", inside]
     command = [sys.executable, str(Path(__file__).with_name(script[0])), *script[1:], str(name)]
     command += [(folder / "resources").as_uri(), guid, *map(json.dumps, arguments)]
     run = subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=300)

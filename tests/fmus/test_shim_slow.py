@@ -44,7 +44,18 @@ def watched(gcc: str) -> dict[str, str]:
     return {"LD_PRELOAD": runtime.strip(), "ASAN_OPTIONS": "detect_leaks=0"}
 
 
-CALLS = ["instances", "name_in_latin_1", "states", "handles", "refusal", "missing", "references", "categories", "many"]
+CALLS = [
+    "instances",
+    "name_in_latin_1",
+    "states",
+    "handles",
+    "refusal",
+    "missing",
+    "references",
+    "categories",
+    "many",
+    "lending.asked",
+]
 
 
 @pytest.mark.parametrize("function", CALLS)
@@ -55,6 +66,11 @@ def test_calls_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, s
 @pytest.mark.parametrize("seed", range(5))
 def test_any_calls_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, str], seed: int) -> None:
     assert set(raw("fuzz", sanitized["Semera"], 10_000, seed, **watched)) == {"0", "3"}
+
+
+def test_calls_of_two_alike_under_sanitizers(sanitized: dict[str, Path], watched: dict[str, str]) -> None:
+    ranges, step = [[-30.0, 30.0], [-0.4, 0.4]], 50e-6
+    assert raw("twins", sanitized["Semera"], ranges, 12, step, 20_000, 2, **watched)["DoStep 0"] > 4000
 
 
 def test_any_calls(part: Part, tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from native3 import ROOT, built, placed  # noqa: F401
 from gapsense.cosim import Checkpoint, Master, ScenarioError, prepare
 from gapsense.cosim.apart import Plan, Watch, record_apart
 from gapsense.cosim.checkpoint import keeper
-from gapsense.cosim.run import taken_run
 from gapsense.cosim.signals import ports
+from gapsense.cosim.subject import Subject
 
 SCENARIOS = ROOT / "scenarios"
 CASES = [
@@ -33,7 +33,7 @@ def recorded(folder: str, variant: str | None, fmus: Path, count: int = COUNT) -
     """Bytes of the signals in the first base steps, and the messages; one that only FMI 3.0 has is left out."""
     scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=count))
-    take = taken_run(scenario, descriptions)
+    take = Subject(scenario, descriptions).taken()
     with Master(scenario, descriptions) as master:
         done = master.run(take.columns, take.seeds, values=take.values)
     assert not done.error and np.isfinite(done.data[: done.rows]).all()
@@ -54,7 +54,7 @@ def test_scenario_has_the_bits_of_the_python_fmus(fmus: Path) -> None:
 def test_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     scenario, descriptions = prepare(SCENARIOS / "estimators", "other_physics", built() / "fmi3")
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=COUNT))
-    take = taken_run(scenario, descriptions)
+    take = Subject(scenario, descriptions).taken()
     file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
     with Master(scenario, descriptions) as master:
         kept = keeper(Checkpoint(file, EVERY * base), scenario, descriptions, take)

@@ -103,6 +103,12 @@ def test_timing_shows_every_component_and_shares_below_the_whole(valve):
     assert sum(t.seconds for t in valve.timing.values()) <= valve.wall
 
 
+def test_loop_in_python_is_told(valve):
+    in_python, in_c = (replace(valve, run=replace(valve.run, versions={"loop": by})) for by in ("Python", "C"))
+    assert "The loop in C does not load here" in " ".join(shown(tables.timing(in_python)).split())
+    assert "loop" not in shown(tables.timing(in_c))
+
+
 def test_outcome_has_a_line_for_each_failure():
     good = Outcome("a", VALVE, None, (Check("run"), Check("metric x")), 1.25)
     assert tables.outcome(good) == "passed  a  2 checks, 1.2 s"

@@ -7,11 +7,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import typer
 from sources import MODULES, ROOT, SRC, imports, lists, name_of, others, ours, part_of, tree
 
+import gapsense
+from gapsense import cosim
 from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
@@ -19,14 +22,15 @@ OF_KERNELS = (  # in order: each may import those before it
 )  # fmt: skip
 OF_FILES = (  # likewise
     "shipped", "native", "problems", "locks", "files", "tables", "parameters", "ledger", "importable", "interrupts",
-    "processes", "workers",
+    "processes", "spare", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "embedded", "fmi"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "embedded", "fmi", "lanes"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
+    "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi"},
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
@@ -38,7 +42,7 @@ MAY_IMPORT = {
 }
 REACHES_UP = {"src/gapsense/cosim/show.py": {"report"}}  # in functions, when someone wants to see a result
 PACKAGES = {  # beside the standard library
-    **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE},
+    **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"lanes"}},
     "fmi": {"pythonfmu", "markdown_it"},
     "embedded": set(),
     **{part: {"numpy", "tomli"} for part in GENERAL},
@@ -50,6 +54,7 @@ PACKAGES = {  # beside the standard library
     "build_fmus": set(),
 }
 HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas"}
+SHOWING = {"rich", "typer"}
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"
 TRAVELLERS = set(OWN.split())  # their copies are in every FMU
@@ -112,16 +117,33 @@ def test_components_import_the_makers_of_port_tables_only():
         assert modules <= {"gapsense.fmi.ports", "gapsense.fmi.components"}, name_of(path)
 
 
-@pytest.mark.parametrize(
-    "start", ["import gapsense.cli", "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"]
-)
-def test_command_line_starts_without_heavy_packages(start):
+HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"
+STARTS = {  # and what they must not load
+    "import gapsense, gapsense.cosim, gapsense.cosim.ahead": HEAVY | SHOWING | {"numpy"},
+    "import gapsense.cli": HEAVY | {"numpy"},
+    HELP: HEAVY | {"numpy"},
+    "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
+    "import gapsense.cosim.apart_child, gapsense.cosim.worker": HEAVY | SHOWING,
+}
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_what_starts_often_loads_no_package_that_it_does_not_need(start):
     environment = {**os.environ, "PYTHONPATH": str(SRC.parent)}
     done = subprocess.run([sys.executable, "-c", start + LOADED], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "gapsense" in loaded
-    assert sorted(loaded & HEAVY) == []
+    assert sorted(loaded & STARTS[start]) == []
+
+
+@pytest.mark.parametrize("package", [gapsense, cosim])
+def test_what_a_package_offers_is_what_type_checkers_are_told(package):
+    block = next(n for n in tree(Path(package.__file__)).body if isinstance(n, ast.If))
+    told = {alias.asname: n.module for n in block.body if isinstance(n, ast.ImportFrom) for alias in n.names}
+    assert told == package.OFFERED
+    for name in told:
+        assert not isinstance(getattr(package, name), ModuleType), name
 
 
 def folders(folder: Path) -> set[str]:

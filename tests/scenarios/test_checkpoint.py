@@ -11,7 +11,7 @@ import pytest
 from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare
 from gapsense.cosim.apart import Plan, Watch, record_apart
 from gapsense.cosim.checkpoint import keeper
-from gapsense.cosim.run import taken_run
+from gapsense.cosim.subject import Subject
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CASES = [
@@ -38,7 +38,7 @@ def fmus_of(scenarios):
 def test_resumed_run_has_the_same_bits(fmus, tmp_path, folder, variant, method):
     scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=COUNT, method=method))
-    take = taken_run(scenario, descriptions)
+    take = Subject(scenario, descriptions).taken()
     file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
     with Master(scenario, descriptions) as master:
         kept = keeper(Checkpoint(file, EVERY * base), scenario, descriptions, take)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gapsense.studies.smoother.batch import Variant
-from gapsense.studies.smoother.consistency import BOUND, INTERVAL, consistency, normalised_errors
+from gapsense.studies.smoother.batch import Variant, normalised_errors
+from gapsense.studies.smoother.consistency import BOUND, INTERVAL, consistency
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 
@@ -25,7 +25,7 @@ def covariances(count, rank=5):
 def test_normalised_errors_are_those_of_the_inverse():
     P, x, _ = covariances(30)
     true = np.full((30, 5), 0.3) * UNIT
-    nees, nee = normalised_errors(row_of(x, P), (*true.T,), Variant())
+    nees, *nee = normalised_errors(Variant())(row_of(x, P), (*true.T,))
     expected = [d @ np.linalg.solve(C, d) for d, C in zip(x - true, P)]
     np.testing.assert_allclose(nees, expected, rtol=1e-6)
     np.testing.assert_allclose(np.transpose(nee), (x - true) / np.sqrt(P[:, range(5), range(5)]), rtol=1e-12)
@@ -36,7 +36,7 @@ def test_directions_without_variance_do_not_count():
     P, x, _ = covariances(20)
     P[:, 1, :] = P[:, :, 1] = 0.0
     x[:, 1] = 0.0
-    nees, nee = normalised_errors(row_of(x, P), (0.0,) * 5, Variant())
+    nees, *nee = normalised_errors(Variant())(row_of(x, P), (0.0,) * 5)
     kept = [0, 2, 3, 4]
     expected = [d[kept] @ np.linalg.solve(C[np.ix_(kept, kept)], d[kept]) for d, C in zip(x, P)]
     np.testing.assert_allclose(nees, expected, rtol=1e-6)
@@ -47,7 +47,7 @@ def test_normal_errors_of_singular_covariances_have_as_many_degrees_of_freedom_a
     _, _, L = covariances(4000, rank=4)
     P = L @ L.transpose(0, 2, 1)
     x = (L @ np.random.default_rng(5).standard_normal((4000, 4, 1)))[:, :, 0]
-    nees, _ = normalised_errors(row_of(x, P), (0.0,) * 5, Variant())
+    nees, *_ = normalised_errors(Variant())(row_of(x, P), (0.0,) * 5)
     assert np.mean(nees) == pytest.approx(4.0, abs=0.2)
     assert np.mean(nees < chi2.ppf(0.9, 4)) == pytest.approx(0.9, abs=0.02)
 

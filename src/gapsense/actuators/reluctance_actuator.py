@@ -14,7 +14,7 @@ from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import SmoothGap
 from gapsense.actuators.motion import MOVING, Mover
-from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, micro_step
+from gapsense.actuators.reluctance_steps import Actuator, Gap, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, fabs, loop, square, where
@@ -114,7 +114,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover), par.friction)
     state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
-    return state, _outputs(state, act)
+    return state, _outputs(state, act, gap_at(act, h))
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -124,8 +124,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     act = make_actuator(inputs, par)
     at = Moving(state.flux, state.effective_field, state.position, state.velocity)
-    start = (inputs.dt, at, state.mode, Losses(state.heat, 0.0, 0.0))
-    _, at, mode, losses = loop(MICRO_STEPS, partial(micro_step, act), start)
+    start = (inputs.dt, at, gap_at(act, at.h), state.mode, Losses(state.heat, 0.0, 0.0))
+    _, at, gap, mode, losses = loop(MICRO_STEPS, partial(micro_step, act), start)
     charge = (inputs.voltage * inputs.dt - act.turns * (at.flux - state.flux)) / act.resistance  # (1), integrated
     state = State(
         flux=at.flux,
@@ -138,7 +138,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         wall_work=state.wall_work + where(act.core.is_hysteretic, act.core.volume, 0.0) * losses.work,
         supplied_energy=state.supplied_energy + inputs.voltage * charge,
     )
-    return state, _outputs(state, act)
+    return state, _outputs(state, act, gap)
 
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
@@ -205,22 +205,21 @@ def _mover(par: Parameters) -> Mover:
     )
 
 
-def _outputs(state: State, act: Actuator) -> Outputs:
+def _outputs(state: State, act: Actuator, gap: Gap) -> Outputs:
     flux, H_e, h, v = state.flux, state.effective_field, state.position, state.velocity
-    core, mover, circuit = act.core, act.mover, circuit_at(act, flux, H_e, h)
-    i = circuit.electric.current
+    core, mover, i = act.core, act.mover, circuit_at(act, gap, flux, H_e).electric.current
     M, lam = hysteresis.magnetization(flux, H_e, core), act.turns * flux
     stored, walls = hysteresis.energies(flux, H_e, core)
     lost = state.wall_work - walls
     mechanical = motion.elastic_energy(h, mover) + motion.kinetic_energy(v, mover)
-    unmagnetized = circuit.reluctance + hysteresis.differential_reluctance(core.slope / 3.0, core)
+    unmagnetized = gap.reluctance + hysteresis.differential_reluctance(core.slope / 3.0, core)
     return Outputs(
         current=i,
         position=h,
         velocity=v,
         flux_linkage=lam,
         inductance=_inductance(lam, i, square(act.turns) / unmagnetized),
-        force=magnetics.flux_force(flux, circuit.slope),
+        force=magnetics.flux_force(flux, gap.slope),
         mode=state.mode,
         contact=where(state.mode == MOVING, 0.0, 1.0),
         core_field=H_e - core.coupling * M,
@@ -228,7 +227,7 @@ def _outputs(state: State, act: Actuator) -> Outputs:
         dissipated_energy=state.heat + state.eddy_energy + lost,
         eddy_energy=state.eddy_energy,
         hysteresis_energy=lost,
-        stored_energy=0.5 * square(flux) * circuit.reluctance + stored + mechanical,
+        stored_energy=0.5 * square(flux) * gap.reluctance + stored + mechanical,
         supplied_energy=state.supplied_energy,
     )
 

@@ -46,12 +46,17 @@ class Electric(NamedTuple):
     steepness: Scalar  # of M_an
 
 
+class Gap(NamedTuple):
+    """The gap where the mover is: it stays the same while the mover rests."""
+
+    reluctance: Scalar
+    slope: Scalar  # its derivative
+
+
 class Circuit(NamedTuple):
     """The magnetic circuit at one instant."""
 
-    gap: LocalGap  # the law of the gap around there
-    reluctance: Scalar  # of the gap
-    slope: Scalar  # its derivative
+    gap: Gap
     electric: Electric
 
 
@@ -96,32 +101,33 @@ class Step(NamedTuple):
 
 
 def micro_step(
-    act: Actuator, left: Scalar, at: Moving, mode: Scalar, losses: Losses
-) -> tuple[tuple[Scalar, Moving, Scalar, Losses], Scalar]:
+    act: Actuator, left: Scalar, at: Moving, gap: Gap, mode: Scalar, losses: Losses
+) -> tuple[tuple[Scalar, Moving, Gap, Scalar, Losses], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
-    circuit = circuit_at(act, at.flux, at.H_e, at.h)
+    circuit = circuit_at(act, gap, at.flux, at.H_e)
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(circuit.electric.flux_rate < 0.0, -1.0, 1.0), 0.0)
     switches = Switches(direction, hysteresis.moving_walls(direction, circuit.electric.excess))
     dt = _limited(act, next_part(left, act.micro_step), circuit, switches.walls)
     is_moving = mode == MOVING
-    done = cond(
-        is_moving,
-        lambda: _move(act, circuit, switches, dt, at, is_moving),
-        lambda: _rest(act, circuit, switches, dt, at, mode),
-    )
+
+    def move() -> tuple[Step, Gap]:
+        done = _move(act, circuit, switches, dt, at, is_moving)
+        return done, gap_at(act, done.at.h)
+
+    done, gap = cond(is_moving, move, lambda: (_rest(act, circuit, switches, dt, at, mode), gap))
     left = left - done.length
-    return (left, done.at, done.mode, Losses(*(a + b for a, b in zip(losses, done.losses)))), not_(left > 0.0)
+    return (left, done.at, gap, done.mode, Losses(*(a + b for a, b in zip(losses, done.losses)))), not_(left > 0.0)
 
 
-def circuit_at(act: Actuator, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
+def gap_at(act: Actuator, h: Scalar) -> Gap:
+    """The gap of length `h`."""
+    return Gap(*magnetics.smooth_gap_law(h, act.gap)[:2])
+
+
+def circuit_at(act: Actuator, gap: Gap, flux: Scalar, H_e: Scalar) -> Circuit:
     """The magnetic circuit and what drives it, in a state."""
-    return _circuit(act, magnetics.gap_near(h, act.gap), flux, H_e, h)
-
-
-def _circuit(act: Actuator, gap: LocalGap, flux: Scalar, H_e: Scalar, h: Scalar) -> Circuit:
-    reluctance, slope, _ = magnetics.local_gap_law(h, gap)
-    return Circuit(gap, reluctance, slope, _electric(act, flux, H_e, reluctance))
+    return Circuit(gap, _electric(act, flux, H_e, gap.reluctance))
 
 
 def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> Electric:
@@ -137,7 +143,7 @@ def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> E
 def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scalar:
     """Step `dt`, or less where the core saturates: there the flux settles fast and the field runs away."""
     chi = hysteresis.susceptibility(circuit.electric.excess, circuit.electric.steepness, walls, act.core)
-    reluctance = circuit.reluctance + hysteresis.differential_reluctance(chi, act.core)
+    reluctance = circuit.gap.reluctance + hysteresis.differential_reluctance(chi, act.core)
     field_rate = hysteresis.field_rate(circuit.electric.flux_rate, chi, act.core)
     need = act.flux_need * reluctance + act.field_need * fabs(field_rate)  # steps per second
 
@@ -157,15 +163,16 @@ def _magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[R
     return Resting(rate, field_rate), losses, electric
 
 
-def _moving_rates(act: Actuator, gap: LocalGap, walls: Scalar, y: Moving) -> tuple[Moving, Losses, Electric]:
-    return _rates_from(act, walls, y, _circuit(act, gap, y.flux, y.H_e, y.h))
+def _moving_rates(act: Actuator, law: LocalGap, walls: Scalar, y: Moving) -> tuple[Moving, Losses, Electric]:
+    gap = Gap(*magnetics.local_gap_law(y.h, law)[:2])
+    return _rates_from(act, walls, y, circuit_at(act, gap, y.flux, y.H_e))
 
 
 def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Electric]:
     """As `_magnetic_rates`, with velocity and acceleration (11), and with what drag loses."""
     rates, losses, watched = _magnetic_rates(act, walls, circuit.electric)
     drag = motion.drag(y.v, act.mover)
-    net_force = magnetics.flux_force(y.flux, circuit.slope) + motion.spring_force(y.h, act.mover) - drag
+    net_force = magnetics.flux_force(y.flux, circuit.gap.slope) + motion.spring_force(y.h, act.mover) - drag
     change = Moving(rates.flux, rates.H_e, y.v, net_force / act.mover.mass)
     return change, losses._replace(heat=losses.heat + drag * y.v), watched
 
@@ -186,7 +193,8 @@ def _move(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     """Step of the moving mover, up to the first contact or switch if there is one."""
     mover = act.mover
     first = _rates_from(act, switches.walls, at, circuit)
-    after = partial(rk4, partial(_moving_rates, act, circuit.gap, switches.walls), at, first=first)
+    rates = partial(_moving_rates, act, magnetics.gap_near(at.h, act.gap), switches.walls)
+    after = partial(rk4, rates, at, first=first)
 
     def margin(y: Moving, watched: Electric) -> Scalar:
         clearance = least(y.h - mover.lower, mover.upper - y.h) / act.stroke
@@ -227,10 +235,10 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
     spring, start = motion.spring_force(at.h, act.mover), Resting(at.flux, at.H_e)
     first = _magnetic_rates(act, switches.walls, circuit.electric)
-    after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.reluctance), start, first=first)
+    after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.gap.reluctance), start, first=first)
 
     def hold(flux: Scalar) -> Scalar:
-        return act.mover.friction - motion.inward(mode, magnetics.flux_force(flux, circuit.slope) + spring)
+        return act.mover.friction - motion.inward(mode, magnetics.flux_force(flux, circuit.gap.slope) + spring)
 
     def margin(y: Resting, watched: Electric) -> Scalar:
         return least(hold(y.flux), least(*_switch(act, switches, watched)))

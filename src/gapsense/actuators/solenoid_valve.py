@@ -14,14 +14,11 @@ from typing import Annotated, NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
-from gapsense.integrate import crossing, equal_parts, next_part, rk4, rk4_until
+from gapsense.actuators.motion import MOVING, Mover
+from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Sums, Valve, micro_step
+from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, cond, loop, not_, sqrt, square, where
-
-MICRO_STEPS = 10_000_000  # at most, per communication step
-FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux errors below 1e-9 where the core saturates
-REFINEMENT = 256.0  # a micro-step is shortened at most so many times, enough for tenfold overvoltage
+from gapsense.trace import clip, loop, sqrt, square, where
 
 
 class GapLaw(Choice):
@@ -89,33 +86,6 @@ class Outputs(NamedTuple):
     supplied_energy: Scalar
 
 
-class Valve(NamedTuple):
-    """Constants of a step."""
-
-    resistance: Scalar
-    voltage: Scalar
-    circuit: Circuit
-    mover: Mover
-    micro_step: Scalar  # length of the equal micro-steps [s]
-    open_square: Scalar  # R_open R_iron0, the share of the largest gap in the rate of the flux [1/H^2]
-    rate_scale: Scalar  # N^2 R_iron0 [1/H]
-
-
-class Moving(NamedTuple):
-    """What is integrated while the mover moves; at rest it is the flux linkage alone."""
-
-    lam: Scalar
-    h: Scalar
-    v: Scalar
-
-
-class Sums(NamedTuple):
-    """Integrals: losses [J] and charge [A s]."""
-
-    losses: Scalar
-    charge: Scalar
-
-
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, inside the stops."""
     valve = _valve(inputs, par)
@@ -132,7 +102,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, valve), (inputs.dt, at, state.mode, sums))
+    _, at, mode, sums = loop(MICRO_STEPS, partial(micro_step, valve), (inputs.dt, at, state.mode, sums))
     state = State(
         flux_linkage=at.lam,
         position=at.h,
@@ -161,103 +131,17 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
     )
     mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
+    micro_step = equal_parts(inputs.dt, par.micro_step)
     return Valve(
         resistance=par.coil_resistance,
         voltage=inputs.voltage,
         circuit=circuit,
         mover=mover,
-        micro_step=equal_parts(inputs.dt, par.micro_step),
+        micro_step=micro_step,
+        finest=micro_step / REFINEMENT,
         open_square=open_reluctance * par.core_reluctance,
         rate_scale=par.core_reluctance * square(par.coil_turns),
     )
-
-
-def _micro_step(
-    valve: Valve, left: Scalar, at: Moving, mode: Scalar, sums: Sums
-) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
-    """One step of the loop; `left` is what is left of the communication step [s]."""
-    dt = _limited(valve, next_part(left, valve.micro_step), at.lam)
-    is_moving = mode == MOVING
-    dt, at, mode, part = cond(is_moving, lambda: _move(valve, dt, at, is_moving), lambda: _rest(valve, dt, at, mode))
-    left = left - dt
-    return (left, at, mode, Sums(sums.losses + part.losses, sums.charge + part.charge)), not_(left > 0.0)
-
-
-def _limited(valve: Valve, dt: Scalar, lam: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates.
-
-    By (51) with (50) the flux has the rate r/N^2 (R_air + R_iron^2 / R_iron0) [1/s], which grows a hundredfold in
-    saturation; the explicit method would lose its accuracy there, and far in saturation its stability.  Beyond the
-    limit of shortening, the constant reluctance of the core above 0.999 of saturation keeps the flux bounded.
-    """
-    rate = valve.resistance * (valve.open_square + square(magnetics.core_law(lam, valve.circuit)))  # times the scale
-
-    def shortened() -> Scalar:
-        fine, finest = FINENESS * valve.rate_scale / rate, valve.micro_step / REFINEMENT
-        longest = where(fine < finest, finest, fine)
-        return where(dt < longest, dt, longest)
-
-    return cond(rate * dt > FINENESS * valve.rate_scale, shortened, lambda: dt)
-
-
-def _move(valve: Valve, dt: Scalar, at: Moving, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
-    """Step of the moving mover, up to the contact if there is one."""
-    mover, after = valve.mover, partial(rk4, partial(_moving_rates, valve), at)
-    y, sums = after(dt)
-    is_below = y.h < mover.lower
-
-    def land() -> tuple[Scalar, Moving, Scalar, Sums]:
-        def distance(length: Scalar) -> Scalar:
-            return motion.clearance(after(length)[0].h, is_below, mover)
-
-        ends = (motion.clearance(at.h, is_below, mover), motion.clearance(y.h, is_below, mover))
-        length = crossing(distance, dt, *ends)
-        then, sums = after(length)
-        stop = where(is_below, mover.lower, mover.upper)
-        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, then.lam, stop))
-        losses = sums.losses + motion.kinetic_energy(then.v, mover)
-        return length, Moving(then.lam, stop, 0.0), mode, Sums(losses, sums.charge)
-
-    # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: (dt, y, MOVING, sums))
-
-
-def _rest(valve: Valve, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
-    """Step on a stop, of the flux only, up to the release if there is one."""
-    gap_reluctance, slope = magnetics.gap_law(at.h, valve.circuit)
-    spring = motion.spring_force(at.h, valve.mover)
-
-    def margin(y: tuple[Scalar]) -> Scalar:
-        return -motion.inward(mode, magnetics.force(y[0], slope, valve.circuit) + spring)
-
-    rate = partial(_resting_rates, valve, gap_reluctance)
-    dt, (lam,), sums, is_released = rk4_until(rate, (at.lam,), dt, margin)
-    return dt, Moving(lam, at.h, 0.0), where(is_released, MOVING, mode), sums
-
-
-def _moving_rates(valve: Valve, y: Moving) -> tuple[Moving, Sums]:
-    """(51) and (52); integrands: losses in copper and damper [W], and the current [A]."""
-    c, mover = valve.circuit, valve.mover
-    gap_reluctance, slope = magnetics.gap_law(y.h, c)
-    i = magnetics.current(y.lam, gap_reluctance + magnetics.core_law(y.lam, c), c)
-    drop = valve.resistance * i
-    drag = mover.damping * y.v
-    acceleration = (magnetics.force(y.lam, slope, c) + motion.spring_force(y.h, mover) - drag) / mover.mass
-    return Moving(valve.voltage - drop, y.v, acceleration), Sums(drop * i + drag * y.v, i)
-
-
-def _resting_rates(valve: Valve, gap_reluctance: Scalar, y: tuple[Scalar]) -> tuple[tuple[Scalar], Sums]:
-    """(51) at a fixed gap; integrands as above."""
-    c = valve.circuit
-    i = magnetics.current(y[0], gap_reluctance + magnetics.core_law(y[0], c), c)
-    drop = valve.resistance * i
-    return (valve.voltage - drop,), Sums(drop * i, i)
-
-
-def _net_force(valve: Valve, lam: Scalar, h: Scalar) -> Scalar:
-    """Force on the mover at rest [N], (52)."""
-    _, slope = magnetics.gap_law(h, valve.circuit)
-    return magnetics.force(lam, slope, valve.circuit) + motion.spring_force(h, valve.mover)
 
 
 def _outputs(state: State, valve: Valve) -> Outputs:

@@ -15,16 +15,12 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from gapsense import cosim, interrupts
-from gapsense.cosim.document import scenario_file
-from gapsense.cosim.prepare import find_fmus
 from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER
-from gapsense.trace import TraceError
 
 ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
@@ -115,6 +111,9 @@ def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
     """Folder of the FMUs that options choose, if they do."""
     if not native:
         return fmus
+    from gapsense.cosim.document import scenario_file
+    from gapsense.cosim.prepare import find_fmus
+
     folder = find_fmus(scenario_file(scenario), NATIVE_FOLDER)
     if fmus:
         raise InputError(["--native and --fmus both say which FMUs to take. Leave one out."])
@@ -139,7 +138,7 @@ def reported() -> Iterator[None]:
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
         problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
-    except (OSError, ValueError, TraceError) as error:
+    except mendable() as error:
         sentences = getattr(error, "problems", [str(error)])
         if isinstance(error, OSError) and error.filename:
             advice = ADVICE.get(error.errno or 0, "Correct the path")
@@ -152,6 +151,13 @@ def reported() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
+def mendable() -> tuple[type[Exception], ...]:
+    """Errors by what a user gave."""
+    from gapsense.trace import TraceError  # here, so that what needs no arrays starts fast
+
+    return OSError, ValueError, TraceError
+
+
 def stop_if_interrupted(result: cosim.Result) -> None:
     """Leave after a Ctrl-C, where half a run is of no use."""
     if result.interrupted:
@@ -162,6 +168,8 @@ def stop_if_interrupted(result: cosim.Result) -> None:
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar on a terminal; calls with done and total elsewhere do nothing."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(title, total=None)

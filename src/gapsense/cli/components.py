@@ -10,12 +10,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import FAILED, command, problem, show
-from gapsense.cosim.load import read_draft
-from gapsense.cosim.prepare import find_fmus
-from gapsense.fmi.components import components_folder, find_checkout, find_components, load_component
-from gapsense.native import NativeError
 from gapsense.problems import InputError
-from gapsense.report import runs
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 Root = Annotated[
@@ -48,6 +43,7 @@ def build(
     ] = None,
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
+    from gapsense.fmi.components import components_folder, find_checkout, find_components
     from gapsense.studies.identification.transfer import taken
 
     every = components_folder(root)
@@ -78,6 +74,7 @@ def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] 
     """Build the native FMUs."""
     from gapsense.fmi.native import package
     from gapsense.fmi.native.platforms import chosen
+    from gapsense.native import NativeError
 
     names = [name for text in platforms or () for name in text.replace(",", " ").split()]
     try:
@@ -101,6 +98,10 @@ def is_valid(path: Path, more: str) -> bool:
 @command("list")
 def list_(root: Root = None) -> None:
     """List components, whether they are built, and scenarios with their variants."""
+    from gapsense.cosim.prepare import find_fmus
+    from gapsense.fmi.components import find_checkout, find_components, load_component
+    from gapsense.report import runs
+
     base = root or find_checkout() or ROOT
     components = [load_component(p) for p in find_components(base / "fmus")]
     built = {p.stem for p in (base / FMU_FOLDER if root else find_fmus(Path("here"))).glob("*.fmu")}
@@ -113,5 +114,8 @@ def list_(root: Root = None) -> None:
 
 def listed(title: str, files: list[Path], base: Path) -> None:
     """Show scenarios by what one types to run them: those that come with Gapsense by their names."""
+    from gapsense.cosim.load import read_draft
+    from gapsense.report import runs
+
     named = {p.parent.name if base == ROOT else str(p.parent.relative_to(base)): read_draft(p).scenario for p in files}
     show(runs.scenarios(title, named))

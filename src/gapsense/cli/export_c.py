@@ -11,7 +11,6 @@ import typer
 
 from gapsense.cli.common import command, show, written
 from gapsense.cli.components import Root
-from gapsense.fmi.components import components_folder, find_components, load_component
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.problems import InputError
 from gapsense.tables import Value, parsed_value
@@ -49,6 +48,7 @@ def export_c(
     """Write components as C99 for microcontrollers: source, header, an example that runs, a README."""
     from gapsense.embedded.design import check_lean, check_outputs, designed
     from gapsense.embedded.export import export
+    from gapsense.fmi.components import components_folder, find_components
 
     every = components_folder(root)
     folders = [*dict.fromkeys(find_components(every, names))]
@@ -68,6 +68,7 @@ def given(
     folders: Sequence[Path], known: Sequence[Path], files: Sequence[Path], settings: Sequence[str]
 ) -> dict[Path, dict[str, Value]]:
     """Start values of parameters for each component that has them: those of files, and over them the settings."""
+    from gapsense.fmi.components import load_component
     from gapsense.studies.identification.transfer import taken
 
     values = taken(folders, files, known) if files else {folder: {} for folder in folders}

@@ -10,6 +10,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli import common as cli
+from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
 from gapsense.report import runs
 from gapsense.shipped import is_installed
@@ -26,6 +27,7 @@ def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = 
 
 
 @cli.command("run")
+@run_ahead()
 def run(
     scenario: cli.Scenario,
     variant: cli.Variant = None,
@@ -84,14 +86,16 @@ def sweep(
     fmus: cli.Fmus = None,
     to: cli.Out = Path("results"),
     settings: cli.Set = None,
+    native: cli.Native = False,
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
     """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
-    source = cosim.changed(scenario, settings or ())
-    with cli.bar("sweeping") as progress:
+    fmus = cli.chosen(scenario, fmus, native)
+    with sweep_ahead(workers), cli.bar("sweeping") as progress:
+        source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
     cli.show(*runs.sweep(cosim.load(source, variant), swept))
     cli.show(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.")

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import command, show, written
-from gapsense.files import write_atomically
 
 
 @command("schema")
@@ -20,6 +19,7 @@ def schema(
 
     Name it in the first line of a scenario: `#:schema scenario.schema.json`.
     """
+    from gapsense.files import write_atomically
     from gapsense.report import reference
 
     text = json.dumps(reference.schema(), indent=2)

@@ -3,54 +3,85 @@
 >>> from gapsense.cosim import run
 >>> result = run("scenarios/semera_valve")  # doctest: +SKIP
 >>> print(result.metrics["semera_resistance_rmse"])  # doctest: +SKIP
+
+What is offered here is loaded when it is asked for, so that nothing waits for what it does not need.
 """
 
-from gapsense.cosim.changes import changed
-from gapsense.cosim.checkpoint import Checkpoint
-from gapsense.cosim.compare import compare
-from gapsense.cosim.junit import write_junit
-from gapsense.cosim.load import load
-from gapsense.cosim.master import Master
-from gapsense.cosim.metrics import Measured
-from gapsense.cosim.prepare import check, prepare
-from gapsense.cosim.record import FmuError, Result, read_result
-from gapsense.cosim.regression import Outcome, Update, find_scenarios, test_scenario, test_scenarios, update_baseline
-from gapsense.cosim.run import run, run_once
-from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.sensitivity import Growth, sensitivity
-from gapsense.cosim.sidecar import own_file, refuse_other, relative, result_file
-from gapsense.cosim.sweep import Sweep, sweep
-from gapsense.problems import ScenarioError
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "Checkpoint",
-    "FmuError",
-    "Growth",
-    "Master",
-    "Measured",
-    "Outcome",
-    "Result",
-    "Scenario",
-    "ScenarioError",
-    "Sweep",
-    "Update",
-    "changed",
-    "check",
-    "compare",
-    "find_scenarios",
-    "load",
-    "own_file",
-    "prepare",
-    "read_result",
-    "refuse_other",
-    "relative",
-    "result_file",
-    "run",
-    "run_once",
-    "sensitivity",
-    "sweep",
-    "test_scenario",
-    "test_scenarios",
-    "update_baseline",
-    "write_junit",
-]
+if TYPE_CHECKING:
+    from gapsense.cosim.changes import changed as changed
+    from gapsense.cosim.checkpoint import Checkpoint as Checkpoint
+    from gapsense.cosim.compare import compare as compare
+    from gapsense.cosim.junit import write_junit as write_junit
+    from gapsense.cosim.load import load as load
+    from gapsense.cosim.master import Master as Master
+    from gapsense.cosim.metrics import Measured as Measured
+    from gapsense.cosim.prepare import check as check
+    from gapsense.cosim.prepare import prepare as prepare
+    from gapsense.cosim.record import FmuError as FmuError
+    from gapsense.cosim.record import Result as Result
+    from gapsense.cosim.record import read_result as read_result
+    from gapsense.cosim.regression import Outcome as Outcome
+    from gapsense.cosim.regression import Update as Update
+    from gapsense.cosim.regression import find_scenarios as find_scenarios
+    from gapsense.cosim.regression import test_scenario as test_scenario
+    from gapsense.cosim.regression import test_scenarios as test_scenarios
+    from gapsense.cosim.regression import update_baseline as update_baseline
+    from gapsense.cosim.run import run as run
+    from gapsense.cosim.run import run_once as run_once
+    from gapsense.cosim.scenario import Scenario as Scenario
+    from gapsense.cosim.sensitivity import Growth as Growth
+    from gapsense.cosim.sensitivity import sensitivity as sensitivity
+    from gapsense.cosim.sidecar import own_file as own_file
+    from gapsense.cosim.sidecar import refuse_other as refuse_other
+    from gapsense.cosim.sidecar import relative as relative
+    from gapsense.cosim.sidecar import result_file as result_file
+    from gapsense.cosim.sweep import Sweep as Sweep
+    from gapsense.cosim.sweep import sweep as sweep
+    from gapsense.problems import ScenarioError as ScenarioError
+
+OF_MODULES = {
+    "changes": ("changed",),
+    "checkpoint": ("Checkpoint",),
+    "compare": ("compare",),
+    "junit": ("write_junit",),
+    "load": ("load",),
+    "master": ("Master",),
+    "metrics": ("Measured",),
+    "prepare": ("check", "prepare"),
+    "record": ("FmuError", "Result", "read_result"),
+    "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
+    "run": ("run", "run_once"),
+    "scenario": ("Scenario",),
+    "sensitivity": ("Growth", "sensitivity"),
+    "sidecar": ("own_file", "refuse_other", "relative", "result_file"),
+    "sweep": ("Sweep", "sweep"),
+}
+OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
+OFFERED["ScenarioError"] = "gapsense.problems"
+
+
+def __getattr__(name: str) -> Any:
+    if name not in OFFERED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(import_module(OFFERED[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *OFFERED]
+
+
+class Package(ModuleType):
+    """A package with functions that are called like the modules they are in: loading these does not hide them."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in OFFERED and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = Package

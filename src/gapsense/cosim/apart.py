@@ -38,6 +38,7 @@ from gapsense.cosim.recording import (
 from gapsense.cosim.scenario import Scenario
 from gapsense.interrupts import counted
 from gapsense.processes import Died, Process
+from gapsense.spare import process as new_process
 
 if TYPE_CHECKING:
     from gapsense.cosim.checkpoint import Keeper
@@ -75,7 +76,7 @@ def record_apart(plan: Plan, watch: Watch) -> Recording:
     no row yet.
     """
     with counted() as interrupts:
-        process = Process(limit=limit_of(plan.scenario))
+        process = new_process(limit=limit_of(plan.scenario))
         try:
             recording = Run(process, plan, watch, interrupts).recording()
         finally:

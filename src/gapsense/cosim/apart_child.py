@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.master import Master, shape
 from gapsense.cosim.record import FmuError
-from gapsense.cosim.recording import STOP, Recording
+from gapsense.cosim.recording import Recording
 from gapsense.files import write_atomically
 from gapsense.processes import own_marks
 
@@ -54,7 +54,7 @@ def record(plan: Plan, folder: Path) -> Recording:
     atexit.register(master.close)
     notes = Notes(folder / FACTS, master, recording)
     columns, seeds, values = plan.take
-    return master.run(columns, seeds, notes, lambda: marks[STOP], values, recording, plan.keeper)
+    return master.run(columns, seeds, notes, values, recording, plan.keeper)
 
 
 class Notes:

@@ -27,6 +27,7 @@ from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.rules import broken_rules
 from gapsense.cosim.scenario import Points, Port, Scenario
 from gapsense.cosim.variables import Variable
+from gapsense.files import state
 from gapsense.problems import suggest
 from gapsense.shipped import NATIVE_FOLDER
 from gapsense.tables import Value
@@ -70,12 +71,11 @@ def read_description(path: Path, place: str, remedy: str, problems: list[str]) -
 
 def described(path: Path) -> Description:
     """Model description of an FMU file, read again only if the file has changed."""
-    about = path.stat()
-    return remembered(path.resolve(), about.st_mtime_ns, about.st_size, about.st_ino)
+    return remembered(path.resolve(), *state(path))
 
 
 @lru_cache(maxsize=64)
-def remembered(path: Path, *state: int) -> Description:
+def remembered(path: Path, *_: int) -> Description:
     """Model description of a file in some state."""
     return describe(path)
 

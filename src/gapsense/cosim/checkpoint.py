@@ -60,7 +60,10 @@ class Keeper(NamedTuple):
             raise FmuError("run", cause) from None
 
     def restore(self, master: Master, recording: Recording) -> int:
-        """Bring a master that has just been initialised to where the checkpoint was written; the base steps done."""
+        """Bring a master that has just been initialised to where the checkpoint was written; the base step to do next.
+
+        That is 0, the start, if the run does not go on from a checkpoint.
+        """
         if not self.resume:
             return 0
         about, arrays = read(self.file)
@@ -76,8 +79,7 @@ class Keeper(NamedTuple):
         recording.seconds[:], recording.calls[:] = saved["seconds"], saved["calls"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]
-        done: int = about["done"]
-        return done
+        return int(about["done"]) + 1
 
 
 def octets(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:

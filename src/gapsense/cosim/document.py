@@ -73,16 +73,3 @@ def read_document(source: Source, problems: list[str]) -> Document | None:
     path = scenario_file(source)
     data = read_toml(path, problems)
     return None if data is None else Document(path, data, is_file=True)
-
-
-def packed(source: Source) -> str | dict[str, Any]:
-    """A scenario as JSON takes it, for another process that works in another folder."""
-    if isinstance(source, Document):
-        facts = {"data": source.data, "changes": source.changes, "is_file": source.is_file}
-        return {"path": str(source.path.resolve()), **facts}
-    return str(scenario_file(source).resolve())
-
-
-def unpacked(source: str | Mapping[str, Any]) -> Source:
-    """The scenario that was `packed`."""
-    return source if isinstance(source, str) else Document(**{**source, "path": Path(source["path"])})

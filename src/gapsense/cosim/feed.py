@@ -13,12 +13,16 @@ import numpy.typing as npt
 from gapsense.cosim.check_values import value_problem
 from gapsense.cosim.descriptions import describe
 from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.loop import Work, advancer
 from gapsense.cosim.mixed import part_of
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.scenario import Component, Port
+from gapsense.cosim.played import Player
+from gapsense.cosim.recording import Recording
+from gapsense.cosim.scenario import Component, Experiment, Port
 from gapsense.cosim.signals import ports
 from gapsense.cosim.unpacked import unpacked
 from gapsense.problems import ScenarioError
+from gapsense.processes import new_marks
 from gapsense.tables import Value
 
 Vector = npt.NDArray[np.float64]
@@ -59,18 +63,21 @@ def feed(
 
 def run(part: Part, places: list[int], samples: Vector, start: float, step: float) -> Vector:
     """Outputs at each sample, whose values go to these places in the buffer."""
-    take, advance, buffer = part.taker(), part.stepper(step, takes_inputs=False), np.frombuffer(part.buffer)
-    rows = np.empty((len(samples), len(part.outputs)))
-
-    def begin(_: float) -> str:
+    player, buffer = Player(places, lambda k: samples[k:]), np.frombuffer(part.buffer)
+    player.into(buffer)(0)
+    failed = part.taker()()
+    if not failed:
         part.instance.call("fmi2ExitInitializationMode")
-        return part.read_outputs()
-
-    for k, sample in enumerate(samples):
-        buffer[places] = sample
-        time = start + max(0, k - 1) * step
-        failed = take() or (advance if k else begin)(time)
-        if failed:
-            raise part.failure(failed, time, k)
-        rows[k] = part.values()
+        failed = part.read_outputs()
+    if failed:
+        raise part.failure(failed, start, 0)
+    part.is_played = True
+    rows = np.empty((len(samples), len(part.outputs)))
+    columns = np.array([part.places.index[port] for port in part.outputs], dtype=np.int64)
+    count = len(samples) - 1
+    experiment = Experiment(start, start + count * step, step, count)
+    recording = Recording(rows, seconds=[0.0], calls=[0])
+    advance = advancer(Work([part], experiment, player, columns, 1, buffer, recording, new_marks(), 0))
+    while advance(count) < count:
+        pass
     return rows

@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,11 +49,16 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 @contextmanager
 def process_kept() -> Iterator[None]:
-    """Loading changes the working folder, and Python FMUs the search path, where each then stands once."""
-    folder = Path.cwd()
+    """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
+
+    What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
+    """
+    folder, keeps_nothing = Path.cwd(), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = keeps_nothing
         os.chdir(folder)
         sys.path[:] = dict.fromkeys(sys.path)
 
@@ -70,6 +75,7 @@ class Instance:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
                 self.slave = self.instantiated(folder)
@@ -95,14 +101,21 @@ class Instance:
         slave.instantiate(callbacks=callbacks, loggingOn=True)
         return slave
 
+    @property
+    def has_only_reals(self) -> bool:
+        """True if one call for Real variables moves all inputs, and one all outputs."""
+        moved = (*self.description.of("input"), *self.description.of("output"))
+        return all(variable.type == "Real" and variable.size in ("", "Float64") for variable in moved)
+
     def entry(self, function: str) -> str:
         """Name that this version of FMI has for an entry point of FMI 2.0."""
         return function
 
     def function(self, name: str) -> Callable[..., int]:
         """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
-        entry: Callable[..., int] = self.slave.dll[self.entry(name)]
-        return entry
+        if name not in self.entries:
+            self.entries[name] = self.slave.dll[self.entry(name)]
+        return self.entries[name]
 
     def call(self, function: str, *arguments: Any) -> None:
         """Call an entry point and raise FmuError if it fails."""
@@ -147,31 +160,22 @@ class Instance:
         self.call("fmi2EnterInitializationMode")
 
     def set_all(self, values: Mapping[str, Value]) -> None:
-        """Set variables by name."""
-        for name, value in values.items():
-            self.set(self.description.variables[name], value)
+        """Set variables by name, those of one type in one call."""
+        for alike in of_one_type(self.description.variables[name] for name in values):
+            self.move("Set", alike, [raw(variable, values[variable.name]) for variable in alike])
 
-    def set(self, variable: Variable, value: Value) -> None:
-        """Set one variable of any type."""
-        raw = str(value).encode("utf-8") if variable.type == "String" else variable.number(value)
-        buffer = (self.c_type(variable) * 1)(raw)
-        self.checked("Set", variable, buffer)
+    def get_all(self, variables: Sequence[Variable]) -> dict[str, Value]:
+        """Read variables, those of one type in one call; their values by name, in the order of the variables."""
+        found = {v.name: value for alike in of_one_type(variables) for v, value in zip(alike, self.move("Get", alike))}
+        return {variable.name: plain(variable, found[variable.name]) for variable in variables}
 
-    def get(self, variable: Variable) -> Value:
-        """Read one variable of any type."""
-        buffer = (self.c_type(variable) * 1)()
-        self.checked("Get", variable, buffer)
-        value = buffer[0]
-        if variable.type == "String":
-            return (value or b"").decode("utf-8", "replace")
-        return bool(value) if variable.type == "Boolean" else value
-
-    def checked(self, action: str, variable: Variable, buffer: Any) -> None:
-        """Move the value of one variable and raise FmuError if that fails."""
-        move = self.mover(action, [variable], buffer)
-        status = move()
+    def move(self, action: str, alike: Sequence[Variable], values: Sequence[Any] = ()) -> Any:
+        """Set or get the values of variables of one type; an array, or FmuError."""
+        buffer = (self.c_type(alike[0]) * len(alike))(*values)
+        status = self.mover(action, alike, buffer)()
         if status > WARNING:
-            raise self.failure(self.accessor(action, variable), status)
+            raise self.failure(self.accessor(action, alike[0]), status)
+        return buffer
 
     def c_type(self, variable: Variable) -> Any:
         """Type of C that a variable has."""
@@ -229,6 +233,26 @@ class Instance:
         if not self.is_dead:
             self.is_dead = True
             self.slave.freeInstance()
+
+
+def of_one_type(variables: Iterable[Variable]) -> Iterable[list[Variable]]:
+    """Variables in groups that one call can move."""
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.size or variable.type, []).append(variable)
+    return groups.values()
+
+
+def raw(variable: Variable, value: Value) -> Any:
+    """A value as an array of C takes it."""
+    return str(value).encode("utf-8") if variable.type == "String" else variable.number(value)
+
+
+def plain(variable: Variable, value: Any) -> Value:
+    """A value that was read from an array of C."""
+    if variable.type == "String":
+        return (value or b"").decode("utf-8", "replace")
+    return bool(value) if variable.type == "Boolean" else value
 
 
 def summary(text: str) -> str:

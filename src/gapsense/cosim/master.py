@@ -12,22 +12,36 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.clockwork import Action, base_stepper, pacer, pauses
+from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import instance_of
+from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.played import first, player
+from gapsense.cosim.played import player
 from gapsense.cosim.record import FmuError
-from gapsense.cosim.recording import COMPONENT, ENDING, LOADING, MASTER, PHASE, ROWS, STARTING, STEP, Recording
+from gapsense.cosim.recording import (
+    COMPONENT,
+    ENDING,
+    LOADING,
+    MASTER,
+    PHASE,
+    ROWS,
+    STARTING,
+    STEP,
+    STEPPING,
+    STOP,
+    Recording,
+)
 from gapsense.cosim.remote import RemoteInstance
 from gapsense.cosim.scenario import Experiment, Port, Scenario
 from gapsense.cosim.signals import ports, texts
+from gapsense.cosim.subject import Subject
 from gapsense.cosim.unpacked import unpacked
-from gapsense.processes import MARKS, Marks
+from gapsense.processes import Marks, new_marks
 from gapsense.tables import Value
 
 if TYPE_CHECKING:
@@ -46,7 +60,8 @@ class Master:
 
     def __init__(self, scenario: Scenario, descriptions: Descriptions, marks: Marks | None = None) -> None:
         self.scenario, self.descriptions = scenario, descriptions
-        self.marks: Marks = array("q", bytes(8 * MARKS)) if marks is None else marks
+        self.subject = Subject(scenario, descriptions)
+        self.marks: Marks = new_marks() if marks is None else marks
         self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
         self.places = Layout(ports(descriptions), texts(descriptions))
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
@@ -89,6 +104,7 @@ class Master:
         if not self.parts or structure(scenario, descriptions) != structure(self.scenario, self.descriptions):
             return False
         self.scenario, self.descriptions = scenario, descriptions
+        self.subject = Subject(scenario, descriptions)
         for part in self.parts:
             part.component = scenario.components[part.component.name]
         return True
@@ -110,7 +126,6 @@ class Master:
         columns: list[int],
         seeds: Mapping[str, int],
         progress: Progress | None = None,
-        stopped: Callable[[], int] = lambda: False,
         values: Mapping[Port, Value] | None = None,
         recording: Recording | None = None,
         keeper: Keeper | None = None,
@@ -118,19 +133,19 @@ class Master:
         """One run from start to stop; after a failure, that is the recording's `error`.
 
         It records the places `columns` of the buffer, in `recording` if that is given, tells `progress` base steps done
-        and in all now and then, asks `stopped` after each whether to end there, and prefers `values` of parameters to
-        those of the scenario. The `keeper` has where to go on and when to save.
+        and in all now and then, and prefers `values` of parameters to those of the scenario. It ends after the base
+        step in which the mark STOP is set. The `keeper` has where to go on and when to save.
         """
         recording = recording or Recording(np.empty(shape(self.scenario, columns)))
         recording.begun = perf_counter()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
-                f"{part.component.name}.{variable.name}": part.instance.get(variable)
+                f"{part.component.name}.{name}": value
                 for part in self.each(STARTING, self.parts)
-                for variable in part.instance.description.of("parameter")
+                for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
             }
-            self.loop(recording, np.array(columns, dtype=np.intp), progress, stopped, keeper)
+            self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
             for part in self.each(ENDING, self.parts):
                 part.instance.call("fmi2Terminate")
         except FmuError as error:
@@ -141,6 +156,10 @@ class Master:
         recording.wall, recording.begun = recording.clocked(), None
         recording.messages += self.messages()
         return recording
+
+    def stop(self) -> None:
+        """End the run after the base step that is being done."""
+        self.marks[STOP] = 1
 
     def messages(self) -> list[tuple[str, int, str]]:
         """What the components have logged: component, status, text."""
@@ -162,8 +181,8 @@ class Master:
             refuse(part, part.read_outputs(), experiment)
         for port, value in constants(self.scenario, self.descriptions, values).items():
             place(port, value, self.places, self.buffer, self.texts)
-        self.play = player(self.scenario.played, self.places.index, self.buffer, experiment)
-        self.play(0)
+        self.player = player(self.scenario.played, self.places.index, experiment)
+        self.player.into(self.view)(0)
         for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
@@ -179,41 +198,38 @@ class Master:
     def loop(
         self,
         recording: Recording,
-        columns: npt.NDArray[np.intp],
+        columns: npt.NDArray[np.int64],
         progress: Progress | None,
-        stopped: Callable[[], int],
         keeper: Keeper | None,
     ) -> None:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
-        experiment, decimation = self.scenario.experiment, self.scenario.record.decimation
+        experiment, count = self.scenario.experiment, self.scenario.experiment.count
         recording.seconds, recording.calls = [0.0] * len(self.parts), [0] * len(self.parts)
-        data, take, count, marks = recording.data, self.view.take, experiment.count, self.marks
-        done = keeper.restore(self, recording) if keeper else 0
+        begin = keeper.restore(self, recording) if keeper else 0
+        advance = self.advancer(recording, columns, begin)
+        done = begin - 1 if begin else advance(0)
         wait = pacer(experiment, recording, done) if experiment.pace else None
-        step = base_stepper(self.parts, experiment, recording, marks, done)
-        step = first(self.play, step) if self.scenario.played else step
-        if not done:
-            take(columns, out=data[0], mode="clip")
-            recording.rows = 1
-        marks[ROWS] = recording.rows
         if progress:
             progress(done, count)
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
-        for k in range(done + 1, count + 1):
-            step(k)
-            if not k % decimation:
-                take(columns, out=data[recording.rows], mode="clip")
-                recording.rows += 1
-                marks[ROWS] = recording.rows
+        while done < count and not recording.interrupted:
+            done = advance(done + 1 if wait else pause)
             if wait:
-                wait(k)
-            if k == pause:
-                pause = rest(k)
-            if k < count and stopped():
-                recording.interrupted = True
-                break
+                wait(done)
+            if done == pause:
+                pause = rest(done)
+            recording.interrupted = done < count and bool(self.marks[STOP])
         if recording.interrupted and keeper:
-            keeper.save(self, recording, k)
+            keeper.save(self, recording, done)
+
+    def advancer(self, recording: Recording, columns: npt.NDArray[np.int64], begin: int) -> Advance:
+        """Function that does base steps, of which `begin` is the first."""
+        scenario, marks = self.scenario, self.marks
+        marks[PHASE], marks[ROWS] = STEPPING, recording.rows
+        decimation, buffer = scenario.record.decimation, self.view
+        return advancer(
+            Work(self.parts, scenario.experiment, self.player, columns, decimation, buffer, recording, marks, begin)
+        )
 
     def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:
         """What is told and saved during a run, and every how many base steps."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cache
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
     from gapsense.cosim.record import Result
 
 Vector = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+Window = tuple[float | None, float | None]  # `after` and `before`
+
+
+class Samples(NamedTuple):
+    """Rows that a metric looks at, and the times that they are about."""
+
+    rows: Rows
+    times: Vector
 
 
 @dataclass(frozen=True)
@@ -89,19 +99,43 @@ class Measured:
         return f"{self.name} = {self.value:.6g}{unit}{span}"
 
 
-def measure(metric: Metric, result: Result) -> Measured:
-    """One metric over the samples of its signal: the rows at which its component has just stepped."""
-    rows = np.flatnonzero(result.stepped(metric.signal))
-    if metric.where is not None:
-        rows = rows[result[metric.where][rows] != 0.0]
-    times = result.times[rows] if metric.time is None else result[metric.time][rows]
-    inside = window(metric, times, 1e-9 * result.base_step)
-    rows, times = rows[inside], times[inside]
-    kind, samples, other = KINDS[metric.kind], result[metric.signal][rows], reference(metric, result, rows, times)
-    arguments = (samples, other) if kind.reference == "axis" else (samples - other,)
-    value = kind.compute(*arguments) if samples.size else math.nan
+def measure_all(metrics: Iterable[Metric], result: Result) -> dict[str, Measured]:
+    """All metrics of a result by name."""
+    samples, units = finder(result), result.units
+    return {metric.name: measured(metric, result, samples(metric), units) for metric in metrics}
+
+
+def finder(result: Result) -> Callable[[Metric], Samples]:
+    """Function that gives the samples of a metric: at rows at which the component of its signal has just stepped.
+
+    They are found once for all metrics that look at the same ones.
+    """
+
+    @cache
+    def stepped(component: str) -> Rows:
+        return np.flatnonzero(result.stepped(component))
+
+    @cache
+    def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:
+        rows = stepped(component)
+        if where is not None:
+            rows = rows[result[where][rows] != 0.0]
+        times = result.times[rows] if time is None else result[time][rows]
+        are_inside = within(window, times, 1e-9 * result.base_step)
+        return Samples(rows[are_inside], times[are_inside])
+
+    return lambda metric: inside(
+        metric.signal.partition(".")[0], metric.where, metric.time, (metric.after, metric.before)
+    )
+
+
+def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
+    """One metric over its samples."""
+    kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
+    arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
+    value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
-    return Measured(metric.name, value, unit_of(metric, result.units), metric.bounds, *shown)
+    return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)
 
 
 def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
@@ -111,15 +145,15 @@ def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
     return "" if metric.kind == "fraction" else units.get(metric.signal, "")
 
 
-def window(metric: Metric, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
-    """Which times lie strictly between `after` and `before`; one within the slack of a limit counts as on it."""
-    after = -math.inf if metric.after is None else metric.after
-    before = math.inf if metric.before is None else metric.before
-    inside: npt.NDArray[np.bool_] = (times > after + slack) & (times < before - slack)
+def within(window: Window, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
+    """Which times lie strictly inside a window; one within the slack of a limit counts as on it."""
+    after, before = window
+    low, high = -math.inf if after is None else after, math.inf if before is None else before
+    inside: npt.NDArray[np.bool_] = (times > low + slack) & (times < high - slack)
     return inside
 
 
-def reference(metric: Metric, result: Result, rows: npt.NDArray[np.intp], times: Vector) -> Vector | float:
+def reference(metric: Metric, result: Result, samples: Samples) -> Vector | float:
     """What the samples are compared with: a recorded signal, a parameter, a number, or nothing (0)."""
     if metric.reference is None:
         return 0.0
@@ -128,7 +162,7 @@ def reference(metric: Metric, result: Result, rows: npt.NDArray[np.intp], times:
     if metric.reference not in result.signals:
         return float(result.parameters[metric.reference])
     values: Vector = result.signals[metric.reference]
-    return values[rows] if metric.time is None else at_times(values, result, times)
+    return values[samples.rows] if metric.time is None else at_times(values, result, samples.times)
 
 
 def at_times(values: Vector, result: Result, times: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""A component inside the master that has more than Real variables, or is of FMI 3.0: moved by Python, type by type."""
+"""A component inside the master that has more than Real variables: moved by Python, type by type."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 
-from gapsense.cosim.descriptions import Description
 from gapsense.cosim.instance import STEP, WARNING, Instance
 from gapsense.cosim.part import NOT_FINITE, Layout, Part, Stepper
 from gapsense.cosim.record import FmuError
@@ -21,16 +20,9 @@ EXACT = 2**53  # up to here every whole number is a double
 
 def part_of(component: Component, instance: Instance, buffer: array[float], places: Layout, texts: Texts) -> Part:
     """The component as a part of a run."""
-    is_plain = is_real(instance.description)
-    return (
-        Part(component, instance, buffer, places) if is_plain else MixedPart(component, instance, buffer, places, texts)
-    )
-
-
-def is_real(description: Description) -> bool:
-    """True if the fast calls for Real variables of FMI 2.0 are all that an FMU needs."""
-    moved = (*description.of("input"), *description.of("output"))
-    return description.fmi == 2 and all(variable.type == "Real" for variable in moved)
+    if instance.has_only_reals:
+        return Part(component, instance, buffer, places)
+    return MixedPart(component, instance, buffer, places, texts)
 
 
 class Channel:
@@ -94,6 +86,8 @@ def channels(instance: Instance, action: str, ports: Sequence[Port], places: Lay
 class MixedPart(Part):
     """As `Part`, for variables of all types."""
 
+    is_direct = False
+
     def __init__(
         self, component: Component, instance: Instance, buffer: array[float], places: Layout, texts: Texts
     ) -> None:
@@ -106,6 +100,11 @@ class MixedPart(Part):
         spoken = {causality: places.spoken(name, causality) for causality in ("input", "output")}
         self.givers = [*channels(self.instance, "Set", [*places.of(name, "input"), *spoken["input"]], places)]
         self.readers = [*channels(self.instance, "Get", [*self.outputs, *spoken["output"]], places)]
+
+    @property
+    def follows(self) -> bool:
+        """True if an input may change during a run."""
+        return super().follows or bool(self.spoken)
 
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""
@@ -147,7 +146,7 @@ class MixedPart(Part):
 
     def stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
         """Function of the start time that does one step and reads the outputs; returns what failed, or nothing."""
-        take = self.taker() if takes_inputs and (self.follows or self.spoken) else None
+        take = self.taker() if takes_inputs and self.follows else None
         do, read = self.instance.doer(self.component.step * base_step), self.read_outputs
 
         def step(start: float) -> str:

@@ -10,15 +10,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from gapsense.cosim.instance import GET, SET, STEP, WARNING, Instance
+from gapsense.cosim.instance import STEP, WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
-from gapsense.cosim.turn import Link, Turn, address, entry
 from gapsense.cosim.variables import Variable
 
 Stepper = Callable[[float], str]
 NOT_FINITE = "not finite"
-CAUSES = ("", SET, STEP, GET, NOT_FINITE)  # as turn.c numbers them
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,11 @@ class Layout:
 class Exchange(NamedTuple):
     """One call that moves Real values, with its arguments ready as ctypes objects."""
 
+    function: str  # that an error names; empty where there are no values to move
     entry: Callable[..., int]
-    pointer: Any
     references: Any
-    count: Any
     values: Any
+    arguments: tuple[Any, ...]
 
 
 def nothing(*_: object) -> int:
@@ -75,21 +73,29 @@ class Part:
 
     def prepare(self) -> None:
         """Make ready the calls that move values."""
-        self.set_inputs = self.exchange(SET, self.places.of(self.component.name, "input"))
-        self.get_outputs = self.exchange(GET, self.outputs)
+        self.set_inputs = self.exchange("Set", self.places.of(self.component.name, "input"))
+        self.get_outputs = self.exchange("Get", self.outputs)
+
+    @property
+    def is_direct(self) -> bool:
+        """True if C may call the FMU without Python."""
+        return self.instance.is_near
 
     @property
     def follows(self) -> bool:
         """True if an input may change during a run."""
         return bool(self.plain or self.scaled or self.is_played)
 
-    def exchange(self, function: str, ports: list[Port]) -> Exchange:
+    def exchange(self, action: str, ports: list[Port]) -> Exchange:
         """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
+        variables, count = [self.places.variables[port] for port in ports], len(ports)
         first = self.places.index[ports[0]] if ports else 0
-        references = (ctypes.c_uint * len(ports))(*(self.places.variables[port].reference for port in ports))
-        values = (ctypes.c_double * len(ports)).from_buffer(self.buffer, 8 * first)
+        references = (ctypes.c_uint * count)(*(variable.reference for variable in variables))
+        values = (ctypes.c_double * count).from_buffer(self.buffer, 8 * first)
+        arguments = (self.instance.pointer, references, ctypes.c_size_t(count), values, *self.instance.after(count))
+        function = self.instance.accessor(action, variables[0]) if ports else ""
         entry = self.instance.function(function) if ports else nothing
-        return Exchange(entry, self.instance.pointer, references, ctypes.c_size_t(len(ports)), values)
+        return Exchange(function, entry, references, values, arguments)
 
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""
@@ -102,12 +108,12 @@ class Part:
 
     def taker(self) -> Callable[[], str]:
         """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
-        copy, (entry, pointer, references, count, values) = self.copier(), self.set_inputs
+        copy, (function, entry, _, _, arguments) = self.copier(), self.set_inputs
 
         def take() -> str:
             copy()
-            status = entry(pointer, references, count, values)
-            return self.checked(status, SET) if status > WARNING else ""
+            status = entry(*arguments)
+            return self.checked(status, function) if status > WARNING else ""
 
         return take
 
@@ -125,8 +131,8 @@ class Part:
 
     def read_outputs(self) -> str:
         """Read the outputs into the buffer; what failed, or nothing."""
-        entry, *arguments = self.get_outputs
-        failed = self.checked(entry(*arguments), GET)
+        call = self.get_outputs
+        failed = self.checked(call.entry(*call.arguments), call.function)
         return failed or ("" if all(map(math.isfinite, self.values())) else NOT_FINITE)
 
     def values(self) -> memoryview:
@@ -143,54 +149,10 @@ class Part:
         """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
 
         For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
-        Whatever is not the FMU's own time here is the cost of the master, hence one call into C where that is possible.
         """
-        takes_inputs = takes_inputs and self.follows
-        turn = entry() if self.instance.is_near else None
-        if turn is None:
-            return self.python_stepper(base_step, takes_inputs)
-        data, time = self.turn(base_step, takes_inputs), ctypes.c_double()
-        pointer, causes = ctypes.byref(data), CAUSES
-
-        def step(start: float) -> str:
-            time.value = start
-            failed = turn(pointer, time)
-            if failed:
-                self.status = data.status
-                return causes[failed]
-            return ""
-
-        return step
-
-    def turn(self, base_step: float, takes_inputs: bool) -> Turn:
-        """What turn.c needs to know for all steps."""
-        given, got = self.set_inputs, self.get_outputs
-        plain = [Link(target, source, 0, 1.0, 0.0) for target, source in self.plain]
-        scaled = [Link(target, source, 1, factor, bias) for target, source, factor, bias in self.scaled]
-        links = plain + scaled if takes_inputs else []
-        return Turn(
-            instance=self.instance.pointer,
-            set=address(self.instance.function(SET)),
-            get=address(self.instance.function(GET)),
-            step=address(self.instance.function(STEP)),
-            inputs=given.references,
-            outputs=got.references,
-            input_values=given.values,
-            output_values=got.values,
-            input_count=len(given.values) if takes_inputs else 0,
-            output_count=len(got.values),
-            buffer=(ctypes.c_double * len(self.buffer)).from_buffer(self.buffer),
-            links=(Link * len(links))(*links),
-            link_count=len(links),
-            duration=self.component.step * base_step,
-        )
-
-    def python_stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
-        """As `stepper` without C: closures with local names and prebuilt arguments."""
-        take = self.taker() if takes_inputs else None
-        do_step, time = self.instance.function(STEP), ctypes.c_double()
-        duration, keep = ctypes.c_double(self.component.step * base_step), ctypes.c_int(1)
-        get, pointer, references, count, values = self.get_outputs
+        take = self.taker() if takes_inputs and self.follows else None
+        do = self.instance.doer(self.component.step * base_step)
+        get, function, arguments = self.get_outputs.entry, self.get_outputs.function, self.get_outputs.arguments
         outputs, is_finite, warning = self.values(), math.isfinite, WARNING
 
         def step(start: float) -> str:
@@ -198,13 +160,12 @@ class Part:
                 failed = take()
                 if failed:
                     return failed
-            time.value = start
-            status = do_step(pointer, time, duration, keep)
+            status = do(start)
             if status > warning:
                 return self.checked(status, STEP)
-            status = get(pointer, references, count, values)
+            status = get(*arguments)
             if status > warning:
-                return self.checked(status, GET)
+                return self.checked(status, function)
             return "" if is_finite(sum(outputs)) or all(map(is_finite, outputs)) else NOT_FINITE
 
         return step

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.scenario import Experiment, Port
 
 Vector = npt.NDArray[np.float64]
+Matrix = npt.NDArray[np.float64]
 INTERPOLATIONS = ("linear", "hold")
 SLACK = 1e-9  # of a base step: a sample due at the same time up to rounding has its value
 BLOCK = 4096  # base steps computed at once
@@ -38,33 +38,36 @@ class Played:
         return held
 
 
-def player(
-    signals: Mapping[Port, Played], index: Mapping[Port, int], buffer: array[float], experiment: Experiment
-) -> Callable[[int], None]:
-    """Function of the base step that puts the value of each signal, at the time of that step, into the buffer."""
-    if not signals:
-        return lambda k: None
-    places = [index[port] for port in signals]
-    begin, rows = -BLOCK, list[list[float]]()
+class Player:
+    """Values that go to places of the buffer at each base step; `rows` gives those from one on, many at once."""
 
-    def play(k: int) -> None:
-        nonlocal begin, rows
-        if not begin <= k < begin + BLOCK:
-            begin = k
-            times = experiment.start + np.arange(k, k + BLOCK, dtype=np.float64) * experiment.base_step
-            slack = SLACK * experiment.base_step
-            rows = np.array([signal.at(times, slack) for signal in signals.values()]).T.tolist()
-        for place, value in zip(places, rows[k - begin]):
-            buffer[place] = value
+    def __init__(self, places: Sequence[int], rows: Callable[[int], Matrix]) -> None:
+        self.places, self.rows = np.array(places, dtype=np.int64), rows
+        self.begin, self.block = 0, np.empty((0, len(places)))
 
-    return play
+    def provide(self, k: int) -> int:
+        """Have the values of a base step; the last one of which there are some."""
+        if not self.begin <= k < self.begin + len(self.block):
+            self.begin, self.block = k, np.ascontiguousarray(self.rows(k))
+        return self.begin + len(self.block) - 1
+
+    def into(self, buffer: Vector) -> Callable[[int], None]:
+        """Function of the base step that puts its values into the buffer."""
+
+        def play(k: int) -> None:
+            self.provide(k)
+            buffer[self.places] = self.block[k - self.begin]
+
+        return play if len(self.places) else lambda k: None
 
 
-def first(play: Callable[[int], None], step: Callable[[int], None]) -> Callable[[int], None]:
-    """Function of the base step that plays the signals before the components step."""
+def player(signals: Mapping[Port, Played], index: Mapping[Port, int], experiment: Experiment) -> Player:
+    """What plays the signals of a scenario: the value of each at the time of the base step."""
 
-    def both(k: int) -> None:
-        play(k)
-        step(k)
+    def rows(k: int) -> Matrix:
+        times = experiment.start + np.arange(k, k + BLOCK, dtype=np.float64) * experiment.base_step
+        slack = SLACK * experiment.base_step
+        values = np.array([signal.at(times, slack) for signal in signals.values()])
+        return values.reshape(len(signals), BLOCK).T
 
-    return both
+    return Player([index[port] for port in signals], rows)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
+from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.load import load, read_draft
@@ -107,11 +109,12 @@ def test_scenarios(
     due = [pending(path, variant, folder) for path in find_scenarios(folder) for variant in variants(path)]
     report = report or (lambda known, new: None)
     report(due, None)
-    for k, outcome in enumerate(due, start=1):
-        outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation, outcome.scenario))
-        report([*outcomes, *due[k:]], outcomes[-1])
-        if outcomes[-1].interrupted:
-            break
+    with run_ahead(again=True) if isolation == "process" else nullcontext():
+        for k, outcome in enumerate(due, start=1):
+            outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation, outcome.scenario))
+            report([*outcomes, *due[k:]], outcomes[-1])
+            if outcomes[-1].interrupted:
+                break
     return outcomes
 
 

@@ -21,7 +21,8 @@ from gapsense.cosim.instance import FATAL, GET, KEPT, SET, STEP, WARNING, Instan
 from gapsense.cosim.instance3 import kind_of
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.variables import Variable
-from gapsense.processes import Died, Process
+from gapsense.processes import Died
+from gapsense.spare import process
 from gapsense.tables import Value
 
 
@@ -37,7 +38,7 @@ class RemoteInstance(Instance):
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
-        self.process, self.ended = Process(limit=limit), Event()
+        self.process, self.ended = process(limit=limit), Event()
         home = self.process.folder
         (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
         try:
@@ -76,9 +77,14 @@ class RemoteInstance(Instance):
             raise self.failure(verb, status)
         return answer
 
+    @property
+    def has_only_reals(self) -> bool:
+        """True if memory that is shared holds all inputs and outputs."""
+        return self.description.fmi == 2 and super().has_only_reals
+
     def function(self, name: str) -> Callable[..., int]:
         """What stands for an entry point here; only those that the master calls itself."""
-        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs, STEP: self.do_step}
+        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs}
         return named.get(name, lambda _: self.request("call", name)[0])
 
     def set_inputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
@@ -92,10 +98,6 @@ class RemoteInstance(Instance):
         status = 0 if self.is_read else self.request(GET)[0]
         ctypes.memmove(values, self.memory.outputs, 8 * count.value)
         return status
-
-    def do_step(self, _: Any, start: ctypes.c_double, duration: ctypes.c_double, keep: Any) -> int:
-        """Set the inputs if they are new, step, read the outputs."""
-        return self.request(STEP, [start.value, duration.value])[0]
 
     def entry(self, function: str) -> str:
         """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
@@ -122,8 +124,9 @@ class RemoteInstance(Instance):
         return move
 
     def doer(self, duration: float) -> Callable[[float], int]:
-        """Function of the start time that does a step and returns the status."""
-        return lambda start: self.request("do", [start, duration])[0]
+        """Function of the start time that sets new inputs, does a step, reads Real outputs, and returns the status."""
+        verb = STEP if self.has_only_reals else "do"
+        return lambda start: self.request(verb, [start, duration])[0]
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""
@@ -138,15 +141,6 @@ class RemoteInstance(Instance):
             self.messages.clear()
         self.is_used, self.is_set = True, False
         self.wanted("initialize", [dict(values), start, stop])
-
-    def set(self, variable: Variable, value: Value) -> None:
-        """Set one variable of any type."""
-        self.wanted("set", [variable.name, value])
-
-    def get(self, variable: Variable) -> Value:
-        """Read one variable of any type."""
-        value: Value = self.wanted("get", variable.name)
-        return value
 
     def state(self) -> bytes:
         """All that the instance remembers."""

@@ -120,33 +120,26 @@ class Server:
 
     def do(self, verb: str, arguments: Any) -> Any:
         """What a verb means; None where there is nothing to answer."""
-        instance, variables = self.instance, self.description.variables
+        instance = self.instance
         if verb == STEP:
             instance.call(STEP, *map(ctypes.c_double, arguments), ctypes.c_int(1))
         if verb in (STEP, GET):
             return instance.call(GET, *self.outputs) if len(self.memory.outputs) else None
         if verb == "move":
             return self.move(*arguments)
-        if verb == "get":
-            return instance.get(variables[arguments])
         if verb == "state":
             return b64encode(instance.state()).decode()
         others: dict[str, Callable[[], None]] = {
             "call": lambda: instance.call(arguments),
             "do": lambda: self.step(*arguments),
             "initialize": lambda: instance.initialize(*arguments),
-            "set": lambda: instance.set(variables[arguments[0]], arguments[1]),
             "restore": lambda: instance.restore(b64decode(arguments)),
         }
         return others[verb]()
 
     def move(self, action: str, names: list[str], values: list[Any]) -> list[Any] | None:
         """Set values of variables of one type, or get them."""
-        variables = [self.description.variables[name] for name in names]
-        array = (self.instance.c_type(variables[0]) * len(variables))(*raw(values))
-        status = self.instance.mover(action, variables, array)()
-        if status > WARNING:
-            raise self.instance.failure(self.instance.accessor(action, variables[0]), status)
+        array = self.instance.move(action, [self.description.variables[name] for name in names], raw(values))
         return plain(array) if action == "Get" else None
 
     def step(self, start: float, duration: float) -> None:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.checkpoint import Checkpoint, Keeper, keeper
-from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.document import Source
 from gapsense.cosim.finished import finished
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
-from gapsense.cosim.recording import Take
+from gapsense.cosim.recording import STOP
 from gapsense.cosim.scenario import ISOLATIONS, Scenario
-from gapsense.cosim.signals import ports, recorded_signals
+from gapsense.cosim.subject import Subject
 from gapsense.interrupts import counted
 from gapsense.problems import suggest
 
@@ -72,15 +73,17 @@ def run(
     FmuError
         If a component fails; `result` of the error holds what was recorded before.
     """
-    read, descriptions = prepare(scenario, variant, fmus)
-    read = isolated(read, isolation, step_limit)
-    take = taken_run(read, descriptions, seed_shift, point)
-    kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
-    if read.experiment.isolation == "process":
-        recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
-        return finished(read, descriptions, take, recording)
-    with Master(read, descriptions) as master:
-        return run_once(master, seed_shift, progress, point, kept)
+    with run_ahead() if isolation == "process" else nullcontext():
+        read, descriptions = prepare(scenario, variant, fmus)
+        read = isolated(read, isolation, step_limit)
+        subject = Subject(read, descriptions)
+        take = subject.taken(seed_shift, point)
+        kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
+        if read.experiment.isolation == "process":
+            recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
+            return finished(subject, take, recording)
+        with Master(read, descriptions) as master:
+            return run_once(master, seed_shift, progress, point, kept)
 
 
 def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:
@@ -104,20 +107,10 @@ def run_once(
     A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter: the first Ctrl-C
     is asked for between steps.  After the second one whatever fails does so because of it.
     """
-    scenario, descriptions = master.scenario, master.descriptions
-    take = taken_run(scenario, descriptions, seed_shift, point)
-    with counted(at_most=1) as interrupts:
-        recording = master.run(take.columns, take.seeds, progress, interrupts, take.values, keeper=kept)
+    take = master.subject.taken(seed_shift, point)
+    master.marks[STOP] = 0
+    with counted(at_most=1, then=master.stop) as interrupts:
+        recording = master.run(take.columns, take.seeds, progress, take.values, keeper=kept)
         if interrupts() > 1:
             recording.error, recording.interrupted = None, True
-    return finished(scenario, descriptions, take, recording)
-
-
-def taken_run(scenario: Scenario, descriptions: Descriptions, seed_shift: int = 0, point: int | None = None) -> Take:
-    """What one run of a scenario takes."""
-    known = recorded_signals(scenario, descriptions)
-    return Take(
-        columns=[place for place, port in enumerate(ports(descriptions)) if str(port) in known],
-        seeds={name: seed + seed_shift for name, seed in scenario.seeds.items()},
-        values={} if point is None else scenario.points()[point],
-    )
+    return finished(master.subject, take, recording)

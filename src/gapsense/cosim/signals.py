@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from fnmatch import fnmatchcase
+from fnmatch import translate
 
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.scenario import Port, Scenario
@@ -47,8 +48,9 @@ def signals(descriptions: Descriptions) -> dict[str, Variable]:
 
 def matching(patterns: Iterable[str], names: Iterable[str]) -> list[str]:
     """Names that are or match one of the patterns, in the order of the names."""
-    patterns = tuple(patterns)
-    return [name for name in names if any(name == pattern or fnmatchcase(name, pattern) for pattern in patterns)]
+    exact = frozenset(patterns := tuple(patterns))
+    matches = re.compile("|".join(map(translate, patterns)) or "(?!)").match
+    return [name for name in names if name in exact or matches(name)]
 
 
 def recorded_signals(scenario: Scenario, descriptions: Descriptions) -> dict[str, Variable]:

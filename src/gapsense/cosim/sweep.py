@@ -6,7 +6,10 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
+import pickle
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,19 +18,21 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import show
+from gapsense.cosim.ahead import sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.document import Source, packed
+from gapsense.cosim.document import Source
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
-from gapsense.cosim.prepare import find_fmus, prepare
+from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
+from gapsense.cosim.subject import Subject
 from gapsense.cosim.worker import Runs
 from gapsense.files import write_atomically, write_columns
 from gapsense.importable import facts, importable_name
@@ -108,18 +113,30 @@ def sweep(
     -------
     Sweep
     """
-    read, descriptions = prepare(scenario, variant, fmus)
-    seeds = (1 if read.swept else 200) if seeds is None else seeds
-    refuse_senseless(read, seeds, workers, keep and out is None)
+    with nullcontext() if measure else sweep_ahead(workers):
+        read, descriptions = prepare(scenario, variant, fmus)
+        seeds = (1 if read.swept else 200) if seeds is None else seeds
+        refuse_senseless(read, seeds, workers, keep and out is None)
+        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep)
+
+
+def swept(
+    subject: Subject,
+    seeds: int,
+    workers: int,
+    out: str | Path | None,
+    measure: Measure | None,
+    progress: Progress | None,
+    keep: bool,
+) -> Sweep:
+    """The runs of a sweep."""
+    read, descriptions = subject.scenario, subject.descriptions
     runs = range(seeds * len(read.points()))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
     ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
-    folder = Path(fmus) if fmus is not None else find_fmus(read.path)
     task = {
-        "scenario": packed(scenario),
-        "variant": variant,
-        "fmus": str(folder.resolve()),
+        "pickled": b64encode(pickle.dumps((read, descriptions))).decode(),
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }

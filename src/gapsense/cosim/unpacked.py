@@ -24,7 +24,7 @@ PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 
 
 def unpacked(description: Description) -> Path:
-    """Folder with the content of an FMU, until the process ends."""
+    """Folder with what a run needs of an FMU, until the process ends."""
     folder = home(os.getpid()) / description.sha256
     if not folder.is_dir():
         if sha256(description.path) != description.sha256:
@@ -32,7 +32,7 @@ def unpacked(description: Description) -> Path:
         part = Path(tempfile.mkdtemp(dir=folder.parent))
         try:
             with zipfile.ZipFile(description.path) as archive:
-                archive.extractall(part)
+                archive.extractall(part, [name for name in archive.namelist() if is_needed(name)])
         except (OSError, zipfile.BadZipFile) as error:
             shutil.rmtree(part, ignore_errors=True)
             why = f"`{description.path}` cannot be unpacked into `{folder.parent}`: {error}"
@@ -40,6 +40,15 @@ def unpacked(description: Description) -> Path:
         with suppress(OSError):  # another thread was faster
             part.rename(folder)
     return folder
+
+
+def is_needed(member: str) -> bool:
+    """True unless no run needs it: documentation, sources, binaries of other platforms."""
+    import fmpy  # here, so that what loads no FMU starts fast
+
+    folder, *inner = member.split("/")
+    is_foreign = folder == "binaries" and len(inner) > 1 and inner[0] not in (fmpy.platform, fmpy.platform_tuple)
+    return folder not in ("documentation", "sources") and not is_foreign
 
 
 @cache

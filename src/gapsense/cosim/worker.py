@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import atexit
 import math
+import pickle
+from base64 import b64decode
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.document import unpacked
 from gapsense.cosim.master import Master
-from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import run_once
+from gapsense.cosim.scenario import Scenario
 from gapsense.importable import imported
 from gapsense.ledger import kept
 from gapsense.processes import own_marks
@@ -22,9 +24,12 @@ class Runs:
     """Holds the loaded FMUs between runs, and loads them anew after a failure."""
 
     def __init__(self, task: Mapping[str, Any]) -> None:
-        self.scenario, self.descriptions = prepare(unpacked(task["scenario"]), task["variant"], task["fmus"])
+        import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
+
+        scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = None if task["keep"] is None else Path(task["keep"])
+        self.scenario = scenario if self.measure or self.keep else thrifty(scenario)
         self.master: Master | None = None
         atexit.register(self.drop)
 
@@ -61,3 +66,10 @@ class Runs:
         if self.master:
             self.master.close()
         self.master = None
+
+
+def thrifty(scenario: Scenario) -> Scenario:
+    """A scenario that records only what its metrics look at."""
+    names = {name for m in scenario.metrics for name in (m.signal, m.reference, m.where, m.time)}
+    signals = tuple(sorted(name for name in names if isinstance(name, str)))  # parameters match no signal
+    return replace(scenario, record=replace(scenario.record, signals=signals))

@@ -29,6 +29,8 @@ class C(Printer):
 
     end = ";"
     real = "real"  # what the type of a number is called
+    truth = "int"  # and that of a truth value
+    whole_operations: tuple[str, ...] = WHOLE
     forms = Printer.forms | {
         "unary": "F({op})({b[0]})",
         "not": "(!{a[0]})",
@@ -67,12 +69,12 @@ typedef double real;
 
     def _let(self, node: Expr, text: str) -> str:
         name = self.fresh()
-        self.write(f"const {'int' if self.is_index(node) else self.type_of(node)} {name} = {text};")
+        self.write(f"const {self.truth if self.is_index(node) else self.type_of(node)} {name} = {text};")
         return name
 
     def type_of(self, value: Any) -> str:
         """Type of a value: truth values and places in tables are whole numbers, also where they are chosen from."""
-        return "int" if self._is_whole(value) else self.real
+        return self.truth if self._is_whole(value) else self.real
 
     def _is_whole(self, value: Any) -> bool:
         if not isinstance(value, Expr):
@@ -83,7 +85,7 @@ typedef double real;
             holder = value.args[0]
             chosen = [*holder.extra[2].values()][value.extra] if holder.op == "if" else [holder.args[value.extra]]
             return all(map(self._is_whole, chosen))
-        return value.op in WHOLE or value.id in self.whole
+        return value.op in self.whole_operations or value.id in self.whole
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         for kind, whole in (("int", True), (self.real, False)):
@@ -94,10 +96,13 @@ typedef double real;
         self.block("} else {", regions[1], targets, b)
         self.write("}")
 
-    def _repeat(self, loop: Loop) -> None:
+    def _start(self, loop: Loop) -> None:
         for target, start, variable in zip(loop.targets, loop.starts, loop.variables):
             self.whole |= {variable.id} if self._is_whole(start) else set()
             self.write(f"{self.type_of(start)} {target} = {self.bare(start)};")
+
+    def _repeat(self, loop: Loop) -> None:
+        self._start(loop)
         round_ = self.fresh("k")
         self.write(f"for (int {round_} = 0; {round_} < {loop.limit}; {round_}++) {{")
         self.depth += 1

@@ -31,7 +31,7 @@ class _Body:
 
     def __init__(self, lines: Sequence[str]) -> None:
         self.lines = [line.lstrip() for line in lines]
-        self.depths = [len(line) - len(line.lstrip()) for line in lines]
+        self.depths = [*map(_depth, lines)]
         self.parts = [_parts(line) for line in lines]
         self.apart: dict[str, set[str]] = {name: set() for made, _ in self.parts for name in made}
         self.united = {name: name for name in self.apart}
@@ -107,11 +107,17 @@ def _parts(line: str) -> tuple[list[str], str]:
 
 
 def _without_copies(lines: Sequence[str]) -> list[str]:
-    """Lines without `x = x`; where nothing is left of a block stands `pass`."""
+    """Lines without `x = x` and without an empty `else:`; where nothing is left of another block stands `pass`."""
     kept = [line for line in lines if _parts(line)[0] != [_parts(line)[1]]]
-    made = []
+    made: list[str] = []
     for line, following in zip(kept, [*kept[1:], ""]):
-        depth = len(line) - len(line.lstrip())
-        is_empty = line.endswith(":") and len(following) - len(following.lstrip()) <= depth
-        made += [line, " " * (depth + 4) + "pass"] if is_empty else [line]
+        is_empty = line.endswith(":") and _depth(following) <= _depth(line)
+        if not is_empty:
+            made.append(line)
+        elif line.lstrip() != "else:":
+            made += [line, " " * (_depth(line) + 4) + "pass"]
     return made
+
+
+def _depth(line: str) -> int:
+    return len(line) - len(line.lstrip())

@@ -83,6 +83,7 @@ class Printer(ABC):
         self.uses: dict[int, int] = {}
         self.home: dict[int, Region] = {}
         self.far: set[int] = set()  # used in another region than their own: never inlined
+        self.leaving: set[int] = set()  # given by their branch, loop body or function
         self.indices: set[int] = set()  # used as the index of an array
         self.given = {symbol.id for _, _, symbols in graph.arguments for symbol in symbols}
         self.numbers = set(self.given)  # used otherwise, or made elsewhere
@@ -106,6 +107,8 @@ class Printer(ABC):
                     (self.indices if is_index else self.numbers).add(value.id)
                     if self.home[value.id] is not place:
                         self.far.add(value.id)
+                    if place is not region:
+                        self.leaving.add(value.id)
 
     def _check_visible(self, value: Any, regions: Any) -> None:
         if isinstance(value, Expr) and self.home.get(value.id) not in regions:
@@ -116,7 +119,9 @@ class Printer(ABC):
     def _use(self, result: Any) -> None:
         """Count the uses of everything that `result` needs; a result counts twice, so that it gets a name."""
         pending = [(result, 2)]
-        self.numbers |= {result.id} if isinstance(result, Expr) else set()
+        if isinstance(result, Expr):
+            self.numbers.add(result.id)
+            self.leaving.add(result.id)
         while pending:
             node, weight = pending.pop()
             if isinstance(node, Expr):

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gapsense.emit.names import renamed
+from gapsense.emit.choices import Choosing
+from gapsense.emit.names import WORD, renamed
 from gapsense.emit.printer import Graph, Loop, Printer
 from gapsense.records import names
 from gapsense.trace import Expr, Region
 
 
-class Python(Printer):
+class Python(Choosing):
     """Scalar Python that needs the standard library only."""
 
     head = """from bisect import bisect_left
@@ -28,22 +29,32 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
     extra_argument = ""
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        self.block(f"if {self.bare(c)}:", regions[0], targets, a)
-        self.block("else:", regions[1], targets, b)
+        names, chosen, others = self.gathered(c)
+        self.block(f"if {self.bare(c)}:", regions[0], [*targets, *names], [*a, *chosen])
+        self.block("else:", regions[1], [*targets, *names], [*b, *others])
 
     def _repeat(self, loop: Loop) -> None:
-        self.assign(loop.targets, loop.starts)
+        self._start(loop)
         self.write(f"for _ in range({loop.limit}):")
         self.depth += 1
         self.region(loop.body)
         self._advance(loop)
         self.depth -= 1
 
+    def _start(self, loop: Loop) -> None:
+        """Give the variables their first values, but for those that nothing reads before the first round ends."""
+        started = [k for k, variable in enumerate(loop.variables) if variable.id in self.uses]
+        self.assign([loop.targets[k] for k in started], [loop.starts[k] for k in started])
+
     def _advance(self, loop: Loop) -> None:
-        done = self.fresh("b")
-        self.write(f"{done} = {self.bare(loop.stop)}")
-        self.write(f"{', '.join(loop.targets)} = {', '.join(map(self.bare, loop.new))}")
-        self.write(f"if {done}:")
+        """End a round of a loop: all new values first, of which most become the variables without a copy."""
+        stop, values, new = self.bare(loop.stop), [*map(self.bare, loop.new)], [self.fresh() for _ in loop.new]
+        if not {*loop.targets}.isdisjoint(WORD.findall(stop)):
+            stop = self._let(loop.stop, stop)
+        for target, value in (*zip(new, values), *zip(loop.targets, new)):
+            self.write(f"{target} = {value}")
+        after = dict(zip(values, loop.targets))  # of a value that has a name, what it has become
+        self.write(f"if {WORD.sub(lambda word: after.get(word[0], word[0]), stop)}:")
         self.write("    break")
 
     def _memory(self, size: int) -> str:
@@ -99,6 +110,7 @@ def row(array, index):
     }
     extra_argument = ", runs"
     condition_uses = 2
+    region, block = Printer.region, Printer.block  # both sides of a choice are computed anyway
     taken = ""  # condition of the branches that are being printed
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
@@ -137,10 +149,10 @@ def row(array, index):
         element, value = text.split(" = ", 1)
         return f"{element} = where({self.taken}, {value}, {element})"
 
-    def _repeat(self, loop: Loop) -> None:
-        """As in Python, with `busy` for the runs that have not stopped."""
+    def _start(self, loop: Loop) -> None:
+        """All variables, and `busy` for the runs that have not stopped."""
         self.write(f"busy{loop.targets[0]} = asarray(True)")
-        super()._repeat(loop)
+        self.assign(loop.targets, loop.starts)
 
     def _advance(self, loop: Loop) -> None:
         """End a round of a loop: runs that have stopped keep what they have."""

@@ -61,6 +61,7 @@ class Slave(Variables):
         ]
         self.clock = sum(name in self.kernel.INPUTS for name in ("time", "dt"))  # how many of them the kernel takes
         self.ranges = [] if component.survives else ranges(component.of("input"))
+        self.limits = [] if component.survives else limits(component.of("input"))
         self.period = 0.0  # of the samples; 0 for a component that is not sampled
         self.par: tuple[Any, ...] = ()
         self.constants: tuple[Any, ...] = ()  # what a step needs of the parameters
@@ -117,6 +118,17 @@ class Slave(Variables):
             return True
         except BaseException as error:
             self._fail(error, current_time, step_size)
+
+    def lend(self, time: float, step: float) -> tuple[Any, ...]:
+        """What the Linux binary needs to take steps like this one by itself; nothing if it had better ask `do_step`.
+
+        While it has this, it also sets inputs and gets signals.  Before it calls any other method, it puts `state`,
+        `signals` and `end` back; whatever is unusual, it leaves to `do_step`, which knows the words.
+        """
+        if not self.is_running or self.elapsed or self.period not in (0.0, step):
+            return ()
+        arguments = self.kernel.advance, self.state, self.constants, self.signals, self.limits
+        return (*arguments, self.clock, self.inputs, self.period, self.end, SHIFT)
 
     def _initialize(self) -> None:
         given = self._given()
@@ -200,6 +212,15 @@ def ranges(ports: tuple[Port, ...]) -> list[tuple[int, float, float]]:
     with_range = [(k, port) for k, port in enumerate(ports) if (port.min, port.max) != (None, None)]
     least, greatest = -math.inf, math.inf
     return [(k, least if p.min is None else p.min, greatest if p.max is None else p.max) for k, p in with_range]
+
+
+def limits(ports: tuple[Port, ...]) -> list[float]:
+    """Least and greatest value of each, one after the other; of those without a range the finite ones."""
+    most = sys.float_info.max
+    found = [-most, most] * len(ports)
+    for k, least, greatest in ranges(ports):
+        found[2 * k : 2 * k + 2] = max(least, -most), min(greatest, most)
+    return found
 
 
 def _copy(value: Any) -> Any:

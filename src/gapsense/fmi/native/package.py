@@ -18,11 +18,12 @@ from gapsense.fmi.fmi3.variables import Variable, variables
 from gapsense.fmi.native import SOURCES, headers, model, package3
 from gapsense.fmi.native.compile import binary, compile_common
 from gapsense.fmi.native.description import description
-from gapsense.fmi.native.platforms import FLAGS, NO_FOLDING, PLATFORMS, SMALL, compilers
+from gapsense.fmi.native.platforms import FLAGS, PLATFORMS, SMALL, compilers
 from gapsense.fmi.ports import Component
 from gapsense.fmi.shim.build import headers as fmi_headers
 from gapsense.fmi.tables import heads, read_table
 from gapsense.kernel import Kernel
+from gapsense.native import NO_FOLDING
 
 COMPILERS_AT_ONCE = 2
 RUN = """## How to run

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import platform
-import shutil
 import sys
 from typing import NamedTuple
 
-from gapsense.native import ZIG, NativeError, zig_version
+from gapsense.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 SMALL = ("-Os",)  # besides, for what is not arithmetic
-# Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
-NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
 ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")
 SYSTEMS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 LIKE_X86_64 = ("x86_64", "AMD64", "amd64")
@@ -63,9 +60,9 @@ def compilers(name: str) -> list[Compiler]:
     if zig_version() == ZIG:
         zig = (sys.executable, "-m", "ziglang", "cc")
         return [Compiler((*zig, "-target", target, *ZIG_FLAGS), binary, target) for target in binary.targets]
-    own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    own = own_compiler()
     if name == here() and own:
-        return [Compiler((own,), binary, "")]
+        return [Compiler(own, binary, "")]
     what = f"`{name}` needs ziglang {ZIG}, found {zig_version() or 'none'}"
     more = "no C compiler is installed either" if name == here() else f"the C compiler here makes only `{here()}`"
     raise NativeError(f"{what}; {more}. Run `pip install ziglang=={ZIG}`.")

@@ -8,6 +8,8 @@ typedef struct {
     PyObject *queue;            /* the slave's log, a list */
     PyObject *wanted;           /* list of the categories that the host wants to hear of, or None for all */
     PyObject *texts;            /* what fmi2GetString gave last, which the host may still read */
+    Lent lent;
+    int can_lend; /* the slave is one of ours */
 } Instance;
 
 /* One call of the host. */
@@ -41,7 +43,7 @@ static void keep_thread_state(void)
 
 /* After a host has finalised its own Python, any call into it would crash. While it is finalising (destructors of the
  * host's objects), the thread that does so still has a thread state, and calls still work. */
-static int enter(Call *call, fmi2Component component)
+static int enter_python(Call *call, fmi2Component component)
 {
     call->instance = component;
     if (!component || !(py.Py_IsInitialized() || py.PyGILState_GetThisThreadState()))
@@ -49,6 +51,18 @@ static int enter(Call *call, fmi2Component component)
     keep_thread_state();
     call->gil = py.PyGILState_Ensure();
     return 1;
+}
+
+/* The first thing of every call but the most usual ones; the slave then has all its values. */
+static int enter(Call *call, fmi2Component component)
+{
+    if (!enter_python(call, component))
+        return 0;
+    if (give_back(&call->instance->lent, call->instance->slave))
+        return 1;
+    py.PyErr_Clear();
+    py.PyGILState_Release(call->gil);
+    return 0;
 }
 
 /* The exception that is on its way, with its traceback; it is no longer on its way. */

@@ -22,13 +22,6 @@ static int load(Reason *why)
     return ok;
 }
 
-static void put(PyObject **slot, PyObject *object)
-{
-    PyObject *old = *slot;
-    *slot = object;
-    py.Py_DecRef(old);
-}
-
 /* All copies of this library with the same loader share its module: a host may unpack an FMU anew for each run. While
  * another thread still runs it, the module is there but not complete; then it is run twice, which does no harm. */
 static int find_loader(void)
@@ -59,12 +52,17 @@ static int make_slave(Instance *instance)
     }
     put(&instance->queue, queue);
     put(&instance->slave, slave);
+    instance->lent.declined = 0.0;
+    instance->can_lend = py.PyObject_HasAttrString(slave, "lend");
     return 1;
 }
 
 static void release(Instance *instance)
 {
-    PyObject **objects[] = {&instance->make, &instance->queue, &instance->slave, &instance->wanted, &instance->texts};
+    PyObject **objects[] = {
+        &instance->make,         &instance->queue,      &instance->slave,          &instance->wanted, &instance->texts,
+        &instance->lent.advance, &instance->lent.state, &instance->lent.constants,
+    };
     for (size_t k = 0; k < sizeof objects / sizeof *objects; k++)
         put(objects[k], NULL);
 }
@@ -72,6 +70,7 @@ static void release(Instance *instance)
 static void drop(Instance *instance)
 {
     free(instance->name);
+    free(instance->lent.signals);
     free(instance);
 }
 
@@ -154,7 +153,7 @@ FMI2_Export void fmi2FreeInstance(fmi2Component c)
     Call call;
     if (!c)
         return;
-    if (enter(&call, c)) {
+    if (enter_python(&call, c)) {
         release(call.instance);
         py.PyGILState_Release(call.gil);
     }

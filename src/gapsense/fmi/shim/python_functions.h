@@ -29,11 +29,14 @@ FUNCTION(PyObject *, Py_CompileString, (const char *, const char *, int))
 FUNCTION(PyObject *, PyImport_GetModule, (PyObject *))
 FUNCTION(PyObject *, PyImport_ExecCodeModule, (const char *, PyObject *))
 FUNCTION(PyObject *, PyObject_CallObject, (PyObject *, PyObject *))
+FUNCTION(PyObject *, PyObject_CallFunctionObjArgs, (PyObject *, ...)) /* the last is NULL */
 FUNCTION(int, PyObject_HasAttrString, (PyObject *, const char *))
+FUNCTION(int, PyObject_SetAttrString, (PyObject *, const char *, PyObject *))
 FUNCTION(PyObject *, PyObject_CallMethod, (PyObject *, const char *, const char *, ...))
 FUNCTION(PyObject *, PyObject_VectorcallMethod, (PyObject *, PyObject *const *, size_t, PyObject *))
 FUNCTION(int, PyObject_IsTrue, (PyObject *))
 FUNCTION(PyObject *, Py_BuildValue, (const char *, ...))
+FUNCTION(int, PyArg_ParseTuple, (PyObject *, const char *, ...))
 
 FUNCTION(PyObject *, PyBool_FromLong, (long))
 FUNCTION(PyObject *, PyLong_FromLong, (long))
@@ -51,3 +54,7 @@ FUNCTION(PyObject *, PyList_New, (ssize_t))
 FUNCTION(ssize_t, PyList_Size, (PyObject *))
 FUNCTION(PyObject *, PyList_GetItem, (PyObject *, ssize_t)) /* gives no reference; refuses what is no list */
 FUNCTION(int, PyList_SetItem, (PyObject *, ssize_t, PyObject *))
+FUNCTION(PyObject *, PyTuple_New, (ssize_t))
+FUNCTION(ssize_t, PyTuple_Size, (PyObject *))
+FUNCTION(PyObject *, PyTuple_GetItem, (PyObject *, ssize_t)) /* as of a list */
+FUNCTION(int, PyTuple_SetItem, (PyObject *, ssize_t, PyObject *))

@@ -7,6 +7,7 @@
  *   find_python.h  Python found, loaded and started if the host has none, and then never stopped
  *   resources.h    the folder with the slave's script, from any file URI
  *   messages.h     what the host is told, as data and never as a printf format
+ *   lent.h         values of a running slave, with which the usual calls need next to no Python
  *   instance.h     an instance, the way into Python and out again, calls that fail
  *   values.h       getting and setting variables
  *   state.h        saving the state
@@ -20,6 +21,7 @@
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <limits.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -38,6 +40,7 @@ FMI2_Export const char gapsense_shim_fingerprint[] = "gapsense-shim:" SHIM_FINGE
 #include "find_python.h"
 #include "resources.h"
 #include "messages.h"
+#include "lent.h"
 #include "instance.h"
 #include "values.h"
 #include "state.h"
@@ -83,17 +86,37 @@ FMI2_Export fmi2Status fmi2Terminate(fmi2Component c)
     return plain_call(c, "terminate");
 }
 
-FMI2_Export fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_rollback)
+static fmi2Status slow_step(Call *call, fmi2Real time, fmi2Real step)
 {
     static Method do_step = {"do_step", NULL};
-    (void)no_rollback;
-    Call call;
-    if (!enter(&call, c))
-        return fmi2Fatal;
-    PyObject *done = call_slave(call.instance, &do_step, py.PyFloat_FromDouble(time), py.PyFloat_FromDouble(step));
+    PyObject *done = call_slave(call->instance, &do_step, py.PyFloat_FromDouble(time), py.PyFloat_FromDouble(step));
     int is_complete = done && py.PyObject_IsTrue(done);
     py.Py_DecRef(done);
-    return leave(&call, is_complete ? fmi2OK : fmi2Discard);
+    return leave(call, is_complete ? fmi2OK : fmi2Discard);
+}
+
+/* The slave says what happened in a step that raised. */
+static fmi2Status failed_step(Call *call, fmi2Real time, fmi2Real step)
+{
+    PyObject *error = caught(), *slave = call->instance->slave;
+    give_back(&call->instance->lent, slave);
+    return leave_with(call, py.PyObject_CallMethod(slave, "_fail", "(Ndd)", error, time, step));
+}
+
+FMI2_Export fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_rollback)
+{
+    (void)no_rollback;
+    Call call;
+    if (!enter_python(&call, c))
+        return fmi2Fatal;
+    Lent *lent = &call.instance->lent;
+    PyObject *slave = call.instance->slave;
+    if ((lent->is_lent || (call.instance->can_lend && borrow(lent, slave, time, step))) &&
+        is_usual(lent, time, step) && step_kernel(lent, time, step))
+        return leave(&call, fmi2OK);
+    if (py.PyErr_Occurred() || !give_back(lent, slave))
+        return failed_step(&call, time, step);
+    return slow_step(&call, time, step);
 }
 
 /* --- What pythonfmu's slaves do not have --- */

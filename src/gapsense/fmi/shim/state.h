@@ -43,6 +43,7 @@ FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate handle)
     if (!enter(&call, c))
         return fmi2Fatal;
     PyObject *saved = handle ? ((State *)handle)->saved : NULL;
+    call.instance->lent.declined = 0.0;
     if (!saved)
         return REFUSE(&call, "damaged_state", "s", "handle");
     return leave_with(&call, py.PyObject_CallMethod(call.instance->slave, "_set_fmu_state", "(O)", saved));

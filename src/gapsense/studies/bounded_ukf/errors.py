@@ -1,7 +1,7 @@
 """Errors of `BoundedUkf` over noise and over wrong parameters, Figs. 8 and 9 of [UKF], and over the resistance.
 
-One cycle of the valve at each voltage; then all noise levels, seeds and sign combinations at once by the numpy code of
-the filter.  The paper leaves the resistance out of its wrong parameters, and says nothing of landings that are missed.
+One cycle of the valve at each voltage; then all noise levels, seeds and sign combinations of the filter at once.  The
+paper leaves the resistance out of its wrong parameters, and says nothing of landings that are missed.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from gapsense.actuators import solenoid_valve
 from gapsense.estimators import ukf
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel
+from gapsense.lanes import stepped
 from gapsense.studies.devices import VALVE, driven
 from gapsense.workers import Progress
 
@@ -118,14 +119,12 @@ def _errors(
     par |= {name: par[name] * factor for name, factor in factors.items()}
     flat = [v if isinstance(v, list) else np.broadcast_to(v, sizes.shape).ravel() for v in par.values()]
     true = np.stack(cycles, axis=-1)[..., None]  # (quantities, samples, voltages, 1)
-    error = np.empty((SAMPLES, *sizes.shape))
-    kernel, state, unwired = Kernel(ukf), None, np.zeros(sizes.size)
-    for k in range(SAMPLES):
-        inputs = [*((x[k] + s * d).ravel() for x, s, d in zip(true, stds, drawn[:, k])), unwired]
-        made = kernel.step_batch(state, inputs, flat, sizes.size) if state else None
-        state, outputs = made or kernel.initial_batch(inputs, flat, sizes.size)
-        error[k] = np.reshape(outputs[0], sizes.shape) - true[2, k]
-        tell(before + k + 1, SAMPLES * len(FILTERS))
+    inputs = np.zeros((SAMPLES, len(ukf.Inputs._fields), sizes.size))  # the last one is not wired
+    for row, x, s, d in zip(inputs.swapaxes(0, 1), true, stds, drawn):
+        row[:] = (x[:, None] + s * d).reshape(SAMPLES, -1)
+    found = stepped(Kernel(ukf), inputs, flat, ("position",))
+    error = found.reshape(SAMPLES, *sizes.shape) - true[2][:, None]
+    tell(before + SAMPLES, SAMPLES * len(FILTERS))
     halves = np.split(error[REST:], 2)
     rmse = np.stack([np.sqrt(np.mean(half**2, axis=0)) for half in halves], axis=-1)
     last = np.stack([np.mean(np.abs(half[-LAST:]), axis=0) for half in halves], axis=-1)

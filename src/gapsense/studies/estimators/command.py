@@ -9,7 +9,6 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import COMPONENT_FAILED, INTERRUPTED, Fmus, Out, Scenario, bar, problem, show, study, written
-from gapsense.cosim.signals import recorded_signals
 
 Variants = Annotated[
     list[str] | None,
@@ -47,6 +46,7 @@ def estimators(
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:
     """The runs of one condition."""
+    from gapsense.cosim.signals import recorded_signals
     from gapsense.studies.estimators import measures
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)

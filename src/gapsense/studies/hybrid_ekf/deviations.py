@@ -1,7 +1,7 @@
 """RMS deviations of `HybridEkf` over time, noise and wrong parameters: Figs. 8-11 of [HEKF] and beyond.
 
-One run of the plant for each step of the voltage; then all seeds and noise levels at once by the numpy code of the
-filter.  The noise of a seed is the same at every level but for its size, and so are its parameter errors.
+One run of the plant for each step of the voltage; then all seeds and noise levels of the filter at once.  The noise of
+a seed is the same at every level but for its size, and so are its parameter errors.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from gapsense.actuators import pot_magnet
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.lanes import stepped
+from gapsense.records import flat, names
 from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED, driven
 from gapsense.workers import Progress
 
@@ -115,17 +116,12 @@ def deviations(
     rng = np.random.default_rng(ERRORS)
     errors = mismatch * rng.uniform(-1.0, 1.0, (seeds, len(WRONG)))
     noise = np.array([np.random.default_rng([NOISE, seed]).standard_normal(SAMPLES) for seed in range(seeds)]).T
-    levels, runs = np.repeat(LEVELS, seeds), len(LEVELS) * seeds
+    levels = np.repeat(LEVELS, seeds)
     par = believed(plant, np.tile(errors, (len(LEVELS), 1)), levels, tuning)
-    found = np.empty((SAMPLES, SEEN, runs))
-    kernel, state = Kernel(hybrid_ekf), None
-    for k, u in enumerate(run.voltage):
-        inputs = (u, run.states[k, 0] + np.tile(noise[k], len(LEVELS)) * levels)
-        made = kernel.step_batch(state, inputs, par, runs) if state else None
-        state, outputs = made or kernel.initial_batch(inputs, par, runs)
-        for row, output in zip(found[k], outputs):
-            row[:] = output
-        progress(k + 1, SAMPLES)
+    current = run.states[:, :1] + np.tile(noise, len(LEVELS)) * levels
+    inputs = np.stack([np.broadcast_to(run.voltage[:, None], current.shape), current], axis=1)
+    found = stepped(Kernel(hybrid_ekf), inputs, par, names(hybrid_ekf.Outputs)[:SEEN])
+    progress(SAMPLES, SAMPLES)
     error = found.reshape(SAMPLES, SEEN, len(LEVELS), seeds) - run.states[:, :, None, None]
     rmsd = np.sqrt(np.mean(error**2, axis=3)).transpose(2, 0, 1)
     total = np.sqrt(np.mean(rmsd[:, EDGE:] ** 2, axis=1))

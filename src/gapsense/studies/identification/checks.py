@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.problems import InputError
+from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
 from gapsense.studies.identification.flux import estimate
 from gapsense.studies.identification.operations import Operation, noise, operations, starts
 from gapsense.studies.identification.reading import read_columns
-from gapsense.studies.identification.record import CONVENTIONS, SHOWN, Columns, Reading, Record, to_record
+from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
 from gapsense.studies.identification.samples import clipping, time_problems
 
@@ -28,8 +29,8 @@ def reading(
     may_clip: bool = False,
 ) -> Reading:
     """How files are read, from texts; `column` has texts `QUANTITY=NAME`."""
-    if convention not in CONVENTIONS:
-        raise ValueError(f"--voltage: `{convention}` found, one of {', '.join(CONVENTIONS)} expected.")
+    if convention not in (AUTO, *CONVENTIONS):
+        raise ValueError(f"--voltage: `{convention}` found, one of {', '.join((AUTO, *CONVENTIONS))} expected.")
     if wrong := [pair for pair in column or [] if "=" not in pair]:
         raise ValueError(f"--column: `{wrong[0]}` found, QUANTITY=NAME expected, for instance voltage=u1.")
     for name, text in (("separator", separator), ("decimal", decimal)):
@@ -77,7 +78,7 @@ def read_record(
     problems += _sample_problems(columns, how)
     if problems:
         raise InputError(problems)
-    whole = to_record(columns, how.convention)
+    whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
     record = without_offsets(whole)._replace(remarks=unipolar(whole))
     if needs != "samples":
         problems += _rest_problems(record, path.name)

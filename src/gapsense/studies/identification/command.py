@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Decimal, Separator, bar, command, show, written
-from gapsense.studies.identification.record import CONVENTIONS
+from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
 
 MODELS = ("solenoid_valve",)
 
@@ -28,9 +28,7 @@ def identify(
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
-    voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: {', '.join(CONVENTIONS)}")] = CONVENTIONS[
-        0
-    ],
+    voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -46,6 +44,7 @@ def identify(
     from gapsense.report import plot
     from gapsense.studies.identification import file, fit, validation
     from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -56,11 +55,14 @@ def identify(
     how = reading(column, voltage, separator, decimal, clipped)
     records = read_records(data, how, period)
     kept = read_records(validate or [], how, needs="rest")
+    conventions = CONVENTIONS if voltage == AUTO else ()
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress)
+        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
+    kept = [between(record, result.convention or voltage) for record in kept]
     checks = [validation.validate(result.parameters, record) for record in kept]
     file.write_identified(to, result, known, data)
     show(*tables(result, records, checks))
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))
+    raise typer.Exit(0 if result.is_explained else FAILED)

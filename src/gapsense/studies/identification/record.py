@@ -15,8 +15,6 @@ UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "
 NEEDED = ("time", "voltage", "current")
 SHOWN = 3  # rows that are named for each kind of problem
 
-CONVENTIONS = ("trapezoid", "end", "start")
-
 
 class Reading(NamedTuple):
     """How files are read."""
@@ -55,6 +53,7 @@ class Record(NamedTuple):
     position: Vector | None  # [m], where it was recorded
     mode: Vector | None  # [1], likewise
     rows: npt.NDArray[np.int_]  # lines of the file, for messages
+    is_mean: bool = False  # the voltage is the mean over the interval before each sample
     offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
@@ -70,22 +69,32 @@ class Record(NamedTuple):
 
 
 def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
-    """Record of columns without problems.
-
-    The convention says what the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the
-    middle that of the first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of
-    the sample at the end or the start (held by the drive).  Means over the intervals are taken as they are.
-    """
+    """Record of columns without problems; see `halves`."""
     v = columns.values["voltage"]
-    before = np.concatenate((v[:1], v[:-1]))
-    chosen = "end" if columns.is_mean else convention
     return Record(
         name=Path(columns.file).stem,
         times=columns.values["time"],
         voltage=v,
         current=columns.values["current"],
-        halves=np.stack((v if chosen == "end" else before, before if chosen == "start" else v), axis=1),
+        halves=halves(v, "end" if columns.is_mean else convention),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,
+        is_mean=columns.is_mean,
     )
+
+
+def halves(v: Vector, convention: str) -> Vector:
+    """Voltage during the two halves of the interval before each sample (n, 2) [V].
+
+    The convention says what the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the
+    middle that of the first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of
+    the sample at the end or the start (held by the drive).  Means over the intervals are taken as they are, `end`.
+    """
+    before = np.concatenate((v[:1], v[:-1]))
+    return np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
+
+
+def between(record: Record, convention: str) -> Record:
+    """The record with another voltage between its samples."""
+    return record if record.is_mean else record._replace(halves=halves(record.voltage, convention))

@@ -1,4 +1,4 @@
-"""One sample of filter, smoother and open loop of [RTS] for many runs at once: numpy code made from the kernels.
+"""One sample of filter, smoother and open loop of [RTS] for many runs at once, made from the kernels.
 
 All runs see the same sequence of modes, so one function is made for each pair of modes of two consecutive samples, with
 the modes and the options as plain constants.  The conditions on them then vanish, and so does all that they make zero:
@@ -10,13 +10,13 @@ exactly; each is an array (runs,) or a number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gapsense import emit
 from gapsense.estimators import ekf, ertss
 from gapsense.estimators.ekf import Measured, forward
 from gapsense.estimators.kalman import Gaussian
@@ -34,12 +34,11 @@ from gapsense.estimators.reduced_model import (
     transition,
 )
 from gapsense.kernel import trace
+from gapsense.lanes import Code, Row
 from gapsense.linalg import ldl, matrix, solve, vector
 from gapsense.records import Array, Covariance, Scalar, Vector, names
-from gapsense.trace import clip
+from gapsense.trace import clip, sqrt, square
 
-Row = tuple[Any, ...]
-Code = Callable[..., Row]
 MOVING = 2.0
 
 
@@ -88,9 +87,24 @@ class Plain(NamedTuple):
 
 
 class Squares(NamedTuple):
-    """Normalised squared error."""
+    """Sums of squared errors of the position, and of its change since the sample before."""
 
-    value: Scalar
+    position: Scalar
+    velocity: Scalar
+
+
+class Positions(NamedTuple):
+    """At a sample and at the one before."""
+
+    z: Scalar
+    z_prev: Scalar
+
+
+class Normalised(NamedTuple):
+    """Squared error in units of its covariance (62), and the error of each state in units of its deviation (63)."""
+
+    nees: Scalar
+    nee: Annotated[Array, Vector(5)]
 
 
 @cache
@@ -147,15 +161,28 @@ def open_step(m: Model, mode_before: float, mode: float) -> Code:
 
 
 @cache
-def squared_error(variant: Variant) -> Code:
-    """Code of the squared error in motion, normalised by the covariance (62), from a row and the true states."""
+def squared_errors() -> Code:
+    """Code of one more sample in the sums of squared errors."""
+
+    def added(sums: Squares, found: Positions, true: Positions) -> Squares:
+        change = (found.z - found.z_prev) - (true.z - true.z_prev)
+        return Squares(sums.position + square(found.z - true.z), sums.velocity + square(change))
+
+    return compiled(added, sums=Squares, found=Positions, true=Positions)
+
+
+@cache
+def normalised_errors(variant: Variant) -> Code:
+    """Code of `Normalised` in motion, from a row and the true states; NaN for a state that is known exactly."""
     states = uncertain(variant, MOVING)
 
-    def nees(row: Any, true: _True) -> Squares:
-        error = (row.x - true.x)[states]
-        return Squares(error @ solve(ldl(row.P), error))
+    def normalised(row: Any, true: _True) -> Normalised:
+        error, deviations = row.x - true.x, vector([math.nan] * 5)
+        deviations[states] = [sqrt(variance) for variance in row.P.diagonal()]
+        nees = error[states] @ solve(ldl(row.P), error[states])
+        return Normalised(nees, error / deviations)
 
-    return compiled(nees, row=estimate_record(len(states)), true=_True)
+    return compiled(normalised, row=estimate_record(len(states)), true=_True)
 
 
 def landed(row: Row, variant: Variant, mode: float) -> Row:
@@ -199,9 +226,8 @@ def extracted(estimate: Gaussian, states: Sequence[int]) -> Any:
 
 
 def compiled(function: Callable[..., Any], **arguments: type) -> Code:
-    """Numpy code of a function on records, for flat rows."""
-    made = emit.compiled(trace(function, arguments), emit.Numpy)
-    return lambda *rows: made(*rows, 0)
+    """A function on records, for flat rows."""
+    return Code(trace(function, arguments))
 
 
 class _Voltage(NamedTuple):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +12,9 @@ import numpy as np
 
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import Floats, motions
-from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
+from gapsense.lanes import Plan, Row, plan
+from gapsense.studies.smoother import batch
+from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 from gapsense.studies.smoother.models import chunks
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.studies.smoother.study import OPERATIONS, Study, drawn, noise_of_width, operation_of, study_of, tuning
@@ -84,6 +88,7 @@ def compare(
     count, total = len(tasks), len(tasks) * (1 + len(parts))
     noises = compute(noise_of_width, study.facts(), tasks, workers, file, lambda done, _: tell(done, total))
     tunings = [tuning(variances, study) for variances in noises.results]
+    _ = plan_of(study).library  # compiled once, before the workers look for it
     tasks = [
         {"width": width, "chunk": chunk, "runs": size, "tuning": [*tuned]}
         for width, tuned in zip(widths, tunings)
@@ -110,16 +115,33 @@ def errors_of_chunk(facts: Facts, task: Facts) -> dict[str, Any]:
 
 def squared_errors(study: Study, varied: Varied, measured: Floats, tuned: Tuning) -> Floats:
     """Squared errors of each run summed over the samples in motion: (estimators, operations, quantities, runs)."""
-    z = positions(study.samples, study.model)
-    squares = np.zeros((len(ESTIMATORS), len(OPERATIONS), len(QUANTITIES), measured.shape[1]))
-    for name, k, row in estimates(study, varied, measured, tuned):
-        at = squares[ESTIMATORS.index(name), operation_of(study.samples, k)]
-        at[0] += (row[0] - z[k]) ** 2
-        at[1] += ((row[0] - row[1]) - (z[k] - z[k - 1])) ** 2
-    return squares
+    runs = measured.shape[1]
+    found = plan_of(study).run(runs, varied=np.array(varied), current=measured, tuning=np.array(tuned))
+    return found.reshape(len(ESTIMATORS), len(OPERATIONS), len(QUANTITIES), runs)
 
 
-def estimates(study: Study, varied: Varied, measured: Floats, tuned: Tuning) -> Iterator[tuple[str, int, Row]]:
+def plan_of(study: Study) -> Plan:
+    """The plan of the squared errors; the first call in a process takes a second."""
+    return _plan(tuple(tuple(values.tolist()) for values in study.samples), study.model)
+
+
+@cache
+def _plan(record: tuple[tuple[float, ...], ...], m: Model) -> Plan:
+    """The same for samples as tuples, by which it is found again."""
+    study = Study(Samples(*map(np.array, record)), m)
+    z = positions(study.samples, m).tolist()
+
+    def sums(varied: Row, current: Row, tuning: Row) -> Row:
+        rows = dict.fromkeys(product(ESTIMATORS, range(len(OPERATIONS))), (0.0, 0.0))
+        for name, k, row in estimates(study, Varied(*varied), current, Tuning(*tuning)):
+            case = name, operation_of(study.samples, k)
+            rows[case] = batch.squared_errors()(rows[case], row[:2], (z[k], z[k - 1]))
+        return (*chain.from_iterable(rows.values()),)
+
+    return plan(sums, varied=len(Varied._fields), current=study.samples.time.size, tuning=len(Tuning._fields))
+
+
+def estimates(study: Study, varied: Varied, measured: Floats | Row, tuned: Tuning) -> Iterator[tuple[str, int, Row]]:
     """Estimator, sample in motion, and the estimates of all runs, which begin with z and z_prev."""
     samples, m = study.samples, study.model
     for name, variant in VARIANTS.items():

@@ -10,9 +10,10 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from gapsense.estimators.rts import Floats
-from gapsense.studies.smoother.batch import MOVING, Row, Tuning, Variant, squared_error, uncertain
+from gapsense.lanes import Plan, Row, plan
+from gapsense.studies.smoother.batch import Tuning, Variant, Varied, normalised_errors
 from gapsense.studies.smoother.models import chunks
-from gapsense.studies.smoother.reference import reference_states
+from gapsense.studies.smoother.reference import reference_state
 from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
 from gapsense.studies.smoother.study import Study, drawn, moving, noise_of_width, operation_of, tuning
 from gapsense.studies.soft_landing.cycle import Samples
@@ -73,13 +74,15 @@ def consistency(study: Study, width: float = 0.01, runs: int = 10_000, progress:
     Consistency
     """
     tuned = tuning(noise_of_width(study.facts(), {"width": width, "runs": runs}), study)
-    parts = chunks(runs)
+    parts, (recorded, motions) = chunks(runs), plan_of(study)
     found: list[list[Floats]] = [[], []]  # for each operation, (6, samples, runs) of each chunk
     for done, (chunk, size) in enumerate(parts):
         if progress:
             progress(done, len(parts))
-        for operation, values in _normalised(study, width, tuned, chunk, size):
-            found[operation].append(values)
+        varied, measured = drawn(study, width, chunk, size)
+        values = recorded.run(size, varied=np.array(varied), current=measured, tuning=np.array(tuned))
+        for (operation, samples), part in zip(motions, _by_motion(values, [count for _, count in motions])):
+            found[operation].append(part.reshape(samples, -1, size).swapaxes(0, 1))
     whole = [np.concatenate(values, axis=2) for values in found]
     nees = np.concatenate([values[0] for values in whole])
     full_rank = np.concatenate([values[0][1:] for values in whole])
@@ -93,29 +96,25 @@ def _inside_and_mean(nees: Floats) -> tuple[float, float]:
     return float(np.mean((nees >= INTERVAL[0]) & (nees <= INTERVAL[1]))), float(np.mean(nees))
 
 
-def normalised_errors(row: Row, true: Row, variant: Variant) -> tuple[Any, list[Any]]:
-    """NEES (62) and the NEE (63) of each uncertain state of an estimate in motion; NaN for one known exactly."""
-    with np.errstate(all="ignore"):
-        (nees,) = squared_error(variant)(row, true)
-        states = uncertain(variant, MOVING)
-        diagonal = 5 + np.cumsum([0, *range(len(states), 1, -1)])  # of the triangle behind the five means
-        return nees, [(row[k] - true[k]) / np.sqrt(row[place]) for k, place in zip(states, diagonal)]
+def _by_motion(values: Floats, counts: list[int]) -> list[Floats]:
+    """The rows of each motion."""
+    return np.split(values, (1 + len(STATES)) * np.cumsum(counts)[:-1])
 
 
-def _normalised(study: Study, width: float, tuned: Tuning, chunk: int, runs: int) -> Iterator[tuple[int, Floats]]:
-    """Operation and its (6, samples, runs) of NEES and NEE, for a chunk of runs."""
-    samples = study.samples
-    varied, measured = drawn(study, width, chunk, runs)
-    estimator = Estimator(Variant(), tuned, study.model)
-    truth = reference_states(samples, varied, study.model)
-    for motion in filtered(samples, measured, varied, estimator):
-        count = len(motion.filtered) - LEFT_OUT
-        values = np.empty((1 + len(STATES), count, runs))
-        rows = islice(smoothed(motion, samples, varied, estimator), LEFT_OUT, None)
-        for place, row in zip(range(count - 1, -1, -1), rows):
-            true = tuple(a[..., motion.first + place] for a in truth)
-            values[0, place], values[1:, place] = normalised_errors(row, true, estimator.variant)
-        yield operation_of(samples, motion.first), values
+def plan_of(study: Study) -> tuple[Plan, list[tuple[int, int]]]:
+    """The plan of the normalised errors of all motions, sample by sample; operation and number of samples of each."""
+    samples, m, operations = study.samples, study.model, list[tuple[int, int]]()
+
+    def normalised(varied: Row, current: Row, tuning: Row) -> Iterator[Any]:
+        model, estimator = Varied(*varied), Estimator(Variant(), Tuning(*tuning), m)
+        for motion in filtered(samples, current, model, estimator):
+            operations.append((operation_of(samples, motion.first), len(motion.filtered) - LEFT_OUT))
+            rows = [*islice(smoothed(motion, samples, model, estimator), LEFT_OUT, None)]
+            for k, row in enumerate(reversed(rows), motion.first):
+                yield from normalised_errors(estimator.variant)(row, reference_state(samples, k, model, m))
+
+    sizes = {"varied": len(Varied._fields), "current": samples.time.size, "tuning": len(Tuning._fields)}
+    return plan(lambda **rows: [*normalised(**rows)], **sizes), operations
 
 
 def _summary(samples: Samples, operation: int, values: Floats) -> Operation:

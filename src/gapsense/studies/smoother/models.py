@@ -67,7 +67,9 @@ def errors(seed: int, chunk: int, runs: int) -> Floats:
 def noise(seed: int, chunk: int, runs: int, samples: int, deviation: float) -> Floats:
     """White noise (samples, runs) of the measured current [A] (58)."""
     generator = np.random.default_rng([seed, chunk, 1])
-    return np.ascontiguousarray(deviation * generator.standard_normal((runs, samples)).T)
+    drawn = generator.standard_normal((runs, samples))
+    drawn *= deviation
+    return drawn.T
 
 
 def chunks(runs: int) -> list[tuple[int, int]]:

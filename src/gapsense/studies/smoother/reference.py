@@ -7,15 +7,17 @@ what is then left of its transition from sample to sample.  For one model or for
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
 from gapsense.estimators.rts import Floats
+from gapsense.lanes import Code, Plan, Row, plan
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar, Vector
-from gapsense.studies.smoother.batch import Code, Variant, Varied, compiled, varied_model
+from gapsense.studies.smoother.batch import Variant, Varied, compiled, varied_model
 
 BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache
 
@@ -37,11 +39,14 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
     m (z_next - f_z*(z, z_prev, lambda, 0, q)) / T_s^2 (47d), so that the position has no process noise.
     The samples, of SI units, are at multiples of T_s, and the mover rests at both ends of them.
     """
-    z = (samples.position - m.z_min) / m.l_z
-    before, after = np.append(z[0], z[:-1]), np.append(z[1:], z[-1])
-    at = [z, before, after, samples.flux_linkage, samples.voltage, samples.current, samples.mode]
-    e_i, e_F = _over_runs(_error_code(m), at, varied)
-    return Reference(z, before, samples.flux_linkage, e_i, e_F)
+    at = _at(samples, m)
+    return Reference(at.z, at.z_prev, at.lam, *_over_runs(_error_code(m), at, varied))
+
+
+def reference_state(samples: Any, k: int, varied: Varied, m: Model) -> Row:
+    """The states of one sample, of arrays or of what stands for them in a plan."""
+    at = _At(*(float(values[k]) for values in _at(samples, m)))
+    return at.z, at.z_prev, at.lam, *_error_code(m)(at, varied)
 
 
 def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
@@ -49,28 +54,43 @@ def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
 
     The states are those of each run's own model, so that the positions have no noise; that of e_F is in (N m)^2.
     """
-    count, total = np.atleast_1d(varied.m).size, np.zeros(5)
-    for k in range(0, count, BLOCK):
-        block = Varied(*(np.atleast_1d(value)[k : k + BLOCK] for value in varied))
-        total += (transition_errors(samples, block, m) ** 2).sum(axis=(1, 2))
-    return np.asarray(total / (count * (samples.time.size - 1)))
+    squares = squared_noise(samples, varied, m)
+    return np.asarray(squares.sum(axis=1) / (squares.shape[1] * (samples.time.size - 1)))
 
 
-def transition_errors(samples: Any, varied: Varied, m: Model) -> Floats:
-    """w_k = x_(k+1) - f(x_k, u_k) (59) of all states, runs and samples: (5, runs, N - 1)."""
-    x = reference_states(samples, varied, m)
-    now, held = [a[..., :-1] for a in x], (samples.voltage[:-1], samples.mode[:-1])
-    with np.errstate(all="ignore"):
-        predicted = _transition_code(m)(now, held, [np.atleast_1d(value)[:, None] for value in varied])
-    return np.stack([a[..., 1:] - f for a, f in zip(np.broadcast_arrays(*x), predicted)])
+def squared_noise(samples: Any, varied: Varied, m: Model) -> Floats:
+    """Sums of w^2 over the cycle, w_k = x_(k+1) - f(x_k, u_k) (59), of all states and runs: (5, runs)."""
+    columns = np.stack([np.atleast_1d(value) for value in varied])
+    given = dict(zip(_At._fields, _at(samples, m)))
+    return plan_of_noise(m, samples.time.size).run(columns.shape[1], varied=columns, **given)
 
 
-def _over_runs(code: Code, at: list[Floats], varied: Varied) -> list[Floats]:
+@cache
+def plan_of_noise(m: Model, count: int) -> Plan:
+    """The plan of `squared_noise` for so many samples; each entry of `_At` is a column."""
+
+    def sums(varied: Row, **at: Row) -> Row:
+        samples = [_At(*row) for row in zip(*at.values())]
+        states = ((row.z, row.z_prev, row.lam, *_error_code(m)(row, varied)) for row in samples)
+        total: Row = (0.0,) * 5
+        for row, (now, after) in zip(samples, pairwise(states)):
+            total = _noise_code(m)(total, now, (row.voltage, row.mode), after, varied)
+        return total
+
+    return plan(sums, varied=len(Varied._fields), **dict.fromkeys(_At._fields, count))
+
+
+def _at(samples: Any, m: Model) -> _At:
+    z = (samples.position - m.z_min) / m.l_z
+    before, after = np.append(z[0], z[:-1]), np.append(z[1:], z[-1])
+    return _At(z, before, after, samples.flux_linkage, samples.voltage, samples.current, samples.mode)
+
+
+def _over_runs(code: Code, at: Row, varied: Varied) -> list[Floats]:
     """Results (runs, N) of generated code: the runs as a column beside the row of the samples."""
     columns = [np.atleast_1d(value)[:, None] for value in varied]
     blocks = [[value[k : k + BLOCK] for value in columns] for k in range(0, len(columns[0]), BLOCK)]
-    with np.errstate(all="ignore"):
-        return [np.concatenate(parts) for parts in zip(*(code(at, block) for block in blocks))]
+    return [np.concatenate(parts) for parts in zip(*(code(at, block) for block in blocks))]
 
 
 class _At(NamedTuple):
@@ -114,8 +134,9 @@ def _error_code(m: Model) -> Code:
 
 
 @cache
-def _transition_code(m: Model) -> Code:
-    def predicted(now: _State, held: _Input, varied: Varied) -> _State:
-        return _State(transition(now.x, Held(*held), varied_model(m, varied, Variant())))
+def _noise_code(m: Model) -> Code:
+    def added(total: _State, now: _State, held: _Input, after: _State, varied: Varied) -> _State:
+        w = after.x - transition(now.x, Held(*held), varied_model(m, varied, Variant()))
+        return _State(total.x + w * w)
 
-    return compiled(predicted, now=_State, held=_Input, varied=Varied)
+    return compiled(added, total=_State, now=_State, held=_Input, after=_State, varied=Varied)

@@ -1,16 +1,18 @@
-"""Filter, smoother and open loop of [RTS] over a whole record, for many runs at once."""
+"""Filter, smoother and open loop of [RTS] over a whole record, for many runs at once.
+
+Currents, parameters and estimates are arrays over the runs, or stand for them in a plan (`gapsense.lanes`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from gapsense.estimators.reduced_model import Model, is_moving, limit
 from gapsense.estimators.rts import Floats, motions
+from gapsense.lanes import Row
 from gapsense.studies.smoother import batch
-from gapsense.studies.smoother.batch import Row, Tuning, Variant, Varied
+from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 
 
 class Estimator(NamedTuple):
@@ -29,7 +31,7 @@ class Motion(NamedTuple):
     landing: Row
 
 
-def filtered(record: Any, current: Floats, varied: Varied, estimator: Estimator) -> Iterator[Motion]:
+def filtered(record: Any, current: Sequence[Any] | Floats, varied: Varied, estimator: Estimator) -> Iterator[Motion]:
     """Run the filter over a record, and give every motion when it has landed.
 
     The voltage and the mode of the record, which starts at rest, are the inputs of all runs; the measured currents
@@ -37,15 +39,14 @@ def filtered(record: Any, current: Floats, varied: Varied, estimator: Estimator)
     """
     variant, tuning, m = estimator
     v, q, end = record.voltage.tolist(), record.mode.tolist(), _end(record)
-    with np.errstate(all="ignore"):  # both branches of a condition may be computed, and one may be meaningless
-        row, kept = batch.start(m, variant, q[0])(varied), list[Row]()
-        for k in range(1, end):
-            row = batch.forward_step(m, variant, q[k - 1], q[k])(row, (v[k - 1], current[k]), varied, tuning)
-            if is_moving(q[k]):
-                kept.append(row)
-            elif is_moving(q[k - 1]):
-                yield Motion(k - len(kept), kept, row)
-                row, kept = batch.landed(row, variant, q[k]), []
+    row, kept = batch.start(m, variant, q[0])(varied), list[Row]()
+    for k in range(1, end):
+        row = batch.forward_step(m, variant, q[k - 1], q[k])(row, (v[k - 1], current[k]), varied, tuning)
+        if is_moving(q[k]):
+            kept.append(row)
+        elif is_moving(q[k - 1]):
+            yield Motion(k - len(kept), kept, row)
+            row, kept = batch.landed(row, variant, q[k]), []
 
 
 def smoothed(motion: Motion, record: Any, varied: Varied, estimator: Estimator) -> Iterator[Row]:
@@ -53,8 +54,7 @@ def smoothed(motion: Motion, record: Any, varied: Varied, estimator: Estimator) 
     back, later = batch.backward_step(estimator.model, estimator.variant), motion.landing
     voltages = record.voltage[motion.first : motion.first + len(motion.filtered)].tolist()
     for row, voltage in zip(reversed(motion.filtered), reversed(voltages)):
-        with np.errstate(all="ignore"):
-            later = back(row, (voltage,), later, varied, estimator.tuning)
+        later = back(row, (voltage,), later, varied, estimator.tuning)
         yield later
 
 
@@ -63,8 +63,7 @@ def open_loop(record: Any, varied: Varied, m: Model) -> Iterator[tuple[int, Row]
     v, q = record.voltage.tolist(), record.mode.tolist()
     row: Row = (limit(q[0]), limit(q[0]), 0.0)
     for k in range(1, _end(record)):
-        with np.errstate(all="ignore"):
-            row = batch.open_step(m, q[k - 1], q[k])(row, (v[k - 1],), varied)
+        row = batch.open_step(m, q[k - 1], q[k])(row, (v[k - 1],), varied)
         if is_moving(q[k]):
             yield k, row
 

@@ -1,0 +1,142 @@
+"""Base steps in C, many per call: what loop.c works on, and what its answers mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy.typing as npt
+
+from gapsense.cosim.instance import STEP
+from gapsense.cosim.loop import library
+from gapsense.cosim.loop.library import AT_GET, AT_SET, AT_STEP, IN_PYTHON, Doubles, Link, Loop, Number, Numbers
+from gapsense.cosim.loop.work import Advance, Work, first_exchange, first_turn
+from gapsense.cosim.part import NOT_FINITE, Exchange, Part
+from gapsense.processes import MARKS
+
+PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a Ctrl-C in a native FMU
+
+
+def in_c(work: Work, run: Callable[..., int]) -> Advance:
+    """Function that does base steps; `run` is that of the library."""
+    guests = [Guest(part, work) for part in work.parts]
+    parts = (library.Part * len(guests))(*(structure(guest, i, work) for i, guest in enumerate(guests)))
+    loop, player = whole(work, parts), work.player
+
+    def advance(until: int) -> int:
+        last = min(until, player.provide(loop.next))
+        loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
+        try:
+            cause = run(loop, last)
+        finally:  # whatever is raised, a KeyboardInterrupt perhaps
+            keep(work, loop, parts)
+        if cause:
+            raise failure(guests[loop.part], loop, cause)
+        return int(loop.next) - 1
+
+    return advance
+
+
+class Guest:
+    """A part in the loop in C. What only Python can move is called back, and what that fails of is kept."""
+
+    def __init__(self, part: Part, work: Work) -> None:
+        self.part, self.failed = part, ""
+        self.error: BaseException | None = None
+        base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
+        self.takes_first = is_sequential and part.follows
+        if not part.is_direct:
+            self.step, self.take = self.noted(part.stepper(base, is_sequential)), self.noted(part.taker())
+
+    def noted(self, act: Callable[..., str]) -> Callable[..., int]:
+        """A function that does the same, says whether it failed, and never raises."""
+
+        def do(*arguments: float) -> int:
+            try:
+                self.failed = act(*arguments)
+            except BaseException as error:  # raised when C has returned
+                self.error = error
+                return 1
+            return int(bool(self.failed))
+
+        return do
+
+
+def structure(guest: Guest, i: int, work: Work) -> library.Part:
+    """What loop.c needs to know of part `i`."""
+    part, component, recording = guest.part, guest.part.component, work.recording
+    common = {
+        "duration": component.step * work.experiment.base_step,
+        "every": component.step,
+        "steps_at": first_turn(component, work.begin),
+        "takes_at": first_exchange(component, work.begin),
+        "calls": recording.calls[i],
+        "seconds": recording.seconds[i],
+    }
+    if not part.is_direct:
+        calls = {"python_step": library.PythonStep(guest.step), "python_take": library.PythonTake(guest.take)}
+        return library.Part(**common, **calls)
+    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
+    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
+    return library.Part(
+        **common,
+        fmi=part.instance.description.fmi,
+        instance=part.instance.pointer,
+        inputs=exchange(part.set_inputs),
+        outputs=exchange(part.get_outputs),
+        do_step=library.address(part.instance.function(STEP)),
+        links=(Link * len(links))(*links),
+        link_count=len(links),
+        follows=guest.takes_first,
+    )
+
+
+def exchange(call: Exchange) -> library.Exchange:
+    """A call that moves values, for C."""
+    entry = library.address(call.entry) if call.function else None
+    return library.Exchange(entry, call.references, len(call.values), call.values)
+
+
+def whole(work: Work, parts: Any) -> Loop:
+    """What loop.c needs to know of the run."""
+    experiment = work.experiment
+    return Loop(
+        parts=parts,
+        part_count=len(parts),
+        buffer=pointer(work.buffer, Doubles),
+        start=experiment.start,
+        base_step=experiment.base_step,
+        is_jacobi=experiment.method == "jacobi",
+        decimation=work.decimation,
+        columns=pointer(work.columns, Numbers),
+        column_count=len(work.columns),
+        data=pointer(work.recording.data, Doubles),
+        rows=work.recording.rows,
+        places=pointer(work.player.places, Numbers),
+        place_count=len(work.player.places),
+        marks=(Number * MARKS).from_buffer(work.marks),
+        patience=PATIENCE,
+        next=work.begin,
+    )
+
+
+def pointer(array: npt.NDArray[Any], kind: Any) -> Any:
+    """An array that lies in one piece, for C; whoever calls keeps it alive."""
+    return array.ctypes.data_as(kind)
+
+
+def keep(work: Work, loop: Loop, parts: Any) -> None:
+    """Take over what was recorded and counted."""
+    work.recording.rows = loop.rows
+    work.recording.seconds[:] = [part.seconds for part in parts]
+    work.recording.calls[:] = [part.calls for part in parts]
+
+
+def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
+    """Error for what the loop returned."""
+    part = guest.part
+    if cause == IN_PYTHON:
+        return guest.error or part.failure(guest.failed, loop.time, loop.next)
+    part.status = loop.status
+    words = {AT_SET: part.set_inputs.function, AT_STEP: STEP, AT_GET: part.get_outputs.function}
+    return part.failure(words.get(cause, NOT_FINITE), loop.time, loop.next)

@@ -1,0 +1,84 @@
+"""Processes that are started ahead: taken by the next run or sweep, ended where nobody takes them."""
+
+from __future__ import annotations
+
+from operator import itemgetter
+
+import pytest
+
+from gapsense import spare
+from gapsense.cosim import ScenarioError, run, sweep
+from gapsense.cosim.unpacked import is_needed
+from gapsense.spare import ahead
+
+
+def answer_of(process):
+    """What the first of two numbers is, says a process."""
+    process.prepare(itemgetter, 0)
+    return process.ask([42, 43], "the test")
+
+
+def test_next_process_is_the_one_that_was_started_ahead_and_has_loaded_its_modules():
+    with ahead("this"):  # which prints a text
+        (waiting,) = spare._waiting
+        with ahead("this", count=2):  # has what is there already
+            taken = spare.process(limit=3.0)
+        assert taken is waiting
+        assert taken.limit == 3.0
+        assert not spare._waiting
+        other = spare.process()
+        try:
+            assert answer_of(taken) == answer_of(other) == 42
+            assert "Beautiful is better than ugly." in taken.words()
+            assert other.words() == ""
+        finally:
+            taken.close()
+            other.close()
+    assert taken.process.returncode == 0
+
+
+def test_one_that_is_taken_is_followed_by_another_on_request_and_the_last_is_ended():
+    with ahead(again=True):
+        first, second = spare.process(), spare.process()
+        (last,) = spare._waiting
+        assert len({id(first), id(second), id(last)}) == 3
+        first.close()
+        second.close()
+    assert not spare._waiting
+    assert last.process.returncode is not None
+    assert not last.folder.exists()
+    with ahead():
+        spare.process().close()
+        assert not spare._waiting
+
+
+def test_function_of_a_module_elsewhere_gets_a_process_that_finds_it():
+    with ahead():
+        guest = spare.process(guest=run)
+        assert len(spare._waiting) == 1
+        guest.close()
+
+
+def test_nothing_is_left_of_what_a_wrong_scenario_did_not_need(write, chain, fmus, monkeypatch):
+    started = []
+    monkeypatch.setattr(spare, "Process", lambda *a, **k: started.append(kept(*a, **k)) or started[-1])
+    path = write(chain.replace("Gain", "Nothing"))
+    for function in (run, sweep):
+        options = {"isolation": "process"} if function is run else {}
+        with pytest.raises(ScenarioError):
+            function(path, fmus=fmus, **options)
+    assert started
+    assert all(process.process.returncode is not None and not process.folder.exists() for process in started)
+
+
+kept = spare.Process
+
+
+def test_runs_unpack_no_documentation_no_sources_and_no_binaries_of_other_platforms():
+    import fmpy
+
+    own = f"binaries/{fmpy.platform}/"
+    needed = ["modelDescription.xml", own + "X.so", f"binaries/{fmpy.platform_tuple}/sub/y.so", "resources/a/b.csv"]
+    needed += ["resources/sources/x.c", "extra/org.x/y.xml", "model.png", "binaries/"]
+    assert all(map(is_needed, needed))
+    assert not any(map(is_needed, ["documentation/index.html", "sources/a.c", "binaries/amiga/X.so"]))

@@ -1,0 +1,67 @@
+"""What a running slave lends to the Linux binary: the answers are the slave's own, and Python is asked little."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from hosting import raw
+from parts import Part
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
+
+
+@pytest.mark.parametrize("count", [800, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_binary_and_slave_answer_alike(part: Part, tmp_path: Path, count: int) -> None:
+    with zipfile.ZipFile(part.path) as archive:
+        archive.extractall(tmp_path)
+    ranges = [
+        (-p.nominal if p.min is None else p.min, p.nominal if p.max is None else p.max)
+        for p in part.component.of("input")
+    ]
+    seen = raw("twins", tmp_path, ranges, len(part.component.of("output")), part.component.step_size, count, 1)
+    assert seen["DoStep 0"] > count // 5 and seen["save 0"] > 3 and seen["restore 0"] > 3, seen
+    assert seen["DoStep 3"] > 3, seen
+
+
+def test_usual_calls_do_not_ask_the_slave(semera: Path) -> None:
+    """After any other call, the slave is asked until the next step."""
+    found = raw("lending.asked", semera)
+    assert all(facts["stati"] == [0] for facts in found.values())
+    between = {"lend": 100, "set_real": 100}
+    assert {name: facts["calls"] for name, facts in found.items()} == {
+        "nothing": {},
+        "no variable": {},
+        "parameter": {"lend": 99, "set_real": 99, "get_real": 100},
+        "saved": between | {"_get_fmu_state": 100},
+        "restored": between | {"_set_fmu_state": 100},
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("raises", "ArithmeticError: in the kernel"),
+        ("interrupted", "KeyboardInterrupt"),
+        ("infinite", "output `resistance` is not finite. Check the parameters, or reduce the step."),
+        ("no numbers", "TypeError"),
+    ],
+)
+def test_step_that_fails_is_told_and_outputs_are_kept(semera: Path, kind: str, words: str) -> None:
+    found = raw("lending.failing", semera, kind)
+    ((status, category, text),) = found["said"]
+    assert (found["status"], status, category) == (3, 3, "logStatusError")
+    assert text.startswith("`one` (Semera), t = 0.00015 s, step = 5e-05 s: ") and words in text
+    assert found["is_kept"] and found["afterwards"] == [[3, 3, 0], 0]
+
+
+def test_values_can_be_set_and_got_after_the_end_of_python(semera: Path, gcc: str, tmp_path: Path) -> None:
+    from gapsense.fmi.shim.build import headers
+
+    source, library = Path(__file__).with_name("after_python.c"), tmp_path / "after_python.so"
+    subprocess.run([gcc, "-shared", "-fPIC", f"-I{headers()}", str(source), "-o", str(library)], check=True)
+    fatal = 4
+    assert raw("lending.without_python", semera, str(library)) == [0, 0, fatal, fatal, 0.5]
