@@ -16,8 +16,10 @@ from gapsense.studies.identification.model import JUMP, Trajectory
 from gapsense.studies.identification.operations import noise, resolution
 from gapsense.studies.identification.record import Record
 
-EXPLAINED = 2.0  # times the noise
-FLOOR = 3e-3  # of the largest current, which no model is better than
+EXPLAINED = 1.25  # times the noise
+FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
+SMALL = 3e-3  # of the largest current: less is none
+REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
 CAUSES = {
     "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
@@ -53,9 +55,7 @@ class Residual(NamedTuple):
 def residual(record: Record, model: Trajectory, first: int) -> Residual:
     """What the model, which begins at sample `first`, leaves of a record."""
     i, error = record.current[first:], record.current[first:] - model.current
-    step = resolution(i)
-    sigma = float(np.hypot(noise(record.current), step / np.sqrt(12.0) if step > 1e-6 * np.ptp(i) else 0.0))
-    squares = error**2
+    squares, sigma = error**2, noise_of(record, first)
     places = {name: float(squares[at].sum() / squares.sum()) for name, at in _places(record, model, first).items()}
     return Residual(
         record=record.name,
@@ -67,6 +67,13 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
     )
 
 
+def noise_of(record: Record, first: int) -> float:
+    """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
+    i, step = record.current, resolution(record.current)
+    hidden = step / np.sqrt(12.0) if step > 1e-6 * np.ptp(i) else 0.0
+    return float(max(noise(i), hidden, i[:first].std() if first >= REST else 0.0))
+
+
 def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDArray[np.bool_]]:
     """Samples by what the device does there."""
     v, at = record.voltage[first:], model.position
@@ -74,7 +81,7 @@ def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDAr
     edges = np.zeros(v.size, dtype=bool)
     edges[np.clip(jumps[:, None] + np.arange(AFTER + 1), 0, v.size - 1)] = True
     moves = _spread(np.abs(np.diff(at, prepend=at[0])) > 0.0)
-    flows = np.abs(model.current) > FLOOR * np.abs(model.current).max()
+    flows = np.abs(model.current) > SMALL * np.abs(model.current).max()
     driven = v > 0.5 * v.max()
     left = ~edges & ~moves
     return {
