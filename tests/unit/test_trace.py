@@ -474,7 +474,7 @@ def same(a: float, b: float) -> bool:
     return a == b or (math.isnan(a) and math.isnan(b))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(TREES, st.tuples(*3 * [st.floats(-3.0, 3.0)]))
 def test_random_graphs_give_the_same_bits_in_source_python_and_c(
     tmp_path_factory: pytest.TempPathFactory, tree: Any, values: tuple[float, float, float]
@@ -487,7 +487,7 @@ def test_random_graphs_give_the_same_bits_in_source_python_and_c(
     assert same(run_c(function, tmp_path_factory.mktemp("c"), *values), expected)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(TREES, st.lists(st.tuples(*3 * [st.floats(-3.0, 3.0)]), min_size=3, max_size=3))
 def test_random_graphs_over_runs_equal_single_runs(tree: Any, rows: list[tuple[float, float, float]]) -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
