@@ -9,12 +9,15 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from gapsense import locks
 from gapsense.fmi.native.platforms import chosen, compilers
 from gapsense.native import NativeError
 
 ROOT = Path(__file__).resolve().parents[1]
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
+settings.load_profile("busy")
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 
 

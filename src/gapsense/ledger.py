@@ -89,16 +89,16 @@ class Ledger:
         lines = self.file.read_text(encoding="utf-8", errors="replace").splitlines()
         return [entry for entry in map(parsed, lines) if entry]
 
-    def append(self, entry: Entry) -> None:
-        """Add one entry and see it on the disk."""
+    def append(self, *entries: Entry) -> None:
+        """Add entries and see them on the disk."""
         if self.file is None:
             return
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        line = json.dumps({**self.about, **entry})
+        lines = "".join(json.dumps({**self.about, **entry}) + "\n" for entry in entries)
         with naming(self.file), self.file.open("ab+") as file:
             file.seek(max(file.tell() - 1, 0))
             is_torn = file.read(1) not in (b"", b"\n")
-            file.write((b"\n" if is_torn else b"") + line.encode() + b"\n")
+            file.write((b"\n" if is_torn else b"") + lines.encode())
             file.flush()
             os.fsync(file.fileno())
 

@@ -182,8 +182,10 @@ def remove_folder() -> None:
 def leave(is_done: Event) -> None:
     """Leave no files; at a good end do not take the interpreter down in order, which takes longer than many a run."""
     remove_folder()
-    if is_done.is_set():
+    if is_done.is_set() and os.name == "posix":
         sys.stderr.flush()
+        if "ctypes" in sys.modules:  # libraries may have files open
+            sys.modules["ctypes"].CDLL(None).fflush(None)
         os._exit(0)
 
 

@@ -20,8 +20,8 @@ def process(guest: Callable[..., Any] | None = None, limit: float | None = None)
         with suppress(IndexError):
             taken = _waiting.popleft()
             taken.limit = limit
-            if _again:
-                _waiting.append(Process(load=_again[-1]))
+            with suppress(OSError):  # who needs the next one will start it, and tell
+                _waiting.extend(Process(load=modules) for modules in _again)
             return taken
     return Process(guest, limit)
 

@@ -235,7 +235,7 @@ def not_(c: Any) -> Any:
 
 
 def where(c: Any, a: Any, b: Any) -> Any:
-    """`a` if `c` else `b`; both are computed, so both must be harmless."""
+    """`a` if `c` else `b`; either may be computed in vain, so both must be harmless."""
     same = isinstance(c, Expr) and _key(_scalar(a)) == _key(_scalar(b))
     return _make("where", c, a, b) if isinstance(c, Expr) and not same else a if same or c else b
 

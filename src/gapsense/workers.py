@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from queue import Empty, Queue
 from threading import Thread
 from typing import Any, NamedTuple
@@ -46,14 +47,15 @@ def complete(
         try:
             for _ in left[: job.workers]:
                 workers.append(Worker(job, pending, answers))
-            for done in left:
-                tell(done, total)
-                answer = awaited(answers, workers, interrupts)
-                if answer is None:
+            tell(done := left.start, total)
+            while done < total:
+                came = awaited(answers, workers, interrupts)
+                if not came:
                     return True
-                known[answer["index"]] = answer
-                ledger.append(answer)
-            tell(total, total)
+                known.update((answer["index"], answer) for answer in came)
+                ledger.append(*came)
+                for _ in came:
+                    tell(done := done + 1, total)
         finally:
             pending.clear()
             for worker in workers:
@@ -63,8 +65,8 @@ def complete(
     return False
 
 
-def awaited(answers: Queue[Entry | Exception], workers: list[Worker], interrupts: Callable[[], int]) -> Entry | None:
-    """The next answer, or None after a Ctrl-C; raises what a worker could not answer."""
+def awaited(answers: Queue[Entry | Exception], workers: list[Worker], interrupts: Callable[[], int]) -> list[Entry]:
+    """The answers that have come, at least one, or none after a Ctrl-C; raises what a worker could not answer."""
     while not interrupts():
         try:
             answer = answers.get(timeout=LOOK)
@@ -74,8 +76,16 @@ def awaited(answers: Queue[Entry | Exception], workers: list[Worker], interrupts
             continue
         if isinstance(answer, Exception):
             raise answer
-        return answer
-    return None
+        return [answer, *waiting(answers)]
+    return []
+
+
+def waiting(answers: Queue[Entry | Exception]) -> Iterator[Entry]:
+    """What has come besides: where that is faster than the disk, it is written together."""
+    with suppress(Empty):
+        while not isinstance(answer := answers.get_nowait(), Exception):
+            yield answer
+        answers.put(answer)  # for the next look, when all that came before is written
 
 
 class Worker:

@@ -16,7 +16,7 @@ KERNEL = Kernel(pot_magnet)
 REST = pot_magnet.Inputs(0.0, 0.0, 0.0)
 VOLTAGES = st.lists(st.one_of(st.just(0.0), st.floats(-100.0, 100.0)), min_size=1, max_size=30)
 CYCLE = [24.0] * 50 + [0.0] * 50
-few = settings(max_examples=40, deadline=None)
+few = settings(max_examples=40)
 sets = pytest.mark.parametrize("par", [POT_MAGNET, POT_MAGNET_PRINTED], ids=["consistent", "printed"])
 
 

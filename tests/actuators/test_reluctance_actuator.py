@@ -21,7 +21,7 @@ LOCKED = RTS_VALVE._replace(spring_rest=100.0)  # the spring holds it open
 ANHYSTERETIC = RTS_VALVE._replace(hysteresis=0.0)
 LINEAR = ANHYSTERETIC._replace(saturation=0.0, eddy_currents=0.0)
 VOLUME = RTS_VALVE.core_area * RTS_VALVE.core_length
-few = settings(max_examples=30, deadline=None)
+few = settings(max_examples=30)
 
 
 @pytest.fixture(scope="module")

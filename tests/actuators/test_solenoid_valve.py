@@ -17,7 +17,7 @@ from gapsense.studies.devices import VALVE
 REST = valve.Inputs(0.0, 0.0, 0.0)
 VOLTAGES = st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=30)
 STEP = 0.25e-3
-few = settings(max_examples=40, deadline=None)
+few = settings(max_examples=40)
 laws = pytest.mark.parametrize("law", [0.0, 1.0, 2.0], ids=["linear", "fringing", "table"])
 
 

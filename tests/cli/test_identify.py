@@ -125,7 +125,7 @@ def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
 WRONG = {
     "unknown model": (["identify", "fit.csv", "--model", "relay"], ["--model", "`relay`", "solenoid_valve"]),
     "no file": (["identify", "none.csv"], ["none.csv", "No such file"]),
-    "too few periods": (["identify", "fit.csv", "--period", "0.03"], ["1 complete periods", "--period"]),
+    "wrong period": (["identify", "fit.csv", "--period", "0.02"], ["at its end", "--period"]),
     "unknown known": (["identify", "fit.csv", "--parameters", "bad.toml"], ["mover.mas", "`mover.mass`"]),
     "unknown convention": (["identify", "fit.csv", "--voltage", "mean"], ["--voltage", "trapezoid"]),
     "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),

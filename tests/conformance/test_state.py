@@ -16,9 +16,7 @@ from subjects import ERROR, OK, Instance, Subject, refused
 
 from gapsense.fmi.sentences import SENTENCES, say
 
-FUZZ = settings(
-    max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+FUZZ = settings(max_examples=30, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def saved(one: Instance, count: int = 7) -> str:

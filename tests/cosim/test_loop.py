@@ -109,7 +109,7 @@ CASES = st.fixed_dictionaries(
 
 
 @needs_library
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(case=CASES, is_patient=st.booleans())
 def test_loop_makes_the_same_calls_with_the_same_bits(case, is_patient):
     with pytest.MonkeyPatch.context() as patch:

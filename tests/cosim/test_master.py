@@ -74,7 +74,7 @@ def chain_with(chain, method, grids, base=0.1, count=12, start=0.0):
     return text
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(method=st.sampled_from(["gauss-seidel", "jacobi"]), grids=st.tuples(GRIDS, GRIDS, GRIDS))
 def test_run_equals_the_loop_by_hand(write, chain, fmus, method, grids):
     result = run(write(chain_with(chain, method, grids)), fmus=fmus)

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import gapsense
@@ -68,7 +68,7 @@ LISTS, TABLES = st.lists(VALUES, max_size=3), st.dictionaries(TEXTS, VALUES, max
 
 @example({"description": "a\r\nb\r"})
 @given(st.dictionaries(TEXTS, VALUES | LISTS | TABLES, max_size=4))
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is slow
+@settings(max_examples=50)
 def test_whatever_is_in_it_is_written_exactly(content):
     with TemporaryDirectory() as folder:
         scenario = Scenario(folder=folder)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from operator import itemgetter
 
 import pytest
+import unflushed
 
 from gapsense import spare
 from gapsense.cosim import ScenarioError, run, sweep
@@ -57,6 +59,16 @@ def test_function_of_a_module_elsewhere_gets_a_process_that_finds_it():
         guest = spare.process(guest=run)
         assert len(spare._waiting) == 1
         guest.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="calls the C library of POSIX")
+def test_what_a_library_has_written_is_on_the_disk_after_the_end(tmp_path):
+    process = spare.process(guest=unflushed.prepare)
+    process.prepare(unflushed.prepare, str(tmp_path / "log.txt"))
+    process.ask("the last words", "the test")
+    process.close()
+    assert process.process.returncode == 0
+    assert (tmp_path / "log.txt").read_text() == "the last words"
 
 
 def test_nothing_is_left_of_what_a_wrong_scenario_did_not_need(write, chain, fmus, monkeypatch):

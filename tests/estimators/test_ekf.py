@@ -150,7 +150,7 @@ NUMBER = st.tuples(
 NOTHING = [(1.884126663743103e-36, 0.0, 2.0), *[(0.0, 0.0, 2.0)] * 4]  # a projection moved the flux linkage to 2e36 Wb
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(NUMBER, min_size=2, max_size=40), st.booleans(), st.booleans())
 @example(NOTHING, False, False)
 def test_covariance_stays_symmetric_and_non_negative(samples: Any, has_force: bool, has_current: bool) -> None:

@@ -246,7 +246,7 @@ NUMBERS = st.one_of(st.floats(-2.0, 2.0), st.floats(allow_nan=True, allow_infini
 VOLTAGES = st.one_of(st.sampled_from([0.0, 24.0, -24.0]), st.floats(-100.0, 100.0), st.just(math.nan))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(st.tuples(VOLTAGES, NUMBERS), min_size=2, max_size=60), st.integers(0, 2), st.booleans(), st.integers(1, 9)
 )

@@ -41,7 +41,7 @@ def is_covariance(P: Any, before: Any, tolerance: float = 1e-9) -> bool:
     )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(SEEDS, st.integers(1, 5), st.integers(1, 3))
 def test_condition_equals_the_textbook(seed: int, n: int, m: int) -> None:
     rng = np.random.default_rng(seed)
@@ -54,7 +54,7 @@ def test_condition_equals_the_textbook(seed: int, n: int, m: int) -> None:
     np.testing.assert_allclose(numbers(found.cov), P - K @ H @ P, atol=1e-12)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SEEDS, st.integers(2, 5), st.integers(0, 5), st.sampled_from([0.0, 1e-12, 1.0]))
 def test_covariances_stay_symmetric_and_non_negative(seed: int, n: int, rank: int, noise: float) -> None:
     rng = np.random.default_rng(seed)

@@ -93,7 +93,7 @@ def test_hysteresis_is_that_of_the_differential_equation() -> None:
 
 
 @given(st.lists(st.sampled_from([-30.0, 0.0, 5.0, 30.0]), min_size=3, max_size=8), st.floats(1e-3, 0.05))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_hysteresis_stays_within_its_amplitude_and_takes_energy(levels: list[float], amplitude: float) -> None:
     """Of a loop of flux linkage it keeps the energy; none comes out of a run from the virgin state."""
     _, points = resting_run(amplitude, np.repeat([0.0, *levels], 60))

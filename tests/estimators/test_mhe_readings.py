@@ -79,7 +79,7 @@ VALUES = st.sampled_from([0.0, 30.0, -30.0, 1e-300, 99.0, -99.0, 1e9, np.nan, np
     st.sampled_from([0.0, 1.0]),
     st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_input_gives_finite_outputs(
     levels: list[tuple[float, float, float, int]], dt: float, command: float, further: float, seed: int
 ) -> None:
@@ -96,7 +96,7 @@ def test_any_input_gives_finite_outputs(
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 def test_the_python_code_never_raises(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scalar, par = KERNEL.scalar, tuple(blind())

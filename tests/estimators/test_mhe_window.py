@@ -26,7 +26,7 @@ LEARNT = (0, 1, 2, 3, 4, 5, 6, 7, START)  # corrections without the further ones
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 8.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_twelve_turns_are_minus_the_inverse(seed: int, spread: float) -> None:
     rng = np.random.default_rng(seed)
     scale = 10.0 ** rng.uniform(-spread, spread, 12)

@@ -116,7 +116,7 @@ SAMPLE = st.tuples(st.floats(-1e3, 1e3), st.floats(-10.0, 10.0))
 DEVIATION = st.sampled_from([0.0, 1e-6, 1e-3, 1.0, 1e3])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(SAMPLE | st.just((0.0, 0.0)), min_size=2, max_size=30),
     st.tuples(DEVIATION, DEVIATION, DEVIATION, st.sampled_from([0.0, 1.0, 1e8]), DEVIATION, DEVIATION),

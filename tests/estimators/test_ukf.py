@@ -315,7 +315,7 @@ SAMPLE = st.tuples(NUMBER, NUMBER)
 SIZE = st.sampled_from([0.0, 1e-9, 1.0, 1e6])
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(SAMPLE, min_size=2, max_size=30), st.sampled_from([*FILTERS]), st.integers(0, 11), SIZE)
 @example([(0, 0), (0, 100), (0, 100), (18, 0), (0, 0)], "unbounded_ukf", 1, 1e6)
 @example([(-15.39, -53.5), (5, 5), (39.5, math.inf), (99.9, 0)], "bounded_ekf", 4, 1e6)

@@ -63,7 +63,7 @@ def test_columns_make_the_covariance_again_also_a_singular_one(rank: int, order:
             assert np.all(column[list(order[:k])] == 0.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from([0, 1, 2, 3, 4]), st.sampled_from([4.0, 8.0, 30.0]))
 def test_covariance_is_symmetric_and_non_negative_for_any_function(seed: int, rank: int, spread: float) -> None:
     estimate, _, _ = gaussian(seed, 4, rank)

@@ -35,6 +35,17 @@ def test_columns_come_in_the_order_asked_for(file: Path) -> None:
     assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.5, -20.0]]
 
 
+def test_table_that_is_read_again_is_new_to_its_reader_and_another_one_after_a_change(file: Path) -> None:
+    file.write_text("time,voltage\n0,1\n1,2\n")
+    read_table(file, COLUMNS)[1][0] = 9.0
+    assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.0, 2.0]]
+    assert read_table(file, ("time", "integral:voltage")) == [[0.0, 1.0], [0.0, 1.5]]
+    file.write_text("time,voltage\n0,1\n1,3\n")  # as long, and perhaps at the same time
+    assert read_table(file, COLUMNS) == [[0.0, 1.0], [1.0, 3.0]]
+    for _ in range(2):
+        assert "row 3" in refused(file, "time,voltage\n0,1\n1,\n")
+
+
 UNITS = ("time [s]", "voltage [V]", "integral:voltage")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from parts import FOLDERS
 
@@ -98,7 +98,6 @@ def test_problems_of_tables_come_with_the_others(folder):
         fields(COMPONENT, {"curve.file": "none.csv"}, folder)
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.dictionaries(st.sampled_from([*(p.name for p in COMPONENT.ports), "x"]), VALUES))
 def test_values_are_taken_or_refused_but_never_break(values):
     found = problems(COMPONENT, values)

@@ -11,7 +11,9 @@ from valve_records import columns, write
 
 from gapsense.cosim import run
 from gapsense.problems import InputError
-from gapsense.studies.identification.checks import noise, read_record
+from gapsense.studies.identification.checks import read_record
+from gapsense.studies.identification.operations import noise
+from gapsense.studies.identification.record import Reading
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,7 +63,7 @@ def test_two_columns_of_one_name_are_refused_if_they_are_read(tmp_path):
 
 def test_columns_of_other_names_are_named_by_the_user(tmp_path):
     file = write(tmp_path / "a.csv", seed=1, header="time [s],u1 [V],ch2 [A]")
-    assert read_record(file, {"voltage": "u1", "current": "ch2"}).current.size > 600
+    assert read_record(file, Reading({"voltage": "u1", "current": "ch2"})).current.size > 600
     assert "`--column voltage=NAME`" in problems(file)[0]
 
 
@@ -72,12 +74,12 @@ MALFORMED = {
     "NaN": (cell(7, 2, "nan"), [r"row 7: `current` is `nan`, a finite number"]),
     "text": (cell(8, 1, "on"), [r"row 8: `voltage` is `on`"]),
     "empty cell": (cell(9, 0, ""), [r"row 9: `time` is ``"]),
-    "decimal comma": (cell(9, 2, "0,1"), [r"row 9: 4 cells found, 3 expected.*point, not a comma"]),
+    "decimal comma": (cell(9, 2, "0,1"), [r"row 9: 4 cells found, 3 expected.*point, not a comma.*--decimal ,"]),
     "repeated row": (lambda lines: lines.insert(20, lines[19]), [r"row 21: `time` is .* 0 s after the row before"]),
     "missing row": (lambda lines: lines.pop(30), [r"row 31: `time` is .* 0.0001 s after .* steps of 5e-05 s"]),
     "too short": (lambda lines: lines.__delitem__(slice(6, None)), [r"5 rows found, at least 8"]),
-    "one period": (lambda lines: lines.__delitem__(slice(350, None)), [r"1 complete periods found .* row 12, 332\)"]),
-    "no edge": (lambda lines: lines.__delitem__(slice(10, None)), [r"`voltage` has no rising edge|complete periods"]),
+    "cut": (lambda lines: lines.__delitem__(slice(100, None)), [r"no complete operation .* row 12\).*has ended"]),
+    "no edge": (lambda lines: lines.__delitem__(slice(10, None)), [r"no current flows"]),
     "not from rest": (lambda lines: lines.__delitem__(slice(1, 60)), [r"row 2 to \d+: `current` is 0\.\d+ A before"]),
 }
 
@@ -129,7 +131,7 @@ def test_sound_signals_are_not_called_clipped(tmp_path, step, seed):
 
 def test_period_that_does_not_end_as_it_began_is_refused(tmp_path):
     (found, *_) = problems(write(tmp_path / "c.csv", seed=1, periods=3), period=13e-3)
-    assert re.search(r"row \d+ to \d+: `current` is .* at the start of this period and .* at its end", found)
+    assert re.search(r"row \d+ to \d+: `current` is .* at the start of this operation and .* at its end", found)
 
 
 def test_noise_is_found_beside_jumps():
@@ -147,11 +149,74 @@ def test_results_of_a_run_are_records_at_the_instants_of_the_sensor(fmus, tmp_pa
     signals = {"voltage": "sensor.voltage_measured", "mode": "valve.mode", "position": "valve.position"}
     for name, signal in signals.items():
         np.testing.assert_array_equal(getattr(own, name), result[signal][rows])
-    named = read_record(file, {"voltage": "drive.voltage", "current": "valve.current"})
+    named = read_record(file, Reading({"voltage": "drive.voltage", "current": "valve.current"}))
     assert named.dt == pytest.approx(25e-6, rel=1e-9)
     lone = file.rename(tmp_path / "lone.csv")  # without its side-car: a file like any other, its heads have the units
-    alone = read_record(lone, {"voltage": "sensor.voltage_measured", "current": "sensor.current_measured"})
+    alone = read_record(lone, Reading({"voltage": "sensor.voltage_measured", "current": "sensor.current_measured"}))
     np.testing.assert_array_equal(alone.current, result["sensor.current_measured"])
     assert alone.dt == pytest.approx(25e-6, rel=1e-9)
     lone.rename(file)
-    assert "no signal `valve.curent`" in problems(file, names={"current": "valve.curent"})[0]
+    assert "no signal `valve.curent`" in problems(file, how=Reading({"current": "valve.curent"}))[0]
+
+
+def foreign(path: Path, separator: str, decimal: str) -> Path:
+    """A sound record as programs of other countries write it."""
+    lines = write(path / "f.csv", seed=1).read_text("utf-8").replace(",", separator)
+    (path / "f.csv").write_text(lines.replace(".", decimal), encoding="utf-8")
+    return path / "f.csv"
+
+
+@pytest.mark.parametrize(("separator", "said"), [(";", 'semicolons.*`--separator ";"'), ("\t", "tabs.*--separator")])
+def test_other_separators_are_named_and_read(tmp_path, separator, said):
+    file = foreign(tmp_path, separator, ",")
+    (found,) = problems(file)
+    assert re.search(rf"f.csv, row 1: .*{said}.*--decimal ,", found)
+    sound = read_record(write(tmp_path / "a.csv", seed=1))
+    read = read_record(file, Reading(separator=separator, decimal=","))
+    np.testing.assert_array_equal(read.current, sound.current)
+
+
+def test_decimal_commas_between_semicolons_are_named(tmp_path):
+    found = problems(foreign(tmp_path, ";", ","), how=Reading(separator=";"))
+    assert "With decimal commas, add `--decimal ,`." in found[0]
+
+
+def test_times_may_be_rounded_but_no_row_may_lack(tmp_path):
+    values = columns(seed=1)
+    values["time"] = np.round(values["time"] * 1.07, 5)  # 53.5 us to 10 us
+    assert read_record(write(tmp_path / "r.csv", values)).dt == pytest.approx(53.5e-6, rel=1e-2)
+    lacking = {name: np.delete(x, 40) for name, x in values.items()}
+    assert "row 42: `time`" in "".join(problems(write(tmp_path / "l.csv", lacking)))
+
+
+def test_milliseconds_called_seconds_are_noticed(tmp_path):
+    values = columns(seed=1)
+    values["time"] = 1e3 * values["time"]
+    (found,) = problems(write(tmp_path / "ms.csv", values))
+    assert re.search(r"`current` takes \d.*milliseconds are expected.*write `time \[ms\]`", found)
+
+
+def test_reversed_sensor_is_named(tmp_path):
+    values = columns(seed=1)
+    values["current"] = -values["current"]
+    (found,) = problems(write(tmp_path / "r.csv", values))
+    assert re.search(r"opposite signs, so that the resistance would be -7\d.*reversed: change the sign", found)
+
+
+def test_converter_without_sign_is_noticed(tmp_path):
+    values = columns(seed=1)
+    noisy = 1e-3 * np.random.default_rng(3).standard_normal(100)
+    early = {"time": np.arange(-100, 0) * 50e-6 + values["time"][0], "voltage": 15.0 * noisy[::-1], "current": noisy}
+    values = {name: np.concatenate((early[name], values[name])) for name in values}
+    assert read_record(write(tmp_path / "two.csv", values)).remarks == ()
+    values["current"] = np.maximum(values["current"], 0.0)
+    (said,) = read_record(write(tmp_path / "one.csv", values)).remarks
+    assert said.startswith("`current` never falls below 0 at rest, though it is noisy")
+
+
+def test_clipped_signal_is_taken_on_request(tmp_path):
+    values = columns(seed=1)
+    values["current"] = np.minimum(values["current"], 0.3)
+    file = write(tmp_path / "c.csv", values)
+    assert "--clipped" in problems(file)[0]
+    assert read_record(file, Reading(may_clip=True)).current.max() == 0.3

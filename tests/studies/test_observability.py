@@ -66,7 +66,7 @@ def test_matrix_is_C_times_powers_of_F(n: int) -> None:
             np.testing.assert_allclose(matrix[j], C @ np.linalg.matrix_power(F, j), rtol=1e-12, atol=1e-10 / DT)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.fractions(-5, 5, max_denominator=20), min_size=4, max_size=4))
 def test_determinant_is_that_of_the_matrix_exactly(i: list[Fraction]) -> None:
     dt = Fraction(1, 20000)
@@ -74,7 +74,7 @@ def test_determinant_is_that_of_the_matrix_exactly(i: list[Fraction]) -> None:
     assert determinant(fractions(i), dt)[0] == a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.fractions(-5, 5), st.fractions(-2, 2), st.integers(2, 9))
 def test_linear_current_has_rank_two_at_most_exactly(start: Fraction, slope: Fraction, n: int) -> None:
     i = fractions(start + k * slope for k in range(n + 2))
@@ -98,7 +98,7 @@ def test_exponential_current_is_observable_and_a_parabola_too() -> None:
     assert exact_rank(observability_matrix(i, Fraction(1, 20000))[1]) == 3
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.fractions(-5, 5, max_denominator=50), min_size=4, max_size=10))
 def test_flux_state_never_has_rank_three_exactly(i: list[Fraction]) -> None:
     matrix = flux_state_matrix(fractions(i), Fraction(1, 20000), len(i) - 2)[0]

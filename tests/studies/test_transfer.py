@@ -110,3 +110,19 @@ def test_later_files_win_and_all_problems_are_told(tmp_path):
     with pytest.raises(InputError) as caught:
         read_values([tmp_path / "c.toml", tmp_path / "d.toml", tmp_path / "e.toml"])
     assert len(caught.value.problems) == 3
+
+
+@pytest.mark.parametrize(
+    ("device", "expected"),
+    [
+        ({"initial.position": 0.3e-3, "stop.upper": 0.5e-3}, 0.3e-3),
+        ({"stop.upper": 0.5e-3}, 0.5e-3),
+        ({"stop.lower": 0.1e-3, "stop.upper": 0.5e-3, "spring.rest": 0.02}, 0.5e-3),
+        ({"stop.lower": 0.1e-3, "stop.upper": 0.5e-3, "spring.rest": -0.02}, 0.1e-3),
+        ({"stop.upper": 0.5e-3, "prior.position": 0.2e-3}, 0.2e-3),
+    ],
+)
+@pytest.mark.parametrize("name", ["bounded_ukf", "hybrid_ekf"])
+def test_estimators_begin_where_the_device_does(name, device, expected):
+    names = [port.name for port in load_component(own(name)).of("parameter")]
+    assert values_for(names, device)["prior.position"] == expected

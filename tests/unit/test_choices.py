@@ -100,7 +100,7 @@ def evaluate(steps: list[tuple[str, int, int, int]], *values: Any) -> Any:
     return sum(found[1:], found[0]), found[-1] + 0.0 * values[0]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150)
 @given(STEPS, st.tuples(*3 * [st.floats(-3.0, 3.0)]))
 def test_random_programs_give_the_same_bits(steps: Any, values: tuple[float, float, float]) -> None:
     found = compiled(python_text(lambda *given: evaluate(steps, *given), Pair))(values)

@@ -185,7 +185,7 @@ POLYNOMIAL = st.lists(
 )
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, suppress_health_check=list(HealthCheck))
 @given(POLYNOMIAL, st.integers(0, 2**32))
 def test_random_programs_against_finite_differences(program: list[tuple[str, int, int]], seed: int) -> None:
     def function(a: Any, b: Any, c: Any) -> Any:

@@ -65,6 +65,11 @@ def test_block_of_copies_only_stays_a_block() -> None:
         assert called(["    a = given", *renamed(lines)], value) == abs(value)
 
 
+def test_nothing_is_left_of_an_empty_else() -> None:
+    lines = ["    t1 = a + 1.0", "    if a > 0.0:", "        c2 = -t1", "    else:", "        c2 = t1", "    return c2"]
+    assert renamed(lines)[1:] == ["    if a > 0.0:", "        t1 = -t1", "    return t1"]
+
+
 def test_both_sides_of_a_copy_stay_apart_while_both_are_needed() -> None:
     lines = ["    t1 = given + 1.0", "    t2 = t1", "    t1 = t1 * 2.0", "    return t1, t2"]
     assert called(renamed(lines), 3.0) == (8.0, 4.0)

@@ -282,6 +282,26 @@ def test_loop_with_truth_value_as_state(tmp_path: Path) -> None:
         assert run_numpy(function, *values) == expected
 
 
+def test_loop_whose_variables_change_places_and_stops_by_what_they_were(tmp_path: Path) -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        x, y, n = loop(9, lambda x, y, n: ((y, x + y, n + 1.0), x + n > c), (a, b, 0.0))
+        return x * 100.0 + y * 10.0 + n
+
+    for k, c in enumerate((0.0, 5.0, 40.0, 1e9)):
+        expected = function(1.0, 2.0, c)
+        assert run_python(function, 1.0, 2.0, c) == expected
+        assert run_c(function, tmp_path / str(k), 1.0, 2.0, c) == expected
+
+
+def test_which_branch_was_taken_is_its_condition() -> None:
+    def function(a: Any, b: Any, c: Any) -> Any:
+        x, is_first = cond(a > b, lambda: (sqrt(b), True), lambda: (c, False))
+        return where(is_first, x, a)
+
+    assert "True" not in python_text(function)
+    assert [run_python(function, a, 4.0, 7.0) for a in (5.0, 3.0)] == [2.0, 3.0]
+
+
 def test_loop_over_records_reads_them_by_name() -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         def body(left: Any, at: Point) -> Any:
@@ -454,7 +474,7 @@ def same(a: float, b: float) -> bool:
     return a == b or (math.isnan(a) and math.isnan(b))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(TREES, st.tuples(*3 * [st.floats(-3.0, 3.0)]))
 def test_random_graphs_give_the_same_bits_in_source_python_and_c(
     tmp_path_factory: pytest.TempPathFactory, tree: Any, values: tuple[float, float, float]
@@ -467,7 +487,7 @@ def test_random_graphs_give_the_same_bits_in_source_python_and_c(
     assert same(run_c(function, tmp_path_factory.mktemp("c"), *values), expected)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(TREES, st.lists(st.tuples(*3 * [st.floats(-3.0, 3.0)]), min_size=3, max_size=3))
 def test_random_graphs_over_runs_equal_single_runs(tree: Any, rows: list[tuple[float, float, float]]) -> None:
     def function(a: Any, b: Any, c: Any) -> Any:

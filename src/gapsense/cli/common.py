@@ -73,6 +73,9 @@ Column = Annotated[
     list[str] | None,
     typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
 ]
+Separator = Annotated[str, typer.Option(help="Between the cells of a CSV file")]
+Decimal = Annotated[str, typer.Option(help="Point of its numbers")]
+Clipped = Annotated[bool, typer.Option("--clipped", help="Take signals at the limits of their converter")]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 

@@ -88,14 +88,24 @@ class Choosing(Printer):
 
     def _choose(self, wanted: Iterable[Expr]) -> None:
         """Print choices, if they have not been, with others on their conditions that can be."""
-        for choice in wanted:
+        for choice in self._in_order(wanted):
             if choice.id not in self.text:
-                self._choose(self._missing(choice))
                 if self._is_worth_a_branch(self._ready(choice.args[0].id)):
                     self._branch(choice.args[0], (Region(), Region()), [], [], [])
                 else:
                     for value in (*self._kept(choice.args), choice):
                         self._print(value)
+
+    def _in_order(self, wanted: Iterable[Expr]) -> list[Expr]:
+        """Choices that are not printed yet, each after those that it reads."""
+        found: dict[int, Expr] = {}
+        pending = [*wanted]
+        while pending:
+            choice = pending.pop()
+            if choice.id not in self.text and choice.id not in found:
+                found[choice.id] = choice
+                pending += self._missing(choice)
+        return [found[k] for k in sorted(found)]
 
     def _is_worth_a_branch(self, group: list[Expr]) -> bool:
         """By what the condition costs to ask again, and a name for what could do without."""
@@ -122,10 +132,13 @@ class Choosing(Printer):
         pending = [*values]
         while pending:
             value = pending.pop()
-            if isinstance(value, Expr) and value.id in self.choices.sides and value.id not in {*self.text, *found}:
+            if self._is_kept(value) and value.id not in found:
                 found[value.id] = value
                 pending += value.args
         return [found[k] for k in sorted(found)]
+
+    def _is_kept(self, value: Any) -> bool:
+        return isinstance(value, Expr) and value.id in self.choices.sides and value.id not in self.text
 
     def _print(self, node: Expr) -> None:
         if node.id not in self.text:

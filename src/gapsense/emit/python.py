@@ -28,6 +28,10 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
     }
     extra_argument = ""
 
+    def __init__(self, graph: Graph) -> None:
+        super().__init__(graph)
+        self.limits: set[int] = set()  # of loops; to make a range takes longer than a round
+
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         names, chosen, others = self.gathered(c)
         self.block(f"if {self.bare(c)}:", regions[0], [*targets, *names], [*a, *chosen])
@@ -35,7 +39,8 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
 
     def _repeat(self, loop: Loop) -> None:
         self._start(loop)
-        self.write(f"for _ in range({loop.limit}):")
+        self.limits.add(loop.limit)
+        self.write(f"for _ in rounds_{loop.limit}:")
         self.depth += 1
         self.region(loop.body)
         self._advance(loop)
@@ -71,7 +76,9 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
         self.region(g.tape.root)
         self.write(f"return {', '.join(self._tuple(entries) for _, entries in g.results)}")
         arguments = ", ".join(name for name, _, _ in g.arguments)
-        return f"def {g.name}({arguments}{self.extra_argument}):\n" + "\n".join(renamed(self.lines)) + "\n"
+        rounds = "".join(f"rounds_{limit} = range({limit})\n" for limit in sorted(self.limits))
+        opening = f"def {g.name}({arguments}{self.extra_argument}):"
+        return "\n".join([rounds + opening, *renamed(self.lines), ""])
 
     def _tuple(self, entries: list[Any]) -> str:
         texts = [self._memory(len(e)) if isinstance(e, list) else self.ref(e) for e in entries]

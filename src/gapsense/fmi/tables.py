@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
 
@@ -30,29 +31,35 @@ def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = 
     path = next((p for p in tried if os.path.isfile(p)), None)  # noqa: PTH113 -- takes names that are too long
     if path is None:
         raise ValueError(say("no_file", name, ", ".join(heads(columns))))
+    return [[*column] for column in _columns(path.read_bytes(), path.name, columns)]
+
+
+@lru_cache(maxsize=4)  # a reset FMU reads its tables again
+def _columns(content: bytes, name: str, columns: tuple[str, ...]) -> list[list[float]]:
+    """Columns of a CSV file with this content."""
     try:
-        rows = _rows(path)
+        rows = _rows(content)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(say("no_csv", path.name, error)) from error
+        raise ValueError(say("no_csv", name, error)) from error
     problems: list[str] = []
     places = _places(rows[0][1] if rows else [], heads(columns), problems)
     if len(places) < len(heads(columns)):
-        raise ValueError(say("wrong_file", path.name, "; ".join(problems)))
+        raise ValueError(say("wrong_file", name, "; ".join(problems)))
     lines = [n for n, _ in rows[1:]]
     data = {c: [_number(row, k, c, n, problems) for n, row in rows[1:]] for c, k in places.items()}
     problems += _faults(data, lines, columns)
     if problems:
-        raise ValueError(say("wrong_file", path.name, "; ".join(problems)))
+        raise ValueError(say("wrong_file", name, "; ".join(problems)))
     xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
     return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
+def _rows(content: bytes) -> list[tuple[int, list[str]]]:
     """Rows that are not empty, with their lines."""
-    content = path.read_bytes().decode("utf-8-sig")
-    if "\0" in content:  # some versions of the reader take it
+    text = content.decode("utf-8-sig")
+    if "\0" in text:  # some versions of the reader take it
         raise csv.Error("line contains NUL")
-    reader = csv.reader(io.StringIO(content, newline=""))
+    reader = csv.reader(io.StringIO(text, newline=""))
     return [(reader.line_num, row) for row in reader if row]
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Column, bar, command, show, written
+from gapsense.cli.common import Clipped, Column, Decimal, Separator, bar, command, show, written
 
 
 @command("commission")
@@ -16,6 +16,9 @@ def commission(
     parameters: Annotated[Path, typer.Option(help="What is believed of the device, for `Mhe`", show_default=False)],
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("commissioned.toml"),
     column: Column = None,
+    separator: Separator = ",",
+    decimal: Decimal = ".",
+    clipped: Clipped = False,
 ) -> None:
     """Find all parameters of a reluctance actuator, core losses included, from one record from rest on.
 
@@ -24,11 +27,11 @@ def commission(
     """
     from gapsense.studies.commissioning import file, fit
     from gapsense.studies.commissioning.show import tables
-    from gapsense.studies.identification.checks import read_records
+    from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.transfer import parameters_of, read_values
 
     known, given = parameters_of("mhe", parameters), read_values([parameters])
-    (record,) = read_records([data], column, needs="rest")
+    (record,) = read_records([data], reading(column, "trapezoid", separator, decimal, clipped), needs="rest")
     with bar("commissioning") as progress:
         result = fit.commission(record, known, progress)
     file.write(to, result, given, f"gapsense commission {data.name} --parameters {parameters.name}")

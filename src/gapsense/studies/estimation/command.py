@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Column, Fmus, bar, command, problem, show, written
+from gapsense.cli.common import Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
 
 
 @command("estimate")
@@ -21,6 +21,9 @@ def estimate(
         typer.Option(help="Parameter-set file; each estimator takes what it has", show_default=False),
     ] = None,
     column: Column = None,
+    separator: Separator = ",",
+    decimal: Decimal = ".",
+    clipped: Clipped = False,
     fmus: Fmus = None,
     to: Annotated[Path | None, typer.Option("--out", help="CSV file of the estimates", show_default=False)] = None,
     figure: Annotated[
@@ -33,14 +36,17 @@ def estimate(
     from gapsense.report import plot
     from gapsense.studies.estimation import run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
-    from gapsense.studies.identification.checks import read_records
+    from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.show import about
     from gapsense.studies.identification.transfer import read_values, taken
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
-    (record,) = read_records([data], column, needs="samples")
+    (record,) = read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples")
     values = read_values(parameters or [])
+    for text in about(record):
+        problem(text, "yellow")
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
     for reason in left_out:
         problem(f"left out: {reason}", "yellow")

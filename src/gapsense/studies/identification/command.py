@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Column, bar, command, show, written
-from gapsense.studies.identification.conventions import CONVENTIONS
+from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
 
 MODELS = ("solenoid_valve",)
 
@@ -27,22 +27,24 @@ def identify(
         list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
-    period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="edges")] = None,
-    voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: {', '.join(CONVENTIONS)}")] = CONVENTIONS[
-        0
-    ],
+    period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
+    voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     column: Column = None,
+    separator: Separator = ",",
+    decimal: Decimal = ".",
+    clipped: Clipped = False,
     starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = 6,
     seed: Annotated[int, typer.Option(help="Of the random starts")] = 1,
 ) -> None:
-    """Identify a solenoid valve from voltage and current, recorded from rest on over whole periods.
+    """Identify a solenoid valve from voltage and current of whole operations, recorded from rest on.
 
     The gap law, the stops and the relaxed spring are taken as known. Prints values, standard errors and correlations,
     and names what the records do not identify.
     """
     from gapsense.report import plot
     from gapsense.studies.identification import file, fit, validation
-    from gapsense.studies.identification.checks import read_records
+    from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -50,13 +52,17 @@ def identify(
     if figure is not None:
         plot.check_file(figure)
     known = file.read_known(parameters)
-    records = read_records(data, column, voltage, period)
-    kept = read_records(validate or [], column, voltage, needs="rest")
+    how = reading(column, voltage, separator, decimal, clipped)
+    records = read_records(data, how, period)
+    kept = read_records(validate or [], how, needs="rest")
+    conventions = CONVENTIONS if voltage == AUTO else ()
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress)
+        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
+    kept = [between(record, result.convention or voltage) for record in kept]
     checks = [validation.validate(result.parameters, record) for record in kept]
     file.write_identified(to, result, known, data)
     show(*tables(result, records, checks))
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))
+    raise typer.Exit(0 if result.is_explained else FAILED)

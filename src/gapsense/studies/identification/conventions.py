@@ -3,3 +3,4 @@
 from __future__ import annotations
 
 CONVENTIONS = ("trapezoid", "end", "start")
+AUTO = "auto"  # the one that explains the records best

@@ -19,7 +19,8 @@ from gapsense.studies.identification import model
 from gapsense.studies.identification.errors import Uncertainty, uncertainty
 from gapsense.studies.identification.flux import Flux
 from gapsense.studies.identification.model import FITTED, Experiment, Trajectory, cost, scaled
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.record import Record, Vector, between
+from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.search import search
 from gapsense.workers import Progress
 
@@ -49,6 +50,19 @@ class Identified(NamedTuple):
     evaluations: int  # simulations of all records; a shorter one counts in proportion
     fluxes: list[Flux]  # resistances and flux linkage of each record
     models: list[Trajectory]  # what the model does, from the first operation of each record on
+    convention: str  # the voltage between samples, see `record.halves`
+    residuals: list[Residual]  # of each record
+    ratios: Vector  # logarithms, of the fitted parameters to their first guesses
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the model explains all records."""
+        return all(residual.is_explained for residual in self.residuals)
+
+    @property
+    def at_bounds(self) -> list[str]:
+        """Parameters at a limit of the search."""
+        return [name for name, ratio in zip(FITTED, np.abs(self.ratios)) if ratio > 0.999 * np.log(BOUND)]
 
     @property
     def poor(self) -> list[str]:
@@ -63,6 +77,7 @@ def identify(
     seed: int = 1,
     period: float | None = None,
     progress: Progress = lambda done, total: None,
+    conventions: Sequence[str] = (),
 ) -> Identified:
     """Parameters that fit one or more records best.
 
@@ -81,18 +96,26 @@ def identify(
         See `operations`.
     progress : callable
         Called with fits done and fits in all.
+    conventions : sequence of str
+        What the voltage between samples may be: the one that fits best is taken.  None: as the records have it.
     """
-    prepared = [model.prepare(record, period) for record in records]
-    experiments = [experiment for experiment, _ in prepared]
-    fit = Fit(known)
+    fit, convention = Fit(known), ""
+    experiments = [model.prepare(record, period)[0] for record in records]
     found = fit.multi_start([model.shortened(e) for e in experiments], starts, seed, progress) if starts else []
     ratios = min(found, key=lambda s: s.cost).ratios if found else np.zeros(len(FITTED))
+    if conventions:
+        convention, ratios = fit.best_convention(records, ratios, conventions, period)
+        records = [between(record, convention) for record in records]
+    prepared = [model.prepare(record, period) for record in records]
+    experiments = [experiment for experiment, _ in prepared]
     for size in SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = fit.least_squares(ratios, experiments) if found else search(value, ratios, size).x
         experiments = [model.balanced(known, ratios, e) for e in experiments]
     R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
     par = scaled(known, ratios)._replace(coil_resistance=float(R))
+    models = [model.simulated(par, e) for e in experiments]
+    firsts = [flux.operations[0].start for _, flux in prepared]
     return Identified(
         parameters=par,
         names=(*FITTED, "coil_resistance"),
@@ -101,7 +124,10 @@ def identify(
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
-        models=[model.simulated(par, e) for e in experiments],
+        models=models,
+        convention=convention,
+        residuals=[residual(record, m, first) for record, m, first in zip(records, models, firsts)],
+        ratios=ratios,
     )
 
 
@@ -126,6 +152,19 @@ class Fit:
         options = {"bounds": bounds, "diff_step": STEP, "x_scale": "jac", "max_nfev": LONGEST}
         found = least_squares(self.residuals, ratios, args=(experiments,), **options)
         return np.asarray(found.x)
+
+    def best_convention(
+        self, records: Sequence[Record], ratios: Vector, conventions: Sequence[str], period: float | None
+    ) -> tuple[str, Vector]:
+        """The voltage between samples with which the first operations fit best, and the minimum there."""
+        found = []
+        for convention in conventions:
+            prepared = [model.prepare(between(record, convention), period)[0] for record in records]
+            first = [model.shortened(e) for e in prepared]
+            at = self.least_squares(ratios, first)
+            found.append((self.cost(at, first), convention, at))
+        _, convention, ratios = min(found, key=lambda entry: entry[0])
+        return convention, ratios
 
     def multi_start(self, experiments: list[Experiment], starts: int, seed: int, progress: Progress) -> list[Start]:
         """Least squares from the first guess and from random points around it."""

@@ -1,4 +1,4 @@
-"""Operations of a record, the resistance of each and the flux linkage: [UKF] (19)-(23).
+"""Resistance of each operation of a record, and the flux linkage: [UKF] (19)-(23).
 
 The flux linkage is not measured but integrated, (21), and what is lost at the start is lost for good: periodicity gives
 the resistance (23), never the offset.  So a record must begin at rest, without current, and the integral begins with
@@ -13,23 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from gapsense.studies.identification.operations import Operation
 from gapsense.studies.identification.record import Record, Vector
-
-LOW, HIGH = 0.25, 0.75  # levels between the lowest and the highest voltage that tell an edge from noise
-
-
-class Operation(NamedTuple):
-    """Samples `start` to `stop` of one period; the flux linkage is the same at both."""
-
-    start: int
-    stop: int
-
-    @property
-    def inside(self) -> slice:
-        """The samples whose intervals, those before them, belong to the period."""
-        return slice(self.start + 1, self.stop + 1)
 
 
 class Flux(NamedTuple):
@@ -39,29 +25,6 @@ class Flux(NamedTuple):
     resistances: Vector  # of each [Ohm], (23)
     per_sample: Vector  # resistance of the interval before each sample [Ohm]
     flux_linkage: Vector  # at each sample [Wb]; zero before the first operation
-
-
-def edges(voltage: Vector) -> npt.NDArray[np.int_]:
-    """Last sample before each rise of the voltage from its low to its high level."""
-    low, high = float(voltage.min()), float(voltage.max())
-    level = np.where(voltage < low + LOW * (high - low), 0, np.where(voltage > low + HIGH * (high - low), 1, -1))
-    known = np.flatnonzero(level >= 0)
-    rises = known[1:][(level[known[1:]] == 1) & (level[known[:-1]] == 0)]
-    starts = [int(known[np.searchsorted(known, k) - 1]) for k in rises]
-    return np.array(([0] if level[0] == 1 else []) + starts, dtype=int)
-
-
-def operations(record: Record, period: float | None = None) -> list[Operation]:
-    """Complete operations: from each rising edge to the next, or every `period` [s] from the first edge on."""
-    starts, last = edges(record.voltage).tolist(), record.times.size - 1
-    if not starts:
-        return []
-    if period is not None:
-        count = int((last - starts[0]) * record.dt / period + 1e-6)
-        starts = np.round(starts[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist()
-    elif len(starts) > 1 and (end := 2 * starts[-1] - starts[-2]) <= last:
-        starts.append(end)  # the last one may end the record
-    return [Operation(a, b) for a, b in zip(starts[:-1], starts[1:])]
 
 
 def trapezoid(current: Vector) -> Vector:

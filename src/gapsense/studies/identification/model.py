@@ -12,7 +12,8 @@ from gapsense.actuators import solenoid_valve
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.kernel import Kernel
 from gapsense.records import flat
-from gapsense.studies.identification.flux import Flux, Operation, estimate, operations, trapezoid
+from gapsense.studies.identification.flux import Flux, estimate, trapezoid
+from gapsense.studies.identification.operations import Operation, operations
 from gapsense.studies.identification.record import Record, Vector
 
 FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")

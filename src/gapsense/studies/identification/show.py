@@ -12,9 +12,10 @@ from rich.table import Table
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack
 from gapsense.report.table import quantity, table
 from gapsense.studies.identification.file import PORTS
-from gapsense.studies.identification.fit import POOR, Identified
+from gapsense.studies.identification.fit import BOUND, POOR, Identified
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.validation import Validation
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
@@ -25,7 +26,19 @@ STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), parameters(result), correlations(result)]
-    return [*shown, *([validation(checks)] if checks else []), *remarks(result)]
+    told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
+    return [*shown, *([validation(checks)] if checks else []), *remarks(result), *told]
+
+
+def about(record: Record) -> list[str]:
+    """Sentences on what was done to a record, and on what is odd about it."""
+    units = {"voltage": "V", "current": "A"}
+    told = [
+        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
+        " before the first operation; this offset is subtracted."
+        for name, o in record.offsets.items()
+    ]
+    return told + [f"{record.name}: {text}" for text in record.remarks]
 
 
 def parameters(result: Identified) -> Table:
@@ -78,6 +91,14 @@ def remarks(result: Identified) -> list[str]:
         said.append(f"{agreeing} of {len(result.starts)} starts found this minimum{others}.")
     else:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
+    if result.convention:
+        said.append(f"The voltage between two samples is best read as `{result.convention}`.")
+    for r in result.residuals:
+        said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
+    for name in result.at_bounds:
+        said.append(
+            f"`{PORTS[name].name}` ends at a limit of the search, {BOUND:g} times its first guess: give a better one."
+        )
     for name in result.poor:
         error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
         said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")

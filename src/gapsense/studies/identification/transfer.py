@@ -76,7 +76,7 @@ def parameters_of(name: str, file: Path | None) -> Any:
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
     expects = "prior.inductance" in names  # for others `prior.resistance` is how uncertain it is
-    known = {**(priors(values) if expects else {}), **values}
+    known = {**start(values), **(priors(values) if expects else {}), **values}
     if values.get("gap.law") in GAPS and ("gap.fringing" in values) != ("gap.fringing" in names):
         others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
         known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
@@ -116,6 +116,16 @@ def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:
     area, window = float(values["gap.area"]), float(values["gap.window"])
     symbols = {"gap.slope": 1.0 / (MU_0 * area), "gap.fringing": 1.0 / math.sqrt(area), "gap.window": 2.0 * window}
     return {"gap.law": "fringing", "gap.reluctance": 0.0, **symbols}
+
+
+def start(values: Mapping[str, Value]) -> dict[str, Value]:
+    """Where an estimator begins: where the device does, or else on the stop to which the spring pushes."""
+    if "initial.position" in values:
+        return {"prior.position": values["initial.position"]}
+    if "stop.upper" not in values:
+        return {}
+    lower, upper = float(values.get("stop.lower", 0.0)), float(values["stop.upper"])
+    return {"prior.position": min(max(float(values.get("spring.rest", upper)), lower), upper)}
 
 
 def priors(values: Mapping[str, Value]) -> dict[str, Value]:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.studies.identification.flux import edges
 from gapsense.studies.identification.model import Trajectory, simulate
+from gapsense.studies.identification.operations import starts
 from gapsense.studies.identification.record import Record
 
 
@@ -17,7 +17,7 @@ class Validation(NamedTuple):
 
     record: Record
     model: Trajectory  # from sample `first` on
-    first: int  # the last sample before the first rising edge
+    first: int  # the last sample at rest
     rms: float  # of the error of the model's current [A]
     largest: float  # the same
     largest_current: float  # [A]
@@ -25,7 +25,7 @@ class Validation(NamedTuple):
 
 def validate(par: Parameters, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
-    first = int(edges(record.voltage)[0])
+    first = starts(record)[0]
     halves = record.halves[first:]
     model = simulate(par, halves, record.dt, np.full(len(halves), par.coil_resistance))
     error = np.abs(record.current[first:] - model.current)

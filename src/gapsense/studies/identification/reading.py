@@ -1,0 +1,139 @@
+"""Columns of a user's CSV file, or of the results of a run.
+
+A file has a header with names and units, `time [s], voltage [V], current [A]`, and may have `position [m]` and
+`mode [1]`; units may carry a prefix (`ms`, `mA`).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gapsense.cosim.record import read_result
+from gapsense.fmi.tables import HEADER
+from gapsense.problems import listing, suggest
+from gapsense.studies.identification.of_result import columns_of
+from gapsense.studies.identification.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
+from gapsense.units import factor
+
+SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # that a file may have in place of a comma, and as a shell takes them
+
+
+class Line(NamedTuple):
+    """A line of a file with its number."""
+
+    number: int
+    cells: list[str]
+
+
+def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
+    """Columns of a CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it."""
+    if unknown := [name for name in how.names if name not in UNITS or name == "time"]:
+        problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
+    if path.with_suffix(".json").is_file() and '"gapsense result' in path.with_suffix(".json").read_text("utf-8"):
+        return columns_of(path.name, read_result(path), how.names, problems)
+    nothing = Columns(path.name, np.array([], dtype=int), {})
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, delimiter=how.separator)
+            lines = [Line(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
+    except (UnicodeDecodeError, csv.Error) as error:
+        problems.append(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.")
+        return nothing
+    if other := other_separator(lines, how):
+        problems.append(f"{path.name}, row 1: {other}")
+        return nothing
+    return _of_lines(path.name, lines, how, problems)
+
+
+def other_separator(lines: Sequence[Line], how: Reading) -> str:
+    """Sentence on a file whose cells are separated by something else than a comma, or nothing."""
+    if not lines or how.separator != "," or len(lines[0].cells) > 1:
+        return ""
+    found = next((s for s in SEPARATORS if s in lines[0].cells[0]), None)
+    if found is None:
+        return ""
+    has_commas = any(len(line.cells) > 1 for line in lines[1:])
+    more = " --decimal ," if has_commas else ""
+    word = "semicolons" if found == ";" else "tabs"
+    return f"the cells are separated by {word}; commas are expected. Add `--separator {SEPARATORS[found]}{more}`."
+
+
+def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str]) -> Columns:
+    header = lines[0].cells if lines else []
+    matches = [(k, match) for k, match in enumerate(map(HEADER.fullmatch, header)) if match]
+    columns = {match[1].lower(): (k, match[2]) for k, match in matches}
+    values: dict[str, Vector] = {}
+    for name, unit in UNITS.items():
+        column = how.names.get(name, name).lower()
+        if column in columns:
+            place, written = columns[column]
+            problems += _twice(file, column, [k + 1 for k, match in matches if match[1].lower() == column])
+            cells = [(line.number, line.cells[place].strip() if place < len(line.cells) else "") for line in lines[1:]]
+            scale = _scale(file, place, column, written, unit, problems)
+            values[name] = _numbers(file, column, cells, how.decimal, problems) * scale
+        elif name in NEEDED or name in how.names:
+            problems.append(_missing(file, name, column, list(columns)))
+    problems += [*_too_long(file, lines[1:], len(header))][:SHOWN]
+    return Columns(file, np.array([line.number for line in lines[1:]], dtype=int), values)
+
+
+def _too_long(file: str, lines: Sequence[Line], width: int) -> Iterator[str]:
+    for number, cells in lines:
+        if len(cells) > width:
+            yield (
+                f"{file}, row {number}: {len(cells)} cells found, {width} expected. Write numbers with a point, not a"
+                ' comma, or separate the cells by semicolons and add `--separator ";" --decimal ,`.'
+            )
+
+
+def _twice(file: str, column: str, places: list[int]) -> list[str]:
+    """That several columns have the name of one that is read, if so."""
+    if len(places) == 1:
+        return []
+    return [f"{file}, row 1: columns {' and '.join(map(str, places))} are both called `{column}`. Rename one."]
+
+
+def _missing(file: str, name: str, column: str, found: list[str]) -> str:
+    unit = "" if UNITS[name] == "1" else f" [{UNITS[name]}]"
+    if not any(found):
+        return f"{file}, row 1: the header names no columns. Write `time [s],voltage [V],current [A]` as the first row."
+    said = f"{file}, row 1: column `{column}` is missing; there are {listing(found)}. Add `{column}{unit}`"
+    return f"{said}." if name == "time" else f"{said}, or name the column that holds it with `--column {name}=NAME`."
+
+
+def _scale(file: str, place: int, column: str, written: str | None, unit: str, problems: list[str]) -> float:
+    """Factor from the unit written in the header to the SI unit; 1 after noting a wrong one."""
+    scale = factor(written or "", unit)
+    if scale is None:
+        found = "no unit" if written is None else f"unit `{written}`"
+        problems.append(
+            f"{file}, row 1, column {place + 1}: `{column}` has {found}; `{unit}` is expected, also with a prefix "
+            f"(`m{unit}`). Write `{column} [{unit}]`."
+        )
+    return 1.0 if scale is None else scale
+
+
+def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str, problems: list[str]) -> Vector:
+    """Values of a column; cells that hold no finite number are noted and become NaN."""
+    values = np.array([_number(text.replace(decimal, ".") if decimal != "." else text) for _, text in cells])
+    wrong = [f"row {n}: `{column}` is `{text}`" for (n, text), value in zip(cells, values) if not math.isfinite(value)]
+    remedy = "Correct or remove the row"
+    if decimal == "." and any("," in text for _, text in cells):
+        remedy = "With decimal commas, add `--decimal ,`"
+    problems += [f"{file}, {place}, a finite number is expected. {remedy}." for place in wrong[:SHOWN]]
+    if len(wrong) > SHOWN:
+        problems.append(f"{file}: `{column}` is no finite number in {len(wrong) - SHOWN} more rows.")
+    return values
+
+
+def _number(text: str) -> float:
+    try:
+        return value if math.isfinite(value := float(text)) else math.nan
+    except ValueError:
+        return math.nan

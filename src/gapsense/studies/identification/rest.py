@@ -1,0 +1,47 @@
+"""What a measured voltage and current are at rest, where they should be zero: the offsets of the instruments."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gapsense.studies.identification.operations import at_rest, noise, resolution
+from gapsense.studies.identification.record import Offset, Record, Vector
+
+MOST = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
+SIGNIFICANT = 4.0  # standard errors
+CUT = 0.25  # part of the samples at rest that are the smallest one
+FEWEST = 8  # samples at rest that tell an offset
+
+
+def without_offsets(record: Record) -> Record:
+    """The record less what voltage and current are before its first operation, as far as that is no chance."""
+    n = at_rest(record)
+    if n < FEWEST or n == record.times.size:
+        return record
+    found = {name: offset(x, n) for name, x in (("voltage", record.voltage), ("current", record.current))}
+    signals = {"voltage": record.voltage, "current": record.current}
+    if any(abs(o.value) > MOST * np.abs(signals[name]).max() for name, o in found.items()):
+        return record
+    told = {name: o for name, o in found.items() if abs(o.value) > SIGNIFICANT * o.error}
+    v, i = (told[name].value if name in told else 0.0 for name in ("voltage", "current"))
+    return record._replace(
+        voltage=record.voltage - v, current=record.current - i, halves=record.halves - v, offsets=told
+    )
+
+
+def offset(x: Vector, n: int) -> Offset:
+    """Mean of the first `n` samples, and its standard error: that of equal samples is what the converter hides."""
+    hidden = 0.0 if np.ptp(x[:n]) else resolution(x) / np.sqrt(12.0)
+    return Offset(float(x[:n].mean()), float(max(x[:n].std() / np.sqrt(n), noise(x) / np.sqrt(n), hidden)))
+
+
+def unipolar(record: Record) -> tuple[str, ...]:
+    """Sentences on signals whose noise ends at their smallest value, as behind a converter that knows no sign."""
+    n = at_rest(record)
+    signals = {"voltage": record.voltage[:n], "current": record.current[:n]}
+    return tuple(
+        f"`{name}` never falls below {x.min():.4g} at rest, though it is noisy: its converter seems to cut what is "
+        "below, so that small values are too large. Shift its range."
+        for name, x in signals.items()
+        if n >= FEWEST and np.ptp(x) > 2.5 * resolution(x) and np.mean(x == x.min()) > CUT
+    )
