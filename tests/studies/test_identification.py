@@ -11,6 +11,7 @@ from valve_records import GUESS, record
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.errors import long_run, uncertainty
 from gapsense.studies.identification.fit import POOR, Fit, identify
+from gapsense.studies.identification.many import currents
 from gapsense.studies.identification.model import (
     FITTED,
     balanced,
@@ -21,6 +22,7 @@ from gapsense.studies.identification.model import (
     scaled,
     shortened,
     simulate,
+    simulated,
 )
 from gapsense.studies.identification.search import search
 from gapsense.studies.identification.validation import validate
@@ -56,6 +58,14 @@ def test_cost_is_that_of_the_paper():
     J += 1.0 / (lam**2).max() * ((lam - integrated(experiment, model.current)) ** 2).sum()
     assert cost(residuals(VALVE, np.zeros(6), [experiment])) == pytest.approx(J, rel=1e-12)
     assert np.abs(integrated(experiment, model.current) - model.flux_linkage).max() < 5e-3 * lam.max()
+
+
+def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():
+    first, _ = prepare(record(seed=2))
+    experiment = balanced(GUESS, np.zeros(6), first)  # each operation has a resistance of its own
+    pars = [scaled(GUESS, 0.05 * np.random.default_rng(k).normal(size=6)) for k in range(7)]
+    for par, found in zip(pars, currents(pars, experiment)):
+        np.testing.assert_array_equal(found, simulated(par, experiment).current)
 
 
 def test_residual_of_the_flux_linkage_is_the_integral_of_that_of_the_current():

@@ -7,6 +7,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense.actuators import solenoid_valve
 from gapsense.actuators.solenoid_valve import Parameters
@@ -30,6 +31,7 @@ class Trajectory(NamedTuple):
     position: Vector  # [m]
 
 
+CURRENT = solenoid_valve.Outputs._fields.index("current")
 SEEN = itemgetter(*map(solenoid_valve.Outputs._fields.index, Trajectory._fields))  # of the kernel's outputs
 
 
@@ -86,19 +88,24 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
     step, voltages, resistances = KERNEL.scalar["step"], halves.mean(axis=1).tolist(), resistance.tolist()
-    jumps = np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves)
+    is_jump = jumps(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = KERNEL.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
     rows = [SEEN(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
-        if jumps[k]:
+        if is_jump[k]:
             for v in halves[k].tolist():
                 state, outputs = step(state, (k * dt, 0.5 * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
         rows.append(SEEN(outputs))
     return Trajectory(*np.array(rows).T)
+
+
+def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
+    """Whether the voltage jumps within each interval."""
+    return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
 
 
 def simulated(par: Parameters, experiment: Experiment) -> Trajectory:
@@ -114,13 +121,15 @@ def scaled(known: Parameters, ratios: Vector) -> Parameters:
 
 def residuals(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
     """Weighted residuals, current and flux linkage of each experiment; their squares add up to the cost J."""
-    par, parts = scaled(known, ratios), []
-    for experiment in experiments:
-        model = simulated(par, experiment)
-        c_i, c_lam = experiment.weights()
-        flux_linkage = integrated(experiment, model.current)  # as the measured one, or the sampling would bias the fit
-        parts += [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
-    return np.concatenate(parts)
+    par = scaled(known, ratios)
+    return np.concatenate([weighted(e, simulated(par, e).current) for e in experiments])
+
+
+def weighted(experiment: Experiment, current: Vector) -> Vector:
+    """The residuals of an experiment, if this is the current of the model."""
+    c_i, c_lam = experiment.weights()
+    flux_linkage = integrated(experiment, current)  # as the measured one, or the sampling would bias the fit
+    return np.append(c_i * (experiment.current - current), c_lam * (experiment.flux_linkage - flux_linkage))
 
 
 def balanced(known: Parameters, ratios: Vector, experiment: Experiment) -> Experiment:
