@@ -1,4 +1,4 @@
-"""Processes for runs and sweeps that load what they need while it is prepared what they are to do."""
+"""Processes for runs and sweeps, which load what they need while their task is prepared."""
 
 from __future__ import annotations
 
