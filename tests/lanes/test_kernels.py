@@ -16,7 +16,7 @@ from gapsense.records import flat, names
 from gapsense.trace import where
 
 RUNS, SAMPLES = 11, 40  # a number of runs that no vector divides
-LARGE = 4000  # nodes of a graph whose C takes seconds to compile
+LARGE = 2500  # nodes of a graph whose C takes seconds to compile
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN
 
 

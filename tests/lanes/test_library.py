@@ -107,9 +107,9 @@ def test_what_was_not_used_for_long_is_removed(fresh, compiler):
         os.utime(path, (1.0, 1.0))
     library.built(text(3.0))
     assert not first.exists() and not left.exists() and foreign.exists()
-    used = library.built(text())
+    used = library.built(text(3.0))
     os.utime(used, (1.0, 1.0))
-    library.built(text())
+    library.built(text(3.0))
     assert used.stat().st_mtime > time.time() - 60.0
 
 
