@@ -79,6 +79,32 @@ def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 1
 
 
+SAVING = """
+import os, signal, sys
+from gapsense import cosim
+from gapsense.cli import app
+times, save = int(sys.argv.pop(1)), cosim.Result.save
+
+def interrupted(*arguments):
+    for _ in range(times):
+        os.kill(os.getpid(), signal.SIGINT)
+    return save(*arguments)
+
+cosim.Result.save = interrupted
+app()
+"""
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_only_the_second_ctrl_c_while_a_result_is_saved_loses_it(process, fmus, tmp_path, times):
+    started = process(SAVING, times, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    out, err = started.communicate(timeout=60)
+    file = tmp_path / "out" / "semera_valve.csv"
+    waiting = f"interrupted; {file} is being written. Ctrl-C again stops that.\n"
+    assert (started.returncode, err) == (130, waiting if times == 1 else waiting + "interrupted.\n")
+    assert ("4043 rows" in out, file.is_file()) == (times == 1, times == 1)
+
+
 IMPORTING = """
 import os, signal, sys
 module = sys.argv.pop(1)
