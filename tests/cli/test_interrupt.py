@@ -222,6 +222,43 @@ def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command
     started.communicate()
 
 
+BUSY = """
+import os, tempfile
+from pathlib import Path
+
+def prepare(_):
+    return write
+
+def write(_):
+    for k in range(10**9):
+        os.makedirs(folder := Path(tempfile.gettempdir(), str(k % 300), str(k)), exist_ok=True)
+        (folder / "file").touch()
+"""
+ASKING = """
+import busy
+from gapsense.processes import Process
+
+process = Process(busy.prepare)
+process.prepare(busy.prepare, None)
+print("under way")
+process.ask(None, "the test")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere what is just being written can be left")
+def test_worker_that_is_just_writing_files_leaves_none_either(process, tmp_path, monkeypatch):
+    (temporary := tmp_path / "temporary").mkdir()
+    (tmp_path / "busy.py").write_text(BUSY, encoding="utf-8")
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    started = process(ASKING)
+    assert started.stdout.readline() == "under way\n"
+    sleep(0.1)
+    started.kill()
+    wait_until(lambda: not workers(tmp_path), 5.0)
+    started.communicate()
+    assert not list(temporary.iterdir())
+
+
 def workers(folder):
     """Processes that have their temporary files in a folder."""
     found, own = [], f"GAPSENSE_PROCESS={folder}".encode()
