@@ -311,6 +311,13 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus):
     done = gapsense("sweep", write(wrong), "--fmus", fmus, "--seeds", 2, "--workers", 1)
     assert done.exit_code == 3
     assert [line[:13] for line in done.stderr.splitlines()] == ["run 0: valve,", "run 1: valve,"]
+    assert "2 runs, 2 of them computed now, 2 failed." in " ".join(done.stdout.split())
+
+
+def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
+    monkeypatch.setattr("gapsense.cosim.loop.library.BINARY", Path("none.so"))
+    done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1)
+    assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 
 
 def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):

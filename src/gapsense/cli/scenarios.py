@@ -110,10 +110,15 @@ def sweep(
     """
     fmus = cli.chosen(scenario, fmus, native)
     with sweep_ahead(workers), cli.bar("sweeping") as progress:
+        from gapsense.cosim.loop import language  # here, while the workers start
+
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
     cli.show(*runs.sweep(cosim.load(source, variant), swept))
-    cli.show(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.")
+    if language() != "C":
+        cli.show(runs.WITHOUT_C)
+    count, failed = len(swept.indices) + len(swept.errors), f", {len(swept.errors)} failed" if swept.errors else ""
+    cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{failed}.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
     for index, error in swept.errors.items():
