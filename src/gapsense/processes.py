@@ -16,6 +16,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from array import array
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -170,6 +171,19 @@ def follow() -> None:
     parent = os.getppid()
     while os.getppid() == parent:
         sleep(LOOK)
+    vanish()
+
+
+def vanish() -> None:
+    """End this process and leave no files, though another thread may just be writing some: a fork has only this one."""
+    if sys.platform == "linux":
+        warnings.simplefilter("ignore")  # Python warns of forks that have more to do
+        own = os.getpid()
+        with suppress(OSError):
+            if os.fork():
+                os._exit(1)
+            while os.getppid() == own:
+                sleep(GLANCE)
     remove_folder()
     os._exit(1)
 

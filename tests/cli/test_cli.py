@@ -232,6 +232,24 @@ def test_file_that_cannot_be_written_is_named(process, write, fmus, size, comman
     assert command[0] == "sweep" or "(`ulimit -f`), or choose another folder" in err
 
 
+STREAMS = "import sys\n{}\nfrom gapsense.cli import app\napp()"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe without a reader is another error there")
+def test_result_is_saved_also_where_nobody_reads_what_is_shown(process, write, fmus):
+    started = process(STREAMS.format(""), "run", write(), "--fmus", fmus)
+    started.stdout.close()
+    started.wait(timeout=60)
+    assert "Traceback" not in started.stderr.read()
+    assert sorted(p.name for p in Path("results").iterdir()) == ["short.csv", "short.json"]
+
+
+def test_run_needs_no_error_stream(process, write, fmus):
+    started = process(STREAMS.format("sys.stderr = None"), "run", write(), "--fmus", fmus)
+    assert "81 rows" in started.communicate(timeout=60)[0]
+    assert started.returncode == 0
+
+
 def test_run_with_check_does_not_run(gapsense, write, fmus):
     assert gapsense("run", write(), "--check", "--fmus", fmus).exit_code == 0
     assert not Path("results").exists()
@@ -293,6 +311,13 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus):
     done = gapsense("sweep", write(wrong), "--fmus", fmus, "--seeds", 2, "--workers", 1)
     assert done.exit_code == 3
     assert [line[:13] for line in done.stderr.splitlines()] == ["run 0: valve,", "run 1: valve,"]
+    assert "2 runs, 2 of them computed now, 2 failed." in " ".join(done.stdout.split())
+
+
+def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
+    monkeypatch.setattr("gapsense.cosim.loop.library.BINARY", Path("none.so"))
+    done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1)
+    assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 
 
 def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):

@@ -79,6 +79,32 @@ def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 1
 
 
+SAVING = """
+import os, signal, sys
+from gapsense import cosim
+from gapsense.cli import app
+times, save = int(sys.argv.pop(1)), cosim.Result.save
+
+def interrupted(*arguments):
+    for _ in range(times):
+        os.kill(os.getpid(), signal.SIGINT)
+    return save(*arguments)
+
+cosim.Result.save = interrupted
+app()
+"""
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_only_the_second_ctrl_c_while_a_result_is_saved_loses_it(process, fmus, tmp_path, times):
+    started = process(SAVING, times, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    out, err = started.communicate(timeout=60)
+    file = tmp_path / "out" / "semera_valve.csv"
+    waiting = f"interrupted; {file} is being written. Ctrl-C again stops that.\n"
+    assert (started.returncode, err) == (130, waiting if times == 1 else waiting + "interrupted.\n")
+    assert ("4043 rows" in out, file.is_file()) == (times == 1, times == 1)
+
+
 IMPORTING = """
 import os, signal, sys
 module = sys.argv.pop(1)
@@ -194,6 +220,43 @@ def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command
     started.kill()
     wait_until(lambda: not workers(tmp_path) and not list((tmp_path / "temporary").iterdir()), 5.0)
     started.communicate()
+
+
+BUSY = """
+import os, tempfile
+from pathlib import Path
+
+def prepare(_):
+    return write
+
+def write(_):
+    for k in range(10**9):
+        os.makedirs(folder := Path(tempfile.gettempdir(), str(k % 300), str(k)), exist_ok=True)
+        (folder / "file").touch()
+"""
+ASKING = """
+import busy
+from gapsense.processes import Process
+
+process = Process(busy.prepare)
+process.prepare(busy.prepare, None)
+print("under way")
+process.ask(None, "the test")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere what is just being written can be left")
+def test_worker_that_is_just_writing_files_leaves_none_either(process, tmp_path, monkeypatch):
+    (temporary := tmp_path / "temporary").mkdir()
+    (tmp_path / "busy.py").write_text(BUSY, encoding="utf-8")
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    started = process(ASKING)
+    assert started.stdout.readline() == "under way\n"
+    sleep(0.1)
+    started.kill()
+    wait_until(lambda: not workers(tmp_path), 5.0)
+    started.communicate()
+    assert not list(temporary.iterdir())
 
 
 def workers(folder):

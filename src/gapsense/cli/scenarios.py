@@ -12,6 +12,7 @@ from gapsense import cosim
 from gapsense.cli import common as cli
 from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
+from gapsense.interrupts import counted
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
@@ -54,11 +55,13 @@ def run(
             result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
-            error.result.save(file)
+            save(error.result, file)
             cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
-    cli.show(*runs.metrics(result), runs.timing(result))
-    result.save(file)  # afterwards: on a full disk the numbers are at least shown
+    try:
+        cli.show(*runs.metrics(result), runs.timing(result))
+    finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
+        is_stopped = save(result, file)
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
         on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
@@ -69,7 +72,19 @@ def run(
     failures = [m for m in result.metrics.values() if not m.passed]
     for measured in failures:
         cli.problem(f"outside its bounds: {measured}")
-    raise typer.Exit(cli.FAILED if failures else 0)
+    raise typer.Exit(cli.INTERRUPTED if is_stopped else cli.FAILED if failures else 0)
+
+
+def save(result: cosim.Result, file: Path) -> bool:
+    """Save a result; true after a Ctrl-C meanwhile, which may have been meant for the run: only the next stops it."""
+
+    def tell() -> None:
+        if interrupts() == 1:
+            cli.notice(f"interrupted; {file} is being written. Ctrl-C again stops that.")
+
+    with counted(at_most=1, then=tell) as interrupts:
+        result.save(file)
+    return interrupts() > 0
 
 
 @cli.command("sweep")
@@ -95,10 +110,15 @@ def sweep(
     """
     fmus = cli.chosen(scenario, fmus, native)
     with sweep_ahead(workers), cli.bar("sweeping") as progress:
+        from gapsense.cosim.loop import language  # here, while the workers start
+
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
     cli.show(*runs.sweep(cosim.load(source, variant), swept))
-    cli.show(f"{swept.file}: {len(swept.indices)} runs, {swept.computed} of them computed now.")
+    if language() != "C":
+        cli.show(runs.WITHOUT_C)
+    count, failed = len(swept.indices) + len(swept.errors), f", {len(swept.errors)} failed" if swept.errors else ""
+    cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{failed}.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
     for index, error in swept.errors.items():

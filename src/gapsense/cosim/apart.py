@@ -140,7 +140,7 @@ class Run:
     def look(self) -> None:
         """Tell what the components print, how far the run is, and what a Ctrl-C waits for."""
         self.process.check()
-        sys.stderr.write(self.process.news())
+        print(self.process.news(), end="", file=sys.stderr)  # of which there may be none
         if self.watch.progress:
             self.watch.progress(max(0, self.marks[STEP] - 1), self.plan.scenario.experiment.count)
         if self.interrupts():
