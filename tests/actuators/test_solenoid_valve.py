@@ -166,3 +166,13 @@ def test_many_runs_at_once_equal_single_runs(kernel, law):
     for found, wanted in zip(batch, expected):
         assert np.broadcast_to(found, 4) == pytest.approx(wanted, rel=1e-9, abs=1e-12)
     assert modes == {1.0, 2.0, 3.0}
+
+
+def test_huge_step_ends_at_the_largest_number_of_micro_steps(kernel, monkeypatch):
+    monkeypatch.setattr(valve, "MICRO_STEPS", 1000)
+    few = Kernel(valve)
+    settled, _ = drive(few, VALVE, [5.0] * 200, 1e-3)[-1]
+    state, outputs = few.step(settled, valve.Inputs(0.0, 1e9, 5.0), VALVE)
+    part = state.dissipated_energy - settled.dissipated_energy
+    assert part == pytest.approx(1000 * VALVE.micro_step * 25.0 / VALVE.coil_resistance, rel=1e-2)
+    assert np.isfinite(outputs).all()

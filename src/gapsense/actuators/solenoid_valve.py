@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Mover
-from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Sums, Valve, gap_at, micro_step
+from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Rest, Sums, Valve, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, loop, sqrt, square, where
@@ -102,7 +102,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    start = (inputs.dt, at, gap_at(valve, at.h), state.mode, sums)
+    start = (Rest(inputs.dt, float(MICRO_STEPS)), at, gap_at(valve, at.h), state.mode, sums)
     _, at, gap, mode, sums = loop(MICRO_STEPS, partial(micro_step, valve), start)
     state = State(
         flux_linkage=at.lam,

@@ -61,35 +61,50 @@ class Limit(NamedTuple):
     longest: Scalar  # where the rate asks for a limit [s]
 
 
+class Rest(NamedTuple):
+    """What is left of the communication step."""
+
+    time: Scalar  # [s]
+    steps: Scalar  # how many micro-steps it may still take
+
+
 def micro_step(
-    valve: Valve, left: Scalar, at: Moving, gap: Gap, mode: Scalar, sums: Sums
-) -> tuple[tuple[Scalar, Moving, Gap, Scalar, Sums], Scalar]:
-    """One step of the loop, or all equal ones; `left` is what is left of the communication step [s]."""
+    valve: Valve, left: Rest, at: Moving, gap: Gap, mode: Scalar, sums: Sums
+) -> tuple[tuple[Rest, Moving, Gap, Scalar, Sums], Scalar]:
+    """One step of the loop, or all equal ones."""
     limit, is_moving = _limit(valve, at.lam), mode == MOVING
-    dt = _limited(valve, left, limit)
+    dt = _limited(valve, left.time, limit)
 
     def move() -> tuple[Step, Gap]:
         done = _move(valve, gap, dt, at, is_moving)
         return done, gap_at(valve, done.at.h)
 
     done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, mode), gap))
-    left, sums = left - done.length, _added(sums, done.part)
+    left, sums = _less(left, done), _added(sums, done.part)
     is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.mode == mode)
     left, sums = cond(is_settled, lambda: _repeated(valve, limit, done, left, sums), lambda: (left, sums))
-    return (left, done.at, gap, done.mode, sums), not_(left > 0.0)
+    return (left, done.at, gap, done.mode, sums), not_(_goes_on(left))
 
 
-def _repeated(valve: Valve, limit: Limit, done: Step, left: Scalar, sums: Sums) -> tuple[Scalar, Sums]:
+def _repeated(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) -> tuple[Rest, Sums]:
     """Time left and sums after the next micro-steps of equal length: where the flux has settled, each does the same."""
 
-    def is_equal(left: Scalar) -> Scalar:
-        return (left > 0.0) & (_limited(valve, left, limit) == done.length)
+    def is_equal(left: Rest) -> Scalar:
+        return _goes_on(left) & (_limited(valve, left.time, limit) == done.length)
 
-    def again(left: Scalar, sums: Sums) -> tuple[tuple[Scalar, Sums], Scalar]:
-        left = left - done.length
+    def again(left: Rest, sums: Sums) -> tuple[tuple[Rest, Sums], Scalar]:
+        left = _less(left, done)
         return (left, _added(sums, done.part)), not_(is_equal(left))
 
     return cond(is_equal(left), lambda: loop(MICRO_STEPS, again, (left, sums)), lambda: (left, sums))
+
+
+def _less(left: Rest, done: Step) -> Rest:
+    return Rest(left.time - done.length, left.steps - 1.0)
+
+
+def _goes_on(left: Rest) -> Scalar:
+    return (left.time > 0.0) & (left.steps > 0.0)
 
 
 def _added(sums: Sums, part: Sums) -> Sums:
