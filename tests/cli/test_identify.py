@@ -130,6 +130,10 @@ WRONG = {
     "unknown convention": (["identify", "fit.csv", "--voltage", "mean"], ["--voltage", "trapezoid"]),
     "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),
     "odd quantity": (["identify", "fit.csv", "--column", "volts=u1"], ["volts", "`voltage`"]),
+    "another device": (
+        ["identify", Path(__file__).parents[1] / "studies" / "records" / "tube-150-raw.csv"],
+        ["tube-150-raw: its inductance is about 332.3 uH, that of the first guess", "`--parameters`"],
+    ),
     "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),
 }
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from valve_records import record
 
+from gapsense.report.plot import suited
 from gapsense.studies.identification.checks import read_record
 from gapsense.studies.inspection.facts import facts, levels
 
@@ -40,3 +42,11 @@ def test_landing_of_a_mover_is_a_kink(seed):
     found = facts(record(seed=seed))
     assert [p.kink is not None for p in found.pulses] == [True, True]
     assert found.pulses[0].kink == pytest.approx(1.3e-3, abs=0.3e-3)  # the mover has begun to move
+
+
+@pytest.mark.parametrize(
+    ("largest", "label", "factor"), [(244.0, "current / A", 1.0), (0.4, "current / mA", 1e3), (0.0, "current / A", 1.0)]
+)
+def test_axes_have_units_that_suit_the_values(largest, label, factor):
+    text, scale = suited("current", "A", np.array([0.0, -largest]), np.array([np.nan, 0.5 * largest]))
+    assert text == label and scale == pytest.approx(factor)

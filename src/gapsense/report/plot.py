@@ -20,6 +20,7 @@ from gapsense.cosim import Result, own_file, refuse_other, relative
 from gapsense.cosim.signals import matching
 from gapsense.files import write_atomically
 from gapsense.problems import InputError, suggest
+from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
@@ -107,6 +108,13 @@ def display(unit: str) -> tuple[str, float]:
     """Unit for display and the factor to it."""
     shown = UNITS[unit].display if unit in UNITS else None
     return (shown.name, shown.factor) if shown else (unit, 1.0)
+
+
+def suited(name: str, unit: str, *signals: Vector) -> tuple[str, float]:
+    """Label of an axis, `current / mA`, with the prefix that suits the largest value, and the factor to it."""
+    largest = max((float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in signals), default=0.0)
+    factor, text = prefixed(largest, unit)
+    return f"{name} / {text}", 1.0 / factor
 
 
 def legend(axis: Any) -> None:

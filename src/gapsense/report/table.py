@@ -25,11 +25,15 @@ def quantity(value: float, unit: str) -> str:
     value = float(f"{value:.4g}")  # first, or 0.99999 Ohm becomes 1000 mOhm
     if unit in ("", "1") or value != value:
         return f"{value:.4g}"
+    factor, prefix = prefixed(value, unit)
+    return f"{value / factor:.4g} {prefix}"
+
+
+def prefixed(value: float, unit: str) -> tuple[float, str]:
+    """The unit with the SI prefix that suits a value, and what it stands for."""
     smallest = PREFIXES[-1] if value else PREFIXES[0]
     factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), smallest)
-    if unit in UNPREFIXED:
-        factor, prefix = PREFIXES[0]
-    return f"{value / factor:.4g} {prefix}{unit}"
+    return (1.0, unit) if unit in UNPREFIXED else (factor, f"{prefix}{unit}")
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]] = (), texts: int = 1) -> Table:

@@ -9,17 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
 from gapsense.studies.identification.record import Record
 
-QUANTITIES = {  # of estimators: label, factor for display, unit
-    "position": ("position\n/ mm", 1e3, "m"),
-    "flux_linkage": ("flux linkage\n/ mWb", 1e3, "Wb"),
-    "resistance": ("resistance\n/ Ohm", 1.0, "Ohm"),
-    "inductance": ("inductance\n/ mH", 1e3, "H"),
-}
+QUANTITIES = {"position": "m", "flux_linkage": "Wb", "resistance": "Ohm", "inductance": "H"}  # of estimators
 COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")
 THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide are all seen
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
@@ -29,7 +24,7 @@ def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
     """Last values of every estimator, and the parameters that were set."""
     rows, said = [], []
     for e in estimates:
-        last = {q: quantity(float(e.outputs[q][-1]), u) for q, (_, _, u) in QUANTITIES.items() if q in e.outputs}
+        last = {q: quantity(float(e.outputs[q][-1]), u) for q, u in QUANTITIES.items() if q in e.outputs}
         rows.append([e.name, *(last.get(q, "") for q in QUANTITIES)])
         given = ", ".join(f"{name} = {value:.6g}" for name, value in e.values.items() if not isinstance(value, str))
         said.append(f"{e.name}: {given}")
@@ -39,17 +34,25 @@ def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
 def measured_and_estimated(record: Record, estimates: Sequence[Estimate]) -> Figure:
     """What was measured, then one panel per estimated quantity with all estimators."""
     names = [q for q in QUANTITIES if any(q in e.outputs for e in estimates)]
-    figure, axes = stack(record.name, ["voltage / V", "current / mA", *(QUANTITIES[q][0] for q in names)])
+    label, scale = suited("current", "A", record.current)
+    scales = {name: _scale(estimates, name) for name in names}
+    figure, axes = stack(record.name, ["voltage / V", label, *(label for label, _ in scales.values())])
     line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, 1e3 * record.current, TRUE)
+    line(axes[1], record.times, scale * record.current, TRUE)
     for axis, name in zip(axes[2:], names):
-        _panel(axis, record, estimates, name)
+        _panel(axis, record, estimates, name, scales[name][1])
     return figure
 
 
-def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str) -> None:
+def _scale(estimates: Sequence[Estimate], name: str) -> tuple[str, float]:
+    """Label and factor of a quantity, by the values of most of the time."""
+    usual = [np.percentile(e.outputs[name], SHOWN) for e in estimates if name in e.outputs]
+    return suited(name.replace("_", " "), QUANTITIES[name], *usual)
+
+
+def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str, scale: float) -> None:
     """One quantity; smoothed values at the times that they belong to."""
-    scale, drawn = QUANTITIES[name][1], []
+    drawn = []
     for k, (estimate, color) in enumerate(zip(estimates, COLORS * len(estimates))):
         if name in estimate.outputs:
             drawn.append(scale * estimate.outputs[name])

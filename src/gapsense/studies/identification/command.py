@@ -42,7 +42,7 @@ def identify(
     and names what the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import file, fit, validation
+    from gapsense.studies.identification import file, fit, guess, validation
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
@@ -55,6 +55,7 @@ def identify(
     how = reading(column, voltage, separator, decimal, clipped)
     records = read_records(data, how, period)
     kept = read_records(validate or [], how, needs="rest")
+    guess.check(known.parameters, records, period)
     conventions = CONVENTIONS if voltage == AUTO else ()
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)

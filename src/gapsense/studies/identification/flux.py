@@ -43,3 +43,16 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     rates = record.applied - per_sample * means
     rates[: found[0].start + 1] = 0.0
     return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates))
+
+
+def coil(record: Record, operation: Operation) -> tuple[float, float]:
+    """Inductance of the coil of constant L and R that is nearest to an operation, and how far it is from that.
+
+    The integral of v = R i + L di/dt, by least squares: unlike (23) it does not hang on the end of the operation.
+    """
+    i = record.current[operation.inside]
+    charge, volts = (np.cumsum(x[operation.inside]) * record.dt for x in (trapezoid(record.current), record.applied))
+    both = np.stack((charge, i), axis=1)
+    found = np.linalg.lstsq(both, volts, rcond=None)[0]
+    L = float(found[1])
+    return L, float(np.sqrt(np.mean((volts - both @ found) ** 2)) / np.abs(L * i).max())

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack
+from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.identification.file import PORTS
 from gapsense.studies.identification.fit import BOUND, POOR, Identified
@@ -114,20 +114,24 @@ def measured_and_identified(result: Identified, records: Sequence[Record], check
     firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
     runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
     runs += [(c.record, c.model, c.first, "validation") for c in checks]
-    labels = ["voltage / V", "current / mA", "error / mA", "position\n/ mm"]
+    scale = suited("current", "A", *(record.current for record, *_ in runs))
+    errors = suited("error", "A", *(record.current[first:] - model.current for record, model, first, _ in runs))
+    labels = ["voltage / V", scale[0], errors[0], "position\n/ mm"]
     figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
     for k, run in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], *run)
+        _panels(axes[4 * k : 4 * k + 4], *run, scale[1], errors[1])
     return figure
 
 
-def _panels(axes: Sequence[Any], record: Record, model: Trajectory, first: int, kind: str) -> None:
+def _panels(
+    axes: Sequence[Any], record: Record, model: Trajectory, first: int, kind: str, scale: float, errors: float
+) -> None:
     t = record.times[first:]
     axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
     line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, 1e3 * record.current, TRUE, "measured")
-    line(axes[1], t, 1e3 * model.current, SECOND, "model")
-    line(axes[2], t, 1e3 * (record.current[first:] - model.current), SECOND)
+    line(axes[1], record.times, scale * record.current, TRUE, "measured")
+    line(axes[1], t, scale * model.current, SECOND, "model")
+    line(axes[2], t, errors * (record.current[first:] - model.current), SECOND)
     if record.position is not None:
         line(axes[3], record.times, 1e3 * record.position, TRUE, "recorded")
     line(axes[3], t, 1e3 * model.position, FIRST, "model")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.flux import estimate, trapezoid
+from gapsense.studies.identification.flux import coil, estimate
 from gapsense.studies.identification.operations import Operation, activities, at_rest, noise, operations, resolution
 from gapsense.studies.identification.record import Offset, Record, Vector
 from gapsense.studies.identification.rest import FEWEST, offset
@@ -117,19 +117,6 @@ def pulses(record: Record, found: list[Operation]) -> list[Pulse]:
             )
         )
     return made
-
-
-def coil(record: Record, operation: Operation) -> tuple[float, float]:
-    """Inductance of the coil of constant L and R that is nearest to an operation, and how far it is from that.
-
-    The integral of v = R i + L di/dt, by least squares: unlike (23) it does not hang on the end of the operation.
-    """
-    i = record.current[operation.inside]
-    charge, volts = (np.cumsum(x[operation.inside]) * record.dt for x in (trapezoid(record.current), record.applied))
-    both = np.stack((charge, i), axis=1)
-    found = np.linalg.lstsq(both, volts, rcond=None)[0]
-    L = float(found[1])
-    return L, float(np.sqrt(np.mean((volts - both @ found) ** 2)) / np.abs(L * i).max())
 
 
 def kink(record: Record, operation: Operation) -> float | None:

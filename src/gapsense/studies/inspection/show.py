@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FAINT, FIRST, SECOND, TRUE, line, stack
+from gapsense.report.plot import FAINT, FIRST, SECOND, TRUE, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.identification.flux import estimate
 from gapsense.studies.identification.record import Record
@@ -114,13 +114,14 @@ def of_operations(found: Facts) -> list[str]:
 
 def figure_of(record: Record, found: Facts) -> Figure:
     """Voltage, current and flux linkage, with the operations."""
-    labels = ["voltage / V", "current / A", "flux linkage / Wb"]
-    figure, axes = stack(record.name, labels, [1.0, 2.0, 1.0])
-    line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, record.current, TRUE)
+    flux = np.zeros(record.times.size)
     if found.pulses:
-        flux = estimate(record, [p.operation for p in found.pulses])
-        line(axes[2], record.times, flux.flux_linkage, FIRST)
+        flux = estimate(record, [p.operation for p in found.pulses]).flux_linkage
+    panels = (("voltage", "V", record.voltage), ("current", "A", record.current), ("flux linkage", "Wb", flux))
+    scales = [suited(*panel) for panel in panels]
+    figure, axes = stack(record.name, [label for label, _ in scales], [1.0, 2.0, 1.0])
+    for axis, (_, scale), (_, _, x), color in zip(axes, scales, panels, (TRUE, TRUE, FIRST)):
+        line(axis, record.times, scale * x, color)
     for axis in axes:
         for p in found.pulses:
             axis.axvline(1e3 * record.times[p.operation.start], color=FAINT, linewidth=0.8)
