@@ -76,3 +76,16 @@ def test_voltage_between_samples_is_what_fits_best(lead, expected):
     current = made.current + 1e-3 * np.random.default_rng(6).standard_normal(k.size)
     measured = record(periods=1)._replace(times=k * DT, voltage=np.roll(applied, -lead), current=current)
     assert Fit(VALVE).best_convention([measured], np.zeros(len(FITTED)), CONVENTIONS, None)[0] == expected
+
+
+def test_misfit_of_a_record_without_any_noise_is_told():
+    quiet = record(periods=1)
+    long = np.zeros(2 * quiet.times.size)  # at rest for longer than it works: no second difference tells a noise
+    measured = quiet._replace(
+        times=DT * np.arange(long.size + quiet.times.size),
+        voltage=np.concatenate((long, quiet.voltage)),
+        current=np.concatenate((long, quiet.current)),
+        halves=np.concatenate((np.stack((long, long), axis=1), quiet.halves)),
+    )
+    found = left(measured, with_eddy_currents)
+    assert not found.is_explained and "times its noise" in verdict(found, "3 mA", "1 mA")

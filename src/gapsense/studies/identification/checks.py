@@ -10,14 +10,12 @@ import numpy as np
 from gapsense.problems import InputError
 from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
 from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.operations import Operation, noise, operations, starts
+from gapsense.studies.identification.operations import SIGMAS, SMALL, Operation, noise, operations, starts
 from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
 from gapsense.studies.identification.samples import clipping, time_problems
 
-REST = 0.01  # largest current at rest, and largest change over an operation, relative to the largest current
-SIGMAS = 4.0
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
 
@@ -100,7 +98,7 @@ def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
 
 
 def _largest_at_rest(record: Record) -> float:
-    return REST * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
+    return SMALL["current"] * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
 
 
 def _rest_problems(record: Record, file: str) -> Iterator[str]:

@@ -101,13 +101,14 @@ def identify(
         What the voltage between samples may be: the one that fits best is taken.  None: as the records have it.
     """
     fit, convention = Fit(known), ""
-    experiments = [model.prepare(record, period)[0] for record in records]
-    found = fit.multi_start([model.shortened(e) for e in experiments], starts, seed, progress) if starts else []
+    prepared = [model.prepare(record, period) for record in records]
+    first = [model.shortened(experiment) for experiment, _ in prepared]
+    found = fit.multi_start(first, starts, seed, progress) if starts else []
     ratios = min(found, key=lambda s: s.cost).ratios if found else np.zeros(len(FITTED))
     if conventions:
         convention, ratios = fit.best_convention(records, ratios, conventions, period)
         records = [between(record, convention) for record in records]
-    prepared = [model.prepare(record, period) for record in records]
+        prepared = [model.prepare(record, period) for record in records]
     experiments = [experiment for experiment, _ in prepared]
     for size in SIZES:
         value = partial(fit.cost, experiments=experiments)

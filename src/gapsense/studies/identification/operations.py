@@ -20,7 +20,6 @@ SMALL = {"voltage": 0.02, "current": 0.01}  # what counts as rest, relative to t
 SIGMAS = 4.0
 PAUSE = 0.1  # a rest shorter than this part of the longest activity ends no operation
 FEW = 3  # samples; an activity that is shorter is a spike
-OFFSET = 0.1  # largest offset, relative to the range: more is a record that does not begin at rest
 
 
 class Operation(NamedTuple):
@@ -46,10 +45,15 @@ def resolution(x: Vector) -> float:
     return float(np.diff(np.unique(x)).min(initial=np.inf))
 
 
+def hidden(x: Vector) -> float:
+    """Standard deviation of what the steps of a converter hide; 0 for a signal that never changes."""
+    step = resolution(x)
+    return step / float(np.sqrt(12.0)) if np.isfinite(step) else 0.0
+
+
 def leaves(x: Vector, name: str) -> float:
     """How far the voltage or the current may be from its value at rest."""
-    step = resolution(x)
-    return SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), step / np.sqrt(12.0) if np.isfinite(step) else 0.0)
+    return SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))
 
 
 def at_rest(record: Record) -> int:
@@ -84,8 +88,12 @@ def true_runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def starts(record: Record) -> list[int]:
     """The last sample at rest before each operation, complete or not."""
+    return _before(activities(record), record)
+
+
+def _before(active: list[tuple[int, int]], record: Record) -> list[int]:
     v, limit, found, rest = record.voltage, leaves(record.voltage, "voltage"), list[int](), 0
-    for begin, end in activities(record):
+    for begin, end in active:
         usual, k = float(np.median(v[rest : max(rest + 1, begin)])), max(begin - 1, rest)
         while k > rest and abs(v[k] - usual) > limit:
             k -= 1
@@ -99,13 +107,14 @@ def operations(record: Record, period: float | None = None) -> list[Operation]:
 
     The last one ends with its usual length, or else with the record, if the current has ended by then.
     """
-    begins, last = starts(record), record.times.size - 1
+    active, last = activities(record), record.times.size - 1
+    begins = _before(active, record)
     if not begins:
         return []
     if period is not None:
         count = int((last - begins[0]) * record.dt / period + 1e-6)
         return _between(np.round(begins[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist())
-    end = activities(record)[-1][1]
+    end = active[-1][1]
     if len(begins) == 1 and end > last:
         begins = edges(record.voltage).tolist()
         ends = [2 * begins[-1] - begins[-2]] if len(begins) > 1 else []

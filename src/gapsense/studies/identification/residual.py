@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.model import JUMP, Trajectory
-from gapsense.studies.identification.operations import noise, resolution
+from gapsense.studies.identification.operations import hidden, noise
 from gapsense.studies.identification.record import Record
 
 EXPLAINED = 1.25  # times the noise
@@ -69,9 +69,8 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
 
 def noise_of(record: Record, first: int) -> float:
     """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
-    i, step = record.current, resolution(record.current)
-    hidden = step / np.sqrt(12.0) if step > 1e-6 * np.ptp(i) else 0.0
-    return float(max(noise(i), hidden, i[:first].std() if first >= REST else 0.0))
+    i = record.current
+    return float(max(noise(i), hidden(i), i[:first].std() if first >= REST else 0.0))
 
 
 def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDArray[np.bool_]]:
@@ -103,7 +102,7 @@ def verdict(found: Residual, current: str, allowed: str) -> str:
     if found.is_explained:
         return f"{found.record}: the model explains the current to {current}, which is noise."
     return (
-        f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.1f}"
+        f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
         f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
         f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; the usual cause is"
         f" {CAUSES[found.worst]}."

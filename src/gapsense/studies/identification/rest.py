@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapsense.studies.identification.operations import at_rest, noise, resolution
+from gapsense.studies.identification.operations import at_rest, hidden, noise, resolution
 from gapsense.studies.identification.record import Offset, Record, Vector
 
 MOST = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
@@ -18,8 +18,8 @@ def without_offsets(record: Record) -> Record:
     n = at_rest(record)
     if n < FEWEST or n == record.times.size:
         return record
-    found = {name: offset(x, n) for name, x in (("voltage", record.voltage), ("current", record.current))}
     signals = {"voltage": record.voltage, "current": record.current}
+    found = {name: offset(x, n) for name, x in signals.items()}
     if any(abs(o.value) > MOST * np.abs(signals[name]).max() for name, o in found.items()):
         return record
     told = {name: o for name, o in found.items() if abs(o.value) > SIGNIFICANT * o.error}
@@ -31,8 +31,8 @@ def without_offsets(record: Record) -> Record:
 
 def offset(x: Vector, n: int) -> Offset:
     """Mean of the first `n` samples, and its standard error: that of equal samples is what the converter hides."""
-    hidden = 0.0 if np.ptp(x[:n]) else resolution(x) / np.sqrt(12.0)
-    return Offset(float(x[:n].mean()), float(max(x[:n].std() / np.sqrt(n), noise(x) / np.sqrt(n), hidden)))
+    lost = 0.0 if np.ptp(x[:n]) else hidden(x)
+    return Offset(float(x[:n].mean()), float(max(x[:n].std() / np.sqrt(n), noise(x) / np.sqrt(n), lost)))
 
 
 def unipolar(record: Record) -> tuple[str, ...]:
