@@ -19,7 +19,6 @@ from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
-from gapsense.cosim.order import execution_order
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.played import player
 from gapsense.cosim.record import FmuError
@@ -62,7 +61,7 @@ class Master:
         self.scenario, self.descriptions = scenario, descriptions
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
-        self.order = execution_order(list(scenario.components), scenario.connections, descriptions)
+        self.order = self.subject.order
         self.places = Layout(ports(descriptions), texts(descriptions))
         self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
         self.view = np.frombuffer(self.buffer)

@@ -15,7 +15,7 @@ import numpy as np
 import gapsense
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.loop import language
-from gapsense.cosim.order import execution_order
+from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
 from gapsense.cosim.scenario import Scenario
@@ -42,10 +42,14 @@ class Subject:
         return [place for place, port in enumerate(ports(self.descriptions)) if str(port) in self.about]
 
     @cached_property
+    def order(self) -> Order:
+        """In which the components act."""
+        return execution_order(list(self.scenario.components), self.scenario.connections, self.descriptions)
+
+    @cached_property
     def run(self) -> Run:
         """What is run and how, but for seeds, files and what came of it."""
         scenario, experiment = self.scenario, self.scenario.experiment
-        order = execution_order(list(scenario.components), scenario.connections, self.descriptions)
         return Run(
             title=scenario.title,
             scenario=scenario.name,
@@ -57,8 +61,8 @@ class Subject:
             decimation=scenario.record.decimation,
             seeds={},
             components={name: component_facts(scenario, self.descriptions, name) for name in scenario.components},
-            order=order.names,
-            delayed=tuple(str(connection) for connection in order.delayed),
+            order=self.order.names,
+            delayed=tuple(str(connection) for connection in self.order.delayed),
             files={},
             versions={**versions(), "loop": language()},
             source=str(scenario.path.resolve()),

@@ -102,8 +102,7 @@ def identify(
     """
     fit, convention = Fit(known), ""
     prepared = [model.prepare(record, period) for record in records]
-    first = [model.shortened(experiment) for experiment, _ in prepared]
-    found = fit.multi_start(first, starts, seed, progress) if starts else []
+    found = fit.multi_start([model.shortened(e) for e, _ in prepared], starts, seed, progress) if starts else []
     ratios = min(found, key=lambda s: s.cost).ratios if found else np.zeros(len(FITTED))
     if conventions:
         convention, ratios = fit.best_convention(records, ratios, conventions, period)
@@ -117,7 +116,6 @@ def identify(
     R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
     par = scaled(known, ratios)._replace(coil_resistance=float(R))
     models = [model.simulated(par, e) for e in experiments]
-    firsts = [flux.operations[0].start for _, flux in prepared]
     return Identified(
         parameters=par,
         names=(*FITTED, "coil_resistance"),
@@ -128,7 +126,7 @@ def identify(
         fluxes=[flux for _, flux in prepared],
         models=models,
         convention=convention,
-        residuals=[residual(record, m, first) for record, m, first in zip(records, models, firsts)],
+        residuals=[residual(r, m, flux.operations[0].start) for r, m, (_, flux) in zip(records, models, prepared)],
         ratios=ratios,
     )
 
