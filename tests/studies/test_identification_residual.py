@@ -8,8 +8,8 @@ from valve_records import DT, ON, PERIOD, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.conventions import CONVENTIONS
-from gapsense.studies.identification.fit import Fit
 from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.minimise import Fit
 from gapsense.studies.identification.model import prepare, simulate, simulated
 from gapsense.studies.identification.residual import residual, verdict
 
