@@ -1,7 +1,8 @@
 """Which form a record calls for: nested forms, each taken if the evidence is for it.
 
-From the plain form on, each of what may be added is tried in turn, and the one with most evidence is taken, until only
-noise is left or none has enough.  The evidence is the difference of the Bayesian information criteria,
+From the plain form on, each of what may be added is tried in turn, and the one with most evidence is taken, until none
+has enough.  Losses may hide in the noise and yet bias all else, so that they are tried where only noise is left, too.
+The evidence is the difference of the Bayesian information criteria,
 
     n ln(S_before / S_after) - k ln n,
 
@@ -18,20 +19,13 @@ import numpy as np
 
 from gapsense.studies.identification.form import FACTOR, Form
 from gapsense.studies.identification.forms import Sought, larger
+from gapsense.studies.identification.many import currents
 from gapsense.studies.identification.minimise import Fit
-from gapsense.studies.identification.model import Experiment, simulated
-from gapsense.studies.identification.record import Record, Vector
-from gapsense.studies.identification.residual import is_noise
+from gapsense.studies.identification.prepared import First
+from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.residual import is_small
 
-ENOUGH = 10.0  # evidence from which a form is taken: "very strong" by Kass and Raftery (1995)
-
-
-class First(NamedTuple):
-    """First operation of a record."""
-
-    record: Record
-    experiment: Experiment
-    start: int  # of the operation
+ENOUGH = 6.0  # evidence from which a form is taken: "strong" by Kass and Raftery (1995)
 
 
 class Trial(NamedTuple):
@@ -39,6 +33,7 @@ class Trial(NamedTuple):
 
     form: Form
     ratios: Vector
+    cost: float  # J of (24)
     errors: list[Vector]  # of the current [A]
     evidence: float = 0.0  # for it, against the form before
     is_taken: bool = True
@@ -51,39 +46,40 @@ class Trial(NamedTuple):
 
 def chosen(fit: Fit, ratios: Vector, firsts: Sequence[First], sought: Sought) -> list[Trial]:
     """Every form that was tried; the last one that is taken is to be used."""
-    best = _trial(fit.form, ratios, firsts)
+    best = trial(fit, ratios, firsts)
     tried = [best]
-    while not is_explained(best, firsts):
-        found = [_tried(fit, form, best, firsts) for form in larger(best.form, sought)]
+    while not is_quiet(best, firsts) and (forms := larger(best.form, sought)):
+        found = [larger_trial(fit, form, best, firsts) for form in forms]
         found.sort(key=lambda trial: trial.evidence)
-        if not found or found[-1].evidence < ENOUGH:
+        if found[-1].evidence < ENOUGH:
             return [*tried, *found]
         best = found[-1]._replace(is_taken=True)
         tried += [*found[:-1], best]
     return tried
 
 
-def is_explained(trial: Trial, firsts: Sequence[First]) -> bool:
-    """Whether only noise is left."""
-    return all(is_noise(error, first.record, first.start) for error, first in zip(trial.errors, firsts))
+def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
+    """Whether less is left than sampling alone leaves: then nothing can be told."""
+    return all(is_small(error, first.record, first.start) for error, first in zip(trial.errors, firsts))
 
 
-def _tried(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
+def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
     """The larger form, fitted from the smaller one on, and from the first guess."""
     experiments, other = [first.experiment for first in firsts], Fit(form)
     starts = (carried(before.form, before.ratios, form), form.start)
     ends = [other.least_squares(start, experiments) for start in starts]
-    best = min(ends, key=lambda ratios: other.cost(ratios, experiments))
+    found = min((trial(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
     fit.samples += other.samples
-    trial = _trial(form, best, firsts)
-    left, now = (_weighted(t.errors, firsts) for t in (before, trial))
+    left, now = (_weighted(t.errors, firsts) for t in (before, found))
     more = len({*form.fitted} - {*before.form.fitted, FACTOR})
-    return trial._replace(evidence=evidence(left, now, more), is_taken=False)
+    return found._replace(evidence=evidence(left, now, more), is_taken=False)
 
 
-def _trial(form: Form, ratios: Vector, firsts: Sequence[First]) -> Trial:
-    par = form.at(ratios)
-    return Trial(form, ratios, [f.experiment.current - simulated(par, f.experiment).current for f in firsts])
+def trial(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
+    """A form as it is fitted."""
+    experiments, par = [first.experiment for first in firsts], fit.form.at(ratios)
+    errors = [e.current - currents([par], e)[0] for e in experiments]
+    return Trial(fit.form, ratios, fit.cost(ratios, experiments), errors)
 
 
 def _weighted(errors: Sequence[Vector], firsts: Sequence[First]) -> Vector:

@@ -16,15 +16,17 @@ import numpy as np
 from gapsense.studies.identification import model
 from gapsense.studies.identification.device import Device, changed
 from gapsense.studies.identification.errors import Uncertainty, uncertainty
-from gapsense.studies.identification.evidence import First, Trial, chosen
+from gapsense.studies.identification.evidence import Trial, chosen
 from gapsense.studies.identification.flux import Flux
 from gapsense.studies.identification.form import FACTOR, Form
 from gapsense.studies.identification.forms import EVERYTHING, Sought, plain
 from gapsense.studies.identification.minimise import Fit, Start
 from gapsense.studies.identification.model import Experiment, Trajectory, cost
-from gapsense.studies.identification.record import Record, Vector, between
+from gapsense.studies.identification.prepared import Prepared, prepare
+from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.search import search
+from gapsense.studies.identification.voltage import best_reading
 from gapsense.workers import Progress
 
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
@@ -69,20 +71,6 @@ class Identified(NamedTuple):
         return [name for name, error in zip(self.names, self.uncertainty.relative) if not error < POOR]
 
 
-class Prepared(NamedTuple):
-    """Records as they are read, and what is fitted to them."""
-
-    records: Sequence[Record]
-    experiments: list[Experiment]
-    fluxes: list[Flux]
-
-    @property
-    def firsts(self) -> list[First]:
-        """Their first operations."""
-        starts = (flux.operations[0].start for flux in self.fluxes)
-        return [First(r, model.shortened(e), start) for r, e, start in zip(self.records, self.experiments, starts)]
-
-
 class Found(NamedTuple):
     """A minimum for all operations."""
 
@@ -124,23 +112,19 @@ def identify(
         What may be added to the plain form, and what is held.
     """
     fit, convention, trials = Fit(plain(known, sought)), "", list[Trial]()
-    prepared = _prepared(records, period)
+    prepared = prepare(records, period)
     found = fit.multi_start([first.experiment for first in prepared.firsts], starts, seed, progress) if starts else []
     ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
     if conventions:
-        convention, ratios = fit.best_convention(records, ratios, conventions, period)
-        prepared = _prepared([between(record, convention) for record in records], period)
+        readings = [prepare(records, period, name) for name in conventions]
+        best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
+        convention, prepared = conventions[best], readings[best]
     if found:
         trials = chosen(fit, ratios, prepared.firsts, sought)
-    best = [trial for trial in trials if trial.is_taken][-1:]
-    fit.form, ratios = (best[0].form, best[0].ratios) if best else (fit.form, ratios)
+    for trial in trials:
+        fit.form, ratios = (trial.form, trial.ratios) if trial.is_taken else (fit.form, ratios)
     at = _minimum(fit, ratios, prepared.experiments, is_searched=not found)
     return _identified(fit, at, prepared, found, convention, trials)
-
-
-def _prepared(records: Sequence[Record], period: float | None) -> Prepared:
-    experiments, fluxes = zip(*(model.prepare(record, period) for record in records))
-    return Prepared(records, [*experiments], [*fluxes])
 
 
 def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searched: bool) -> Found:

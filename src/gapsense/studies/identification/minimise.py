@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from gapsense.studies.identification.errors import Matrix
 from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.many import currents
 from gapsense.studies.identification.model import Experiment, cost
-from gapsense.studies.identification.record import Record, Vector, between
+from gapsense.studies.identification.record import Vector
 from gapsense.workers import Progress
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
@@ -37,7 +36,9 @@ class Fit:
     def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """Weighted residuals; values far from any valve give large ones instead of NaN."""
         self.samples += sum(e.current.size for e in experiments)
-        return np.nan_to_num(model.residuals(self.form, ratios, experiments), nan=1e3, posinf=1e3, neginf=-1e3)
+        par = self.form.at(ratios)
+        parts = [model.weighted(e, currents([par], e)[0]) for e in experiments]
+        return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, ratios: Vector, experiments: list[Experiment]) -> Matrix:
         """Derivatives of the residuals: difference quotients of models that are simulated together."""
@@ -58,19 +59,6 @@ class Fit:
         options = {"bounds": bounds, "x_scale": "jac", "max_nfev": LONGEST}
         found = least_squares(self.residuals, ratios, self.jacobian, args=(experiments,), **options)
         return np.asarray(found.x)
-
-    def best_convention(
-        self, records: Sequence[Record], ratios: Vector, conventions: Sequence[str], period: float | None
-    ) -> tuple[str, Vector]:
-        """The voltage between samples with which the first operations fit best, and the minimum there."""
-        found = []
-        for convention in conventions:
-            prepared = [model.prepare(between(record, convention), period)[0] for record in records]
-            first = [model.shortened(e) for e in prepared]
-            at = self.least_squares(ratios, first)
-            found.append((self.cost(at, first), convention, at))
-        _, convention, ratios = min(found, key=lambda entry: entry[0])
-        return convention, ratios
 
     def multi_start(self, experiments: list[Experiment], starts: int, seed: int, progress: Progress) -> list[Start]:
         """Least squares from the first guess and from random points around it."""

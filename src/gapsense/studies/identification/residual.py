@@ -18,7 +18,6 @@ from gapsense.studies.identification.record import Record, Vector
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
-WHITE = 4.0  # correlation of neighbours from which they are no noise, in standard errors of that of noise
 SMALL = 3e-3  # of the largest current: less is none
 REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
@@ -63,7 +62,7 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
         rms=float(np.sqrt(squares.mean())),
         noise=sigma,
         limit=max(EXPLAINED * sigma, _floor(i)),
-        correlation=_correlation(error),
+        correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
     )
 
@@ -74,20 +73,13 @@ def noise_of(record: Record, first: int) -> float:
     return float(max(noise(i), hidden(i), i[:first].std() if first >= REST else 0.0))
 
 
-def is_noise(error: Vector, record: Record, first: int) -> bool:
-    """Whether an error of the current is explained, and neighbours in it have nothing to do with each other."""
-    rms, floor = float(np.sqrt(np.mean(error**2))), _floor(record.current[first:])
-    is_white = rms <= floor or abs(_correlation(error)) <= WHITE / np.sqrt(error.size)
-    return is_white and rms <= max(EXPLAINED * noise_of(record, first), floor)
+def is_small(error: Vector, record: Record, first: int) -> bool:
+    """Whether an error of the current is no more than sampling alone leaves."""
+    return float(np.sqrt(np.mean(error**2))) <= _floor(record.current[first:])
 
 
 def _floor(current: Vector) -> float:
     return FLOOR * float(np.abs(current).max())
-
-
-def _correlation(error: Vector) -> float:
-    """Of neighbours."""
-    return float(error[1:] @ error[:-1] / (error @ error))
 
 
 def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDArray[np.bool_]]:
