@@ -16,7 +16,8 @@ from scipy.optimize import least_squares
 
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.studies.identification import model
-from gapsense.studies.identification.errors import Matrix, Uncertainty, uncertainty
+from gapsense.studies.identification.causes import Matrix
+from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
 from gapsense.studies.identification.flux import Flux
 from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.many import currents
@@ -120,20 +121,20 @@ def identify(
         value = partial(fit.cost, experiments=experiments)
         ratios = fit.least_squares(ratios, experiments) if found else search(value, ratios, size).x
         experiments = [model.balanced(form, ratios, e) for e in experiments]
-    R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
-    par = form.at(ratios)._replace(coil_resistance=float(R))
+    par = form.at(ratios)._replace(coil_resistance=model.pooled_resistance(experiments))
     models = [model.simulated(par, e) for e in experiments]
+    left = [residual(r, m, flux.operations[0].start) for r, m, (_, flux) in zip(records, models, prepared)]
     return Identified(
         parameters=par,
         form=form,
-        uncertainty=uncertainty(form, ratios, experiments),
+        uncertainty=uncertainty(form, ratios, experiments, doubts(records, left)),
         cost=cost(model.residuals(form, ratios, experiments)),
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
         models=models,
         convention=convention,
-        residuals=[residual(r, m, flux.operations[0].start) for r, m, (_, flux) in zip(records, models, prepared)],
+        residuals=left,
         ratios=ratios,
     )
 
