@@ -57,7 +57,7 @@ def identify(
     records = read_records(data, how, period)
     kept = read_records(validate or [], how, needs="rest")
     guess.check(known.parameters, records, period)
-    conventions = CONVENTIONS if voltage == AUTO else ()
+    conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
     kept = [between(record, result.convention or voltage) for record in kept]
