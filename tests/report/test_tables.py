@@ -149,8 +149,8 @@ def test_table_that_is_too_wide_is_shown_in_even_parts_with_the_first_column_aga
 
 
 def test_column_without_a_word_is_shown_in_a_narrow_console():
-    made = table("", ("parameter", "value", ""), [("a" * 30, "1" * 30, ""), ("b", "2", "")])
-    assert "parameter" in text(made, width=40) and "value" in text(made, width=40)
+    made = table("", ("parameter", "value", "error", ""), [("a" * 10, "1" * 10, "2" * 10, "")])
+    assert all(word in text(made, width=32) for word in ("parameter", "value", "1" * 10, "2" * 10))
 
 
 @pytest.mark.parametrize("width", [60, 80])

@@ -49,11 +49,9 @@ def estimate(
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
     record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
     values = read_values(parameters or [])
-    for text in about(record):
-        problem(text, "yellow")
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
-    for reason in left_out:
-        problem(f"left out: {reason}", "yellow")
+    for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
+        problem(text, "yellow")
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
         estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
