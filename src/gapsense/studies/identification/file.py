@@ -37,11 +37,14 @@ def read_known(file: Path | None) -> Known:
     return Known(parameters, law, Path(str(table)) if law == "table" else None)
 
 
-def write_identified(file: Path, result: Identified, known: Known, sources: Sequence[Path]) -> Path:
-    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
+def write_identified(
+    file: Path, result: Identified, known: Known, sources: Sequence[Path], notes: Sequence[str] = ()
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
+        *(f"# {note}" for note in notes),
         "",
         "[values]",
         *(_line(port, result) for port in PORTS.values() if port.name.partition(".")[0] not in ("gap", "micro_step")),
