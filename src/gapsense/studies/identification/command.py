@@ -62,7 +62,7 @@ def identify(
     conventions = CONVENTIONS if voltage == AUTO else ()
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
-    coefficient, R = temperature.coefficient(records, result.fluxes), float(result.parameters.coil_resistance)
+    coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
     checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
     file.write_identified(to, result, known, data, temperature.notes(R, coefficient))
     show(*tables(result, records, checks), *temperature.tables(records, R, coefficient))

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from gapsense.studies.identification import model
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.form import FACTOR, Form
 from gapsense.studies.identification.model import Experiment, residuals
 from gapsense.studies.identification.record import Vector
 
@@ -48,9 +48,18 @@ def uncertainty(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -
         W = _weights(form, ratios, experiment, A[:, begin : begin + size], total)
         cov += long_run(W, experiment.current - model.simulated(form.at(ratios), experiment).current)
         begin += size
+    if FACTOR in form.fitted:  # it is one of the resistance
+        cov, lost = _joined(cov, lost, form.fitted.index(FACTOR))
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
     return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale))
+
+
+def _joined(cov: Matrix, lost: npt.NDArray[np.bool_], k: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
+    """Covariance with a fitted factor in the resistance, which is the last."""
+    T = np.delete(np.eye(len(cov)), k, axis=0)
+    T[-1, k] = 1.0
+    return T @ cov @ T.T, np.delete(lost, k)
 
 
 def long_run(W: Matrix, r: Vector) -> Matrix:

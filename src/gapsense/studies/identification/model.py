@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.actuators import solenoid_valve
-from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.identification.device import Device, kernel_of, seen
 from gapsense.studies.identification.flux import Flux, estimate, trapezoid
 from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.operations import Operation, operations
@@ -20,7 +17,6 @@ from gapsense.studies.identification.record import Record, Vector
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
-KERNEL = Kernel(solenoid_valve)  # scalar: for fewer than about sixty runs faster than numpy
 
 
 class Trajectory(NamedTuple):
@@ -29,10 +25,6 @@ class Trajectory(NamedTuple):
     current: Vector  # i* [A]
     flux_linkage: Vector  # lambda* [Wb]
     position: Vector  # [m]
-
-
-CURRENT = solenoid_valve.Outputs._fields.index("current")
-SEEN = itemgetter(*map(solenoid_valve.Outputs._fields.index, Trajectory._fields))  # of the kernel's outputs
 
 
 class Experiment(NamedTuple):
@@ -81,17 +73,18 @@ def mean_resistance(experiment: Experiment) -> float:
     return float(total / charge(experiment))
 
 
-def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
+def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
     """The model from rest on, at each sample; the resistance is that of the interval before it.
 
     Where the voltage jumps within an interval, its halves are two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
-    step, voltages, resistances = KERNEL.scalar["step"], halves.mean(axis=1).tolist(), resistance.tolist()
+    kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
+    step, look = kernel.scalar["step"], seen(kernel)
     is_jump = jumps(halves)
     constants = flat(par)[1:]  # the resistance is the first
-    state, outputs = KERNEL.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
-    rows = [SEEN(outputs)]
+    state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
+    rows = [look(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
         if is_jump[k]:
@@ -99,7 +92,7 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
                 state, outputs = step(state, (k * dt, 0.5 * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
-        rows.append(SEEN(outputs))
+        rows.append(look(outputs))
     return Trajectory(*np.array(rows).T)
 
 
@@ -108,7 +101,7 @@ def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
 
 
-def simulated(par: Parameters, experiment: Experiment) -> Trajectory:
+def simulated(par: Device, experiment: Experiment) -> Trajectory:
     """The model from the first operation of a record on."""
     return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
 
@@ -133,7 +126,7 @@ def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
     model = simulated(form.at(ratios), experiment)
-    R = experiment.resistance.copy()
+    R = experiment.resistance * form.factor(ratios)
     for operation in experiment.operations:
         charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]
         R[operation.inside] *= charges[0] / charges[1]
