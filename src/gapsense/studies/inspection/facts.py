@@ -9,7 +9,15 @@ import numpy as np
 
 from gapsense.studies.identification.checks import operation_problems, rest_problems
 from gapsense.studies.identification.flux import coil, estimate
-from gapsense.studies.identification.operations import Operation, activities, at_rest, noise, operations, resolution
+from gapsense.studies.identification.operations import (
+    Operation,
+    activities,
+    at_rest,
+    hidden,
+    noise,
+    operations,
+    resolution,
+)
 from gapsense.studies.identification.record import Columns, Offset, Record, Vector
 from gapsense.studies.identification.rest import FEWEST, offset
 from gapsense.studies.identification.samples import clipping
@@ -133,6 +141,7 @@ def pulses(record: Record, found: list[Operation], switched: Carrier | None) -> 
     if not found:
         return []
     flux, made = estimate(record, found), []
+    sigma = max(noise(record.current), hidden(record.current))
     for operation, R in zip(found, flux.resistances.tolist()):
         i, lam = record.current[operation.inside], flux.flux_linkage[operation.inside]
         L, bend = coil(record, operation)
@@ -145,8 +154,8 @@ def pulses(record: Record, found: list[Operation], switched: Carrier | None) -> 
                 inductance=L,
                 bend=bend,
                 rise=int(np.argmax(i > 0.5 * i.max())),
-                closing=closing(record, operation, switched),
-                opening=opening(record, operation),
+                closing=closing(record, operation, sigma, switched),
+                opening=opening(record, operation, sigma),
             )
         )
     return made

@@ -23,7 +23,7 @@ MARKS: dict[str, tuple[str, Any]] = {
     "closes": (SECOND, "--"),
     "opens": (THIRD, "--"),
 }
-MOST = 50  # operations that are marked
+MOST = 20  # operations in sight; of more none is marked
 
 
 def figure_of(records: Sequence[Record], found: Sequence[Facts]) -> Figure:
@@ -82,8 +82,10 @@ def curve(axis: Any, times: Vector, x: Vector, color: str) -> None:
 def mark(axis: Any, record: Record, found: Facts, left: float, right: float) -> None:
     """Rest, beginnings of operations, and kinks, as far as they are in sight."""
     t = 1e3 * record.times
-    axis.axvspan(t[0], t[max(found.rest - 1, 0)], color=GRID, alpha=0.6, linewidth=0.0)
-    for p in found.pulses[:MOST]:
+    if not found.unready:
+        axis.axvspan(t[0], t[max(found.rest - 1, 0)], color=GRID, alpha=0.6, linewidth=0.0)
+    here = [p for p in found.pulses if left < t[p.operation.stop] and t[p.operation.start] < right]
+    for p in here if len(here) <= MOST else []:
         kinks = [1e3 * kink.end if kink else None for kink in (p.closing, p.opening)]
         places = [*(t[k] for k in p.operation), *kinks]
         for (color, style), at in zip(MARKS.values(), places):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.operations import Operation, hidden, noise
+from gapsense.studies.identification.operations import Operation, noise
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.inspection.drive import Carrier
 
@@ -36,10 +36,10 @@ class Kink(NamedTuple):
     samples: int  # between them
 
 
-def closing(record: Record, operation: Operation, carrier: Carrier | None = None) -> Kink | None:
-    """Where the current falls though the voltage is held, or switched by PWM."""
+def closing(record: Record, operation: Operation, sigma: float, carrier: Carrier | None = None) -> Kink | None:
+    """Where the current, with noise `sigma`, falls though the voltage is held, or switched by PWM."""
     v, i = record.voltage[operation.inside], record.current[operation.inside]
-    sigma, driven = max(noise(record.current), hidden(record.current)), held(v)
+    driven = held(v)
     if carrier is not None:
         i, sigma, driven = averaged(v, i, sigma, carrier)
     for a, b in driven:
@@ -49,10 +49,9 @@ def closing(record: Record, operation: Operation, carrier: Carrier | None = None
     return None
 
 
-def opening(record: Record, operation: Operation) -> Kink | None:
-    """Where the falling current falls faster again."""
+def opening(record: Record, operation: Operation, sigma: float) -> Kink | None:
+    """Where the falling current, with noise `sigma`, falls faster again."""
     v, i = record.voltage[operation.inside], record.current[operation.inside]
-    sigma = max(noise(record.current), hidden(record.current))
     for a, b in held(v):
         flows = np.flatnonzero(i[a:b] > GONE * i.max() + 4.0 * sigma)
         b = a + int(flows[-1]) + 1 if flows.size else a

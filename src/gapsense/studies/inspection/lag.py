@@ -25,17 +25,18 @@ class Lag(NamedTuple):
 
 def lag(record: Record, found: Sequence[Operation]) -> Lag | None:
     """Mean of the first operations; where the edge lies between two samples, half a sample, is not in its error."""
-    each = [x for x in (one(record, operation) for operation in found[:OPERATIONS]) if x is not None]
+    sigma = noise(record.current)
+    each = [x for x in (one(record, operation, sigma) for operation in found[:OPERATIONS]) if x is not None]
     if not each:
         return None
     late, errors = (np.array(column) for column in zip(*each))
     return Lag(float(late.mean()), float(max(late.std(), errors.mean()) / np.sqrt(late.size)))
 
 
-def one(record: Record, operation: Operation) -> Lag | None:
+def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
     """Of one operation: from half-way to the first sample at its voltage to where its current, extrapolated, begins."""
     v, i = record.voltage[operation.inside], record.current[operation.inside]
-    low = LOWEST * i.max() + 2.0 * noise(record.current)
+    low = LOWEST * i.max() + 2.0 * sigma
     first, last = (int(np.argmax(i > level)) for level in (low, HIGHEST * i.max()))
     edge = int(np.argmax(v > 0.5 * v.max()))
     if last - first < FEWEST or edge >= last or v[max(first, edge) : last].min() < 0.5 * v.max():
