@@ -118,8 +118,10 @@ def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
     assert done.exit_code == 2 and not done.stdout
     assert re.search(r"Ertss needs `mode`.*Add a column `mode \[1\]`.*choose an estimator.*Semera", done.stderr)
     every = gapsense("estimate", plain, "--fmus", fmus, "--figure", data / "p.png")
-    assert every.exit_code == 0
+    assert every.exit_code == 1  # for estimators of other devices, without the parameters of this one
     assert "left out: Ekf needs `mode`" in every.stderr and "Semera" in every.stdout
+    assert (data / "p.png").exists()
+    assert "HybridEkf: its `health` is 0 most of the time" in every.stderr and "\nSemera:" not in every.stderr
 
 
 WRONG = {

@@ -9,7 +9,8 @@ from valve_records import DT, ON, PERIOD, record
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.conventions import CONVENTIONS
 from gapsense.studies.identification.fit import Fit
-from gapsense.studies.identification.model import FITTED, prepare, simulate, simulated
+from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.model import prepare, simulate, simulated
 from gapsense.studies.identification.residual import residual, verdict
 
 
@@ -75,7 +76,7 @@ def test_voltage_between_samples_is_what_fits_best(lead, expected):
     made = simulate(VALVE, np.stack((applied, applied), axis=1), DT, np.full(k.size, VALVE.coil_resistance))
     current = made.current + 1e-3 * np.random.default_rng(6).standard_normal(k.size)
     measured = record(periods=1)._replace(times=k * DT, voltage=np.roll(applied, -lead), current=current)
-    assert Fit(VALVE).best_convention([measured], np.zeros(len(FITTED)), CONVENTIONS, None)[0] == expected
+    assert Fit(Form(VALVE)).best_convention([measured], np.zeros(6), CONVENTIONS, None)[0] == expected
 
 
 def test_misfit_of_a_record_without_any_noise_is_told():

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
+from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
 
 
 @command("estimate")
@@ -30,11 +30,14 @@ def estimate(
         Path | None, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
     ] = None,
 ) -> None:
-    """Run estimators, through their FMUs, on a measured record, and draw what they say."""
+    """Run estimators, through their FMUs, on a measured record, and draw what they say.
+
+    Exit code 1 if one of them cannot be right, by what the record itself tells.
+    """
     from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
-    from gapsense.studies.estimation import run
+    from gapsense.studies.estimation import judge, run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.show import about
@@ -52,11 +55,12 @@ def estimate(
         problem(f"left out: {reason}", "yellow")
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
-        estimates = []
-        for k, name in enumerate(names):
-            progress(k, len(names))
-            estimates.append(run.run_estimator(folder / f"{name}.fmu", record, values))
+        estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     show(*tables(estimates))
     if to is not None:
         written(run.save(to, record, estimates))
     written(plot.save(measured_and_estimated(record, estimates), picture))
+    doubts = judge.doubts(record, estimates)
+    for text in doubts:
+        problem(text)
+    raise typer.Exit(FAILED if doubts else 0)

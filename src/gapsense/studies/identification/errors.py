@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.studies.identification import model
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.model import FITTED, Experiment, residuals
+from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.model import Experiment, residuals
 from gapsense.studies.identification.record import Vector
 
 Matrix = npt.NDArray[np.float64]
@@ -29,24 +29,24 @@ NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination o
 class Uncertainty(NamedTuple):
     """Of the fitted parameters, then of the resistance."""
 
-    relative: Vector  # standard errors, relative to the values (7,); infinite for a parameter without effect
-    correlation: Matrix  # of the errors (7, 7)
+    relative: Vector  # standard errors, relative to the values; infinite for a parameter without effect
+    correlation: Matrix  # of the errors
 
 
-def uncertainty(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
+def uncertainty(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
     """Standard errors at the minimum `ratios` of the cost."""
     steps = STEP * np.eye(ratios.size)
-    columns = [residuals(known, ratios + s, experiments) - residuals(known, ratios - s, experiments) for s in steps]
+    columns = [residuals(form, ratios + s, experiments) - residuals(form, ratios - s, experiments) for s in steps]
     J = np.array(columns).T / (2.0 * STEP)
     _, sizes, directions = np.linalg.svd(J, full_matrices=False)
     lost = np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1
     A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
-    cov = np.zeros((len(FITTED) + 1, len(FITTED) + 1))
+    cov = np.zeros((len(form.fitted) + 1, len(form.fitted) + 1))
     begin, total = 0, sum(model.charge(e) for e in experiments)
     for experiment in experiments:
         size = 2 * experiment.current.size
-        W = _weights(known, ratios, experiment, A[:, begin : begin + size], total)
-        cov += long_run(W, experiment.current - model.simulated(model.scaled(known, ratios), experiment).current)
+        W = _weights(form, ratios, experiment, A[:, begin : begin + size], total)
+        cov += long_run(W, experiment.current - model.simulated(form.at(ratios), experiment).current)
         begin += size
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
@@ -66,7 +66,7 @@ def long_run(W: Matrix, r: Vector) -> Matrix:
     return cov
 
 
-def _weights(known: Parameters, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
+def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
     """Influence of each residual of the current on the fitted parameters and on the resistance, both relative."""
     n = experiment.current.size
     c_i, c_lam = experiment.weights()
@@ -78,18 +78,18 @@ def _weights(known: Parameters, ratios: Vector, experiment: Experiment, A: Matri
         share = np.zeros(n)
         share[operation.start + 1 : operation.stop] = 1.0
         share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(known, ratios, experiment, operation.inside)
+        slope = _by_resistance(form, ratios, experiment, operation.inside)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
         pooled -= share / total
     return np.vstack([W, pooled])
 
 
-def _by_resistance(known: Parameters, ratios: Vector, experiment: Experiment, inside: slice) -> Vector:
+def _by_resistance(form: Form, ratios: Vector, experiment: Experiment, inside: slice) -> Vector:
     """Slope of the residuals by the logarithm of the resistance of one operation."""
 
     def changed(factor: float) -> Vector:
         R = experiment.resistance.copy()
         R[inside] *= factor
-        return residuals(known, ratios, [model.with_resistance(experiment, R)])
+        return residuals(form, ratios, [model.with_resistance(experiment, R)])
 
     return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)

@@ -1,6 +1,6 @@
 """Parameters of a solenoid valve from recorded voltage and current: [UKF] Section III.
 
-The resistance follows from (23), the six parameters of `FITTED` from the cost (24)-(25); the gap law, the stops, the
+The resistance follows from (23), the parameters of a form from the cost (24)-(25); the gap law, the stops, the
 relaxed gap of the spring and the gap at the start are known.  The cost has false minima, so that least squares starts
 several times, on the first operation of each record; the best start goes on with all of them.
 """
@@ -18,15 +18,15 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.studies.identification import model
 from gapsense.studies.identification.errors import Matrix, Uncertainty, uncertainty
 from gapsense.studies.identification.flux import Flux
+from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.many import currents
-from gapsense.studies.identification.model import FITTED, Experiment, Trajectory, cost, scaled
+from gapsense.studies.identification.model import Experiment, Trajectory, cost
 from gapsense.studies.identification.record import Record, Vector, between
 from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.search import search
 from gapsense.workers import Progress
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
-BOUND = 5.0  # and the result within this one
 STEP = 1e-5
 LONGEST = 50  # Jacobians per start
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
@@ -44,7 +44,7 @@ class Identified(NamedTuple):
     """What was found, and how."""
 
     parameters: Parameters  # complete set, known ones included
-    names: tuple[str, ...]  # the six fitted parameters and the resistance
+    form: Form  # what was sought
     uncertainty: Uncertainty  # in that order
     cost: float  # J of (24)
     starts: list[Start]  # empty for the multi-directional search
@@ -56,6 +56,11 @@ class Identified(NamedTuple):
     ratios: Vector  # logarithms, of the fitted parameters to their first guesses
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The fitted parameters, and the resistance."""
+        return (*self.form.fitted, "coil_resistance")
+
+    @property
     def is_explained(self) -> bool:
         """Whether the model explains all records."""
         return all(residual.is_explained for residual in self.residuals)
@@ -63,7 +68,8 @@ class Identified(NamedTuple):
     @property
     def at_bounds(self) -> list[str]:
         """Parameters at a limit of the search."""
-        return [name for name, ratio in zip(FITTED, np.abs(self.ratios)) if ratio > 0.999 * np.log(BOUND)]
+        is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
+        return [name for name, there in zip(self.form.fitted, is_there) if there]
 
     @property
     def poor(self) -> list[str]:
@@ -100,10 +106,11 @@ def identify(
     conventions : sequence of str
         What the voltage between samples may be: the one that fits best is taken.  None: as the records have it.
     """
-    fit, convention = Fit(known), ""
+    form, convention = Form(known), ""
+    fit = Fit(form)
     prepared = [model.prepare(record, period) for record in records]
     found = fit.multi_start([model.shortened(e) for e, _ in prepared], starts, seed, progress) if starts else []
-    ratios = min(found, key=lambda s: s.cost).ratios if found else np.zeros(len(FITTED))
+    ratios = min(found, key=lambda s: s.cost).ratios if found else form.start
     if conventions:
         convention, ratios = fit.best_convention(records, ratios, conventions, period)
         records = [between(record, convention) for record in records]
@@ -112,15 +119,15 @@ def identify(
     for size in SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = fit.least_squares(ratios, experiments) if found else search(value, ratios, size).x
-        experiments = [model.balanced(known, ratios, e) for e in experiments]
+        experiments = [model.balanced(form, ratios, e) for e in experiments]
     R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
-    par = scaled(known, ratios)._replace(coil_resistance=float(R))
+    par = form.at(ratios)._replace(coil_resistance=float(R))
     models = [model.simulated(par, e) for e in experiments]
     return Identified(
         parameters=par,
-        names=(*FITTED, "coil_resistance"),
-        uncertainty=uncertainty(known, ratios, experiments),
-        cost=cost(model.residuals(known, ratios, experiments)),
+        form=form,
+        uncertainty=uncertainty(form, ratios, experiments),
+        cost=cost(model.residuals(form, ratios, experiments)),
         starts=found,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=[flux for _, flux in prepared],
@@ -134,18 +141,18 @@ def identify(
 class Fit:
     """The minimisation; counts the samples that it simulates."""
 
-    def __init__(self, known: Parameters) -> None:
-        self.known, self.samples = known, 0
+    def __init__(self, form: Form) -> None:
+        self.form, self.samples = form, 0
 
     def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """Weighted residuals; values far from any valve give large ones instead of NaN."""
         self.samples += sum(e.current.size for e in experiments)
-        return np.nan_to_num(model.residuals(self.known, ratios, experiments), nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.nan_to_num(model.residuals(self.form, ratios, experiments), nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, ratios: Vector, experiments: list[Experiment]) -> Matrix:
         """Derivatives of the residuals: difference quotients of models that are simulated together."""
-        steps = np.where(ratios + STEP > np.log(BOUND), -STEP, STEP)
-        points = [scaled(self.known, point) for point in (ratios, *(ratios + np.diag(steps)))]
+        steps = np.where(ratios + STEP > self.form.bounds, -STEP, STEP)
+        points = [self.form.at(point) for point in (ratios, *(ratios + np.diag(steps)))]
         self.samples += len(points) * sum(e.current.size for e in experiments)
         parts = [[model.weighted(e, current) for current in currents(points, e)] for e in experiments]
         at, *others = np.nan_to_num(np.concatenate(parts, axis=1), nan=1e3, posinf=1e3, neginf=-1e3)
@@ -157,7 +164,7 @@ class Fit:
 
     def least_squares(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """The minimum next to a point, by a trust region and difference quotients."""
-        bounds = (-np.log(BOUND), np.log(BOUND))
+        bounds = (-self.form.bounds, self.form.bounds)
         options = {"bounds": bounds, "x_scale": "jac", "max_nfev": LONGEST}
         found = least_squares(self.residuals, ratios, self.jacobian, args=(experiments,), **options)
         return np.asarray(found.x)
@@ -181,7 +188,7 @@ class Fit:
         found = []
         for k in range(starts):
             progress(k, starts + 1)
-            guess = rng.uniform(-width, width, len(FITTED)) if k else np.zeros(len(FITTED))
+            guess = rng.uniform(-width, width, self.form.start.size) if k else self.form.start
             ratios = self.least_squares(guess, experiments)
             found.append(Start(ratios, self.cost(ratios, experiments)))
         progress(starts, starts + 1)

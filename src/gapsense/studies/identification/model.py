@@ -14,10 +14,10 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.kernel import Kernel
 from gapsense.records import flat
 from gapsense.studies.identification.flux import Flux, estimate, trapezoid
+from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.operations import Operation, operations
 from gapsense.studies.identification.record import Record, Vector
 
-FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
 KERNEL = Kernel(solenoid_valve)  # scalar: for fewer than about sixty runs faster than numpy
@@ -113,15 +113,9 @@ def simulated(par: Parameters, experiment: Experiment) -> Trajectory:
     return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
 
 
-def scaled(known: Parameters, ratios: Vector) -> Parameters:
-    """The six fitted parameters multiplied by e^ratio, so that they stay positive; the others as they are known."""
-    factors = np.exp(ratios).tolist()
-    return known._replace(**{name: getattr(known, name) * f for name, f in zip(FITTED, factors)})
-
-
-def residuals(known: Parameters, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
+def residuals(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
     """Weighted residuals, current and flux linkage of each experiment; their squares add up to the cost J."""
-    par = scaled(known, ratios)
+    par = form.at(ratios)
     return np.concatenate([weighted(e, simulated(par, e).current) for e in experiments])
 
 
@@ -132,13 +126,13 @@ def weighted(experiment: Experiment, current: Vector) -> Vector:
     return np.append(c_i * (experiment.current - current), c_lam * (experiment.flux_linkage - flux_linkage))
 
 
-def balanced(known: Parameters, ratios: Vector, experiment: Experiment) -> Experiment:
+def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
     """The experiment with resistances for which model and measurement have the same charge in every operation.
 
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    model = simulated(scaled(known, ratios), experiment)
+    model = simulated(form.at(ratios), experiment)
     R = experiment.resistance.copy()
     for operation in experiment.operations:
         charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]

@@ -12,7 +12,8 @@ from rich.table import Table
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.identification.file import PORTS
-from gapsense.studies.identification.fit import BOUND, POOR, Identified
+from gapsense.studies.identification.fit import POOR, Identified
+from gapsense.studies.identification.form import BOUND
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.residual import verdict
