@@ -14,6 +14,8 @@ from gapsense.studies.inspection.kinks import Kink
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise
 UNMOVED = "no motion is seen: it tells of coil and core; the mechanics would be guesses"
+EQUAL = 0.02  # of the resistance, that operations may differ by
+CONSTANT = 0.025  # of the flux linkage, which noise and the sampling may hide
 WHOLE = "Record from rest until the current has ended."
 
 
@@ -55,7 +57,8 @@ def resistance(found: Facts) -> Item:
         return Item("resistance", NO, f"no complete operation. {WHOLE}")
     spread = f", equal within {100.0 * float(np.ptp(R) / abs(R.mean())):.2g} %" if R.size > 1 else ""
     many = f"{R.size} operations" if R.size > 1 else "1 operation"
-    return Item("resistance", CARE if found.clipped else YES, f"{quantity(float(R.mean()), 'Ohm')}, {many}{spread}")
+    is_sure = not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
+    return Item("resistance", YES if is_sure else CARE, f"{quantity(float(R.mean()), 'Ohm')}, {many}{spread}")
 
 
 def inductance(found: Facts) -> Item:
@@ -82,6 +85,11 @@ def unseen(found: Facts) -> str:
         return f"no complete operation. {WHOLE}"
     if found.clipped:
         return "clipped, where it would be seen. Widen the measuring range."
+    bend = float(np.median([p.bend for p in found.pulses]))
+    if bend < CONSTANT:
+        return (
+            f"the inductance is constant within {100.0 * bend:.2g} %: no iron moves. Raise the voltage, if some should."
+        )
     hidden = ", or the ripple of the PWM hides it: drive without PWM" if found.path.carrier else ""
     return (
         f"the current falls nowhere under a held voltage{hidden}. Raise the voltage, hold it for longer, or let"

@@ -10,7 +10,7 @@ import numpy as np
 from gapsense.studies.identification.operations import Operation, Places, noise
 from gapsense.studies.identification.record import Record, Vector
 
-LOW, HIGH = 0.25, 0.75  # of the largest voltage, which tell on from off
+SWITCHED = 0.1  # of the range of the voltage, that it rises at once where it is switched
 OFTEN = 5  # times that the voltage rises in an operation that is switched
 OFF = 0.05  # of the largest voltage: no more is on
 FLOWS = 0.1  # of the largest current
@@ -52,23 +52,23 @@ def path(record: Record, found: Sequence[Operation]) -> Path:
     )
 
 
-def rises(v: Vector, largest: float) -> Places:
-    """Samples at which the voltage has become high."""
-    level = np.where(v < LOW * largest, 0, np.where(v > HIGH * largest, 1, -1))
-    known = np.flatnonzero(level >= 0)
-    return np.asarray(known[1:][(level[known[1:]] == 1) & (level[known[:-1]] == 0)])
+def rises(v: Vector, least: float) -> Places:
+    """Samples before which the voltage rises by more than that at once."""
+    places = np.flatnonzero(np.diff(v) > least)
+    return np.asarray(places[np.diff(places, prepend=-2) > 1] + 1)
 
 
 def carrier(record: Record, found: Sequence[Operation]) -> Carrier | None:
-    """How often the voltage is switched within an operation, if it is; a sign that changes counts as off."""
-    largest = float(record.voltage.max(initial=0.0))
+    """How often the voltage is switched within an operation, if it is."""
+    least = max(SWITCHED * float(np.ptp(record.voltage)), 6.0 * noise(record.voltage))
     for operation in found[:EDGES]:
         v = record.voltage[operation.inside]
-        places = rises(v, largest)
+        places = rises(v, least)
         if places.size >= OFTEN:
             steps = np.diff(places)
             usual = steps[steps < 3.0 * np.median(steps)]
-            on = v[places[0] : places[-1]] > 0.5 * largest
+            middle = 0.5 * float(np.median(v[places]) + np.median(v[places - 1]))
+            on = v[places[0] : places[-1]] > middle
             return Carrier(float(usual.mean()), float(usual.std()), float(on.mean()))
     return None
 

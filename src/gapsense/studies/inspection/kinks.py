@@ -25,7 +25,8 @@ SHORTEST = 12  # samples of a held voltage
 LOW = 0.25  # of the largest voltage: less does not drive
 RISEN = 0.9  # of where it begins to fall: a current that begins there has not risen
 MOST = 64  # stretches of an operation that are searched
-SCALES = (24, 16, 12, 8, 6)  # parts of a falling current in which it is compared with a straight line
+FINER = 12  # parts of a fall of the current, over which it is averaged to find its end
+SCALES = (6, 8, 12, 16, 24, 48)  # parts of a falling current in which it is compared with a straight line
 
 
 class Kink(NamedTuple):
@@ -102,14 +103,19 @@ def fall(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
         return None
     begin = int(np.argmax(smooth[: falls[0] + 1]))
     rises = np.flatnonzero(np.minimum.accumulate(smooth[falls[0] :]) < smooth[falls[0] :] - least)
-    last = int(falls[0]) + (int(rises[0]) if rises.size else smooth.size - 1 - int(falls[0]))
-    return begin + width // 2, int(falls[0]) + int(np.argmin(smooth[falls[0] : last + 1])) + width // 2
+    last = int(falls[0]) + (int(rises[0]) if rises.size else smooth.size - 1 - int(falls[0])) + width
+    return begin + width // 2, lowest(i, begin, last, max(1, (last - begin) // FINER))
+
+
+def lowest(i: Vector, begin: int, end: int, width: int) -> int:
+    """Where the current, averaged over fewer samples, is lowest between two of them."""
+    return begin + int(np.argmin(np.convolve(i[begin:end], np.ones(width) / width, mode="valid"))) + width // 2
 
 
 def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
     """Where a falling current falls more slowly than a straight line to what follows, and where it bends down."""
     found = None
-    for part in SCALES:  # the finest that noise lets through places it best
+    for part in SCALES:  # the coarsest sees where it begins, the finest that noise lets through where it ends
         h = i.size // part
         width = max(1, h // 2)
         if h < 2 or i.size <= 2 * h + width:
@@ -119,5 +125,5 @@ def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
         is_bent = bend < -SIGMAS * sigma * np.sqrt(6.0 / width) - least
         if is_bent.any():
             place = h + width // 2
-            found = int(np.argmax(is_bent)) + place, int(np.argmin(bend)) + place
+            found = found[0] if found else int(np.argmax(is_bent)) + place, int(np.argmin(bend)) + place
     return found if found is None else (min(found), max(found))

@@ -19,6 +19,7 @@ LATE, EARLY = 0.02, 0.05  # of the rise of the current, which eddy currents make
 BLURRED = 2.0  # samples; an edge that takes more is filtered
 DRIFT = 0.01  # of the resistance
 COPPER = 0.00393  # of its resistance, per kelvin
+SPREAD = 0.05  # of the resistance: no coil warms by so much between two operations
 OTHER = 0.1  # of the resistance that is known: what the coil's temperature changes
 
 
@@ -116,6 +117,12 @@ def of_resistances(found: Facts, resistance: float | None) -> Iterator[str]:
                 f"The resistance changes by {100.0 * drift:.2g} % from the first operation to the last: as copper does"
                 f" in {drift / COPPER:.2g} K. Pause for longer, or record fewer operations."
             )
+    spread = float(np.ptp(R)) / abs(float(R.mean())) if R.size else 0.0
+    if spread > SPREAD:
+        yield (
+            f"The resistances of operations differ by {100.0 * spread:.2g} %: a voltage that is not the coil's, too few"
+            " samples for PWM or a clamp, an offset, or operations that end before the current."
+        )
     off = float(R.mean()) / resistance - 1.0 if resistance and R.size else 0.0
     if resistance and abs(off) > OTHER:
         yield (
