@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
-from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
+from gapsense.studies.identification.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 MODELS = ("solenoid_valve",)
 
@@ -29,6 +29,10 @@ def identify(
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
+    forms: Annotated[str, typer.Option(help=f"What the model may have more: auto, {PLAIN}, {', '.join(FORMS)}")] = AUTO,
+    hold: Annotated[
+        list[str] | None, typer.Option(help="Parameter that keeps its value, as `coil.turns`", show_default=False)
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -38,12 +42,13 @@ def identify(
 ) -> None:
     """Identify a solenoid valve from voltage and current of whole operations, recorded from rest on.
 
-    The gap law, the stops and the relaxed spring are taken as known. Prints values, standard errors and correlations,
-    and names what the records do not identify.
+    The gap law, the stops and the relaxed spring are taken as known. Core losses and fringes are found where the
+    evidence is for them. Prints values, standard errors and correlations, and names what the records do not identify.
     """
     from gapsense.report import plot
     from gapsense.studies.identification import file, fit, guess, validation
     from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.options import sought
     from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
 
@@ -52,13 +57,14 @@ def identify(
     if figure is not None:
         plot.check_file(figure)
     known = file.read_known(parameters)
+    seeking = sought(forms, hold or [], known)
     how = reading(column, voltage, separator, decimal, clipped)
     records = read_records(data, how, period)
     kept = read_records(validate or [], how, needs="rest")
     guess.check(known.parameters, records, period)
     conventions = CONVENTIONS if voltage == AUTO else ()
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
+        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions, seeking)
     kept = [between(record, result.convention or voltage) for record in kept]
     checks = [validation.validate(result.parameters, record) for record in kept]
     file.write_identified(to, result, known, data)
