@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
-from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
+from gapsense.studies.identification.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
@@ -37,6 +37,10 @@ def identify(
         str | None,
         typer.Option("--temperature", help="Of each record in degC: 23,60,85", show_default="column `temperature`"),
     ] = None,
+    forms: Annotated[str, typer.Option(help=f"What the model may have more: auto, {PLAIN}, {', '.join(FORMS)}")] = AUTO,
+    hold: Annotated[
+        list[str] | None, typer.Option(help="Parameter that keeps its value, as `coil.turns`", show_default=False)
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -47,13 +51,14 @@ def identify(
     """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 
     Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
-    relaxed spring are taken as known. Prints values, standard errors and correlations,
-    and names what the records do not identify.
+    relaxed spring are taken as known; core losses and fringes are found where the evidence is for them. Prints values,
+    standard errors and correlations, and names what the records do not identify.
     """
     from gapsense.report import plot
     from gapsense.studies.identification import choice, file, fit, temperature, validation
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.noise import noises
+    from gapsense.studies.identification.options import sought
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -61,6 +66,7 @@ def identify(
     if figure is not None:
         plot.check_file(figure)
     known = file.read_known(parameters)
+    seeking = sought(forms, hold or [], known)
     how = reading(column, voltage, separator, decimal, clipped)
     records = temperature.given(temperatures, read_records(data, how, period))
     kept = read_records(validate or [], how, needs="rest")
@@ -71,7 +77,7 @@ def identify(
         turns = known.parameters.coil_turns if parameters else 0.0
         finish_coil(coil, turns, kept, to, data, figure, told)
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
+        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions, seeking)
     coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
     checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
     notes = temperature.notes(R, coefficient)

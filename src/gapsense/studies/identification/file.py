@@ -10,32 +10,48 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.files import write_atomically
-from gapsense.fmi.components import load_component, own
+import numpy as np
+
+from gapsense.actuators.solenoid_valve import GapLaw, Parameters
+from gapsense.files import write_atomically, write_columns
+from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.fmi.ports import Port
+from gapsense.fmi.values import ValuesError, fields
+from gapsense.problems import InputError
+from gapsense.studies.identification import lossy_valve
 from gapsense.studies.identification.device import value
-from gapsense.studies.identification.fit import POOR, Identified
-from gapsense.studies.identification.transfer import GAPS, parameters_of, read_values
+from gapsense.studies.identification.fit import Identified
+from gapsense.studies.identification.form import TABLE
+from gapsense.studies.identification.forms import LOSSES
+from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, read_values
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
+PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
+PORTS[TABLE[0]] = Port("gap.file", "parameter", "1", "Factor on the table of the gap law")
 
 
 class Known(NamedTuple):
     """Known parameters and first guesses; `table` is the file of the gap table, where the law needs one."""
 
     parameters: Parameters
-    law: str = "linear"
     table: Path | None = None
+    losses: Mapping[str, float] = {}
 
 
 def read_known(file: Path | None) -> Known:
     """Known parameters and first guesses from a parameter-set file; what it leaves out is as in [SEMERA] Table I."""
-    parameters, values = parameters_of("solenoid_valve", file), read_values([file] if file else [])
+    values = read_values([file] if file else [])
+    given = {PORTS[n].name: values.pop(PORTS[n].name) for n in LOSSES if PORTS[n].name in values}
+    try:
+        parameters = kernel_parameters(own("solenoid_valve"), values)
+        checked = fields(load_component(own("ekf")), given, own("ekf"))
+    except ValuesError as error:
+        raise InputError([f"{file and file.name}: {problem}" for problem in error.problems]) from None
     law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
     if law == "table" and table is None:
         raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
-    return Known(parameters, law, Path(str(table)) if law == "table" else None)
+    losses = {name: float(checked[name]) for name in LOSSES if PORTS[name].name in given}
+    return Known(parameters, Path(str(table)) if law == "table" else None, losses)
 
 
 def write_identified(
@@ -47,29 +63,59 @@ def write_identified(
     notes: Sequence[str] = (),
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
+    names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
         *(f"# {note}" for note in notes),
         "",
         "[values]",
-        *(_line(port, result) for port in PORTS.values() if port.name.partition(".")[0] not in ("gap", "micro_step")),
-        f'"gap.law" = "{known.law}"',
+        *(_line(name, result) for name in [*names, *_lost(result)]),
+        *_gap(file, result, known),
     ]
-    if known.table is not None:
-        relative = Path(os.path.relpath(known.table.resolve(), file.resolve().parent)).as_posix()
-        lines.append(f'"gap.file" = "{relative}"')
-    else:
-        lines += [_line(port, result) for port in PORTS.values() if port.name in GAPS[known.law]]
     lines += [f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
     return file
 
 
-def _line(port: Port, result: Identified) -> str:
+def _lost(result: Identified) -> list[str]:
+    """Parameters of the losses that the device has."""
+    if not isinstance(result.parameters, lossy_valve.Parameters):
+        return []
+    par = result.parameters
+    return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
+
+
+def _gap(file: Path, result: Identified, known: Known) -> list[str]:
+    """The gap law; a table that was multiplied by a factor is written beside the file."""
+    law, table = GapLaw(value(result.parameters, "gap_law")).name, known.table
+    head = f'"gap.law" = "{law}"'
+    if table is None:
+        return [head, *(_line(name, result) for name, port in PORTS.items() if port.name in GAPS[law])]
+    if TABLE[0] in result.form.fitted:
+        table = file.with_name(f"{file.stem}-gap.csv")
+        columns = {name: np.array(value(result.parameters, f"gap_file_{name}")) for name in TABLE_UNITS}
+        table.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(table, lambda text: write_columns(text, columns, TABLE_UNITS))
+    relative = Path(os.path.relpath(table.resolve(), file.resolve().parent)).as_posix()
+    return [head, f'"gap.file" = "{relative}"']
+
+
+def found(result: Identified, name: str) -> float:
+    """Value of a parameter; of the table of a gap law, the factor on it."""
+    if name != TABLE[0]:
+        return float(value(result.parameters, name))
+    now, before = (value(par, name) for par in (result.parameters, result.form.known))
+    return float(now[-1] / before[-1])
+
+
+def _line(name: str, result: Identified) -> str:
     """A parameter, with its standard error if it was fitted."""
-    error = dict(zip(result.names, result.uncertainty.relative)).get(port.field)
-    note = "" if error is None else f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
+    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative)).get(name)
+    note = (
+        "" if error is None else f"  # +- {100.0 * error:.2g} %" + (", not identified" if name in result.poor else "")
+    )
+    note = "  # not identified, held" if name in result.held else note
     key = f'"{port.name}"' if "." in port.name else port.name
-    return f"{key} = {float(value(result.parameters, port.field))!r}{note}"
+    return f"{key} = {found(result, name)!r}{note}"

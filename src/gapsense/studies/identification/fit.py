@@ -18,7 +18,7 @@ from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
 from gapsense.studies.identification.evidence import Trial, chosen
 from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.form import FACTOR, Form
+from gapsense.studies.identification.form import FACTOR, GUESSED, Form
 from gapsense.studies.identification.forms import EVERYTHING, Sought, plain
 from gapsense.studies.identification.minimise import Fit, Start
 from gapsense.studies.identification.model import Experiment, Trajectory, cost
@@ -30,6 +30,7 @@ from gapsense.studies.identification.voltage import best_reading
 from gapsense.workers import Progress
 
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
+ROUGH = 0.3  # the same of what hardly anything was known of
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 
 
@@ -48,6 +49,7 @@ class Identified(NamedTuple):
     residuals: list[Residual]  # of each record
     ratios: Vector  # logarithms, of the fitted parameters to their first guesses
     trials: list[Trial]  # forms that were tried
+    held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,7 +75,8 @@ class Identified(NamedTuple):
     @property
     def poor(self) -> list[str]:
         """Parameters that the records do not identify."""
-        return [name for name, error in zip(self.names, self.uncertainty.relative) if not error < POOR]
+        errors = zip(self.names, self.uncertainty.relative)
+        return [name for name, error in errors if not error < (ROUGH if name in GUESSED else POOR)]
 
 
 class Found(NamedTuple):
@@ -82,6 +85,7 @@ class Found(NamedTuple):
     form: Form
     ratios: Vector
     experiments: list[Experiment]
+    uncertainty: Uncertainty
 
 
 def identify(
@@ -129,7 +133,11 @@ def identify(
     for trial in trials:
         fit.form, ratios = (trial.form, trial.ratios) if trial.is_taken else (fit.form, ratios)
     at = _minimum(fit, ratios, prepared.experiments, is_searched=not found)
-    return _identified(fit, at, prepared, found, convention, trials)
+    fit.form, ratios = at.form.without_lost(at.ratios, at.uncertainty.relative)
+    held = [name for name in at.form.fitted if name not in fit.form.fitted]
+    if held:
+        at = _minimum(fit, ratios, at.experiments, is_searched=not found)
+    return _identified(fit, at, prepared, found, convention, trials)._replace(held=held)
 
 
 def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searched: bool) -> Found:
@@ -139,13 +147,13 @@ def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searche
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
         experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
         ratios = fit.form.settled(ratios)
-    return Found(fit.form, ratios, experiments)
+    return Found(fit.form, ratios, experiments, uncertainty(fit.form, ratios, experiments))
 
 
 def _identified(
     fit: Fit, at: Found, prepared: Prepared, starts: list[Start], convention: str, trials: list[Trial]
 ) -> Identified:
-    form, ratios, experiments = at
+    form, ratios, experiments, _ = at
     par = changed(form.at(ratios), coil_resistance=model.pooled_resistance(experiments))
     models = [model.simulated(par, e) for e in experiments]
     every = zip(prepared.records, models, prepared.fluxes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +13,9 @@ FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness"
 BOUND = 5.0  # the result lies within this factor of the first guess
 WIDE = 300.0  # or within this one, if hardly anything is known of it
 TABLE = ("gap_file_reluctance", "gap_file_slope")
+LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
-GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window")
+GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area")
 
 
 class Form(NamedTuple):
@@ -48,12 +48,20 @@ class Form(NamedTuple):
         """Ratios of the first guess."""
         return np.zeros(len(self.fitted))
 
-    def without(self, names: Collection[str], ratios: Vector) -> tuple[Form, Vector]:
-        """The form that holds some of its parameters at the values that they have now, and its ratios."""
-        free = [k for k, name in enumerate(self.fitted) if name not in names]
-        now = self.at(ratios)
-        known = changed(self.known, **{name: value(now, name) for name in self.fitted if name in names})
-        return self._replace(known=known, fitted=tuple(self.fitted[k] for k in free)), ratios[free]
+    def without_lost(self, ratios: Vector, errors: Vector) -> tuple[Form, Vector]:
+        """The form that holds what was not identified, and its ratios: at the first guess what has no effect at all.
+
+        `errors` are the relative standard errors of the fitted parameters.  What was added to the plain form is lost if
+        they are larger than the value; the parameters of the plain form are kept, and called poor.
+        """
+        names = [name for name in self.fitted if name != FACTOR]
+        none = {name for name, error in zip(names, errors) if np.isinf(error)}
+        lost = none | {name for name, error in zip(names, errors) if name in GUESSED and not error < LOST}
+        free = [name not in lost for name in self.fitted]
+        now = self.at(np.where([name in none for name in self.fitted], 0.0, ratios))
+        known = changed(self.known, **{name: value(now, name) for name in lost})
+        fitted = tuple(name for name in self.fitted if name not in lost)
+        return self._replace(known=known, fitted=fitted), ratios[free]
 
 
 def _multiplied(par: Device, name: str, factor: float) -> list[tuple[str, Any]]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw
+from gapsense.studies.identification.conventions import FORMS
 from gapsense.studies.identification.device import Device, changed, value, with_losses
 from gapsense.studies.identification.form import FITTED, Form
 
@@ -19,7 +20,7 @@ LOSSES = ("core_eddy", "core_hysteresis", "core_turnover")
 class Sought(NamedTuple):
     """What a fit may seek, and how it begins."""
 
-    forms: Sequence[str] = ("eddy", "hysteresis", "fringing")  # that may be added to the plain one
+    forms: Sequence[str] = FORMS  # that may be added to the plain one
     held: Collection[str] = ()  # names that keep their value
     guesses: Mapping[str, float] = {}  # of the losses, where they are known
 

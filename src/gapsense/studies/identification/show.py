@@ -11,10 +11,9 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
-from gapsense.studies.identification import device
-from gapsense.studies.identification.file import PORTS
-from gapsense.studies.identification.fit import POOR, Identified
-from gapsense.studies.identification.form import BOUND
+from gapsense.studies.identification.file import PORTS, found
+from gapsense.studies.identification.fit import Identified
+from gapsense.studies.identification.form import BOUND, FACTOR
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.residual import verdict
@@ -27,7 +26,7 @@ STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
-    shown = [resistances(result, records), parameters(result), correlations(result)]
+    shown = [resistances(result, records), *forms(result), parameters(result), correlations(result)]
     told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
     return [*shown, *([validation(checks)] if checks else []), *remarks(result), *told]
 
@@ -47,11 +46,29 @@ def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
     rows = []
     for name, error in zip(result.names, result.uncertainty.relative.tolist()):
-        unit, value = PORTS[name].unit, float(device.value(result.parameters, name))
+        unit, value = PORTS[name].unit, found(result, name)
         interval = (quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
-        note = "" if error < POOR else "not identified"
+        note = "not identified" if name in result.poor else ""
         rows.append((PORTS[name].name, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
+    for name in result.held:
+        rows.append((PORTS[name].name, quantity(found(result, name), PORTS[name].unit), "", "", "not identified, held"))
     return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
+
+
+def forms(result: Identified) -> list[Table]:
+    """The forms of the model that were tried, if any were beside the plain one."""
+    rows = (
+        (
+            ", ".join(trial.form.added) or "plain",
+            f"{len({*trial.form.fitted} - {FACTOR})}",
+            quantity(trial.rms, "A"),
+            f"{trial.evidence:.0f}" if trial.form.added else "",
+            "taken" if trial.is_taken and trial.form.added else "",
+        )
+        for trial in result.trials
+    )
+    heads = ("form", "parameters", "residual", "evidence", "")
+    return [table("Forms of the model, fitted to the first operations", heads, rows)] if result.trials[1:] else []
 
 
 def correlations(result: Identified) -> Table:
@@ -101,6 +118,9 @@ def remarks(result: Identified) -> list[str]:
         said.append(
             f"`{PORTS[name].name}` ends at a limit of the search, {BOUND:g} times its first guess: give a better one."
         )
+    for name in result.held:
+        value = quantity(found(result, name), PORTS[name].unit)
+        said.append(f"`{PORTS[name].name}` is not identified: these records do not tell it. It is held at {value}.")
     for name in result.poor:
         error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
         said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")

@@ -1,0 +1,34 @@
+"""What the user asks a fit to seek and to hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gapsense.studies.identification.conventions import AUTO, FORMS, PLAIN
+from gapsense.studies.identification.file import PORTS, Known
+from gapsense.studies.identification.form import FITTED
+from gapsense.studies.identification.forms import LOSSES, SCALES, Sought
+
+FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
+
+
+def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:
+    """From the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
+    tried = {AUTO: FORMS, PLAIN: ()}.get(forms, tuple(split([forms])))
+    names = {PORTS[field].name: field for field in FIELDS}
+    for name in tried:
+        if name not in FORMS:
+            raise ValueError(f"--forms: `{name}` found; {AUTO}, {PLAIN}, or some of {', '.join(FORMS)} expected.")
+    held = split(hold)
+    for name in held:
+        if name not in names:
+            because = " It follows from (23)." if name == "coil.resistance" else ""
+            raise ValueError(f"--hold: `{name}` found, one of {', '.join(names)} expected.{because}")
+        if names[name] in LOSSES and names[name] not in known.losses:
+            raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
+    return Sought(tried, frozenset(names[name] for name in held), known.losses)
+
+
+def split(texts: Sequence[str]) -> list[str]:
+    """Names with commas between."""
+    return [name.strip() for text in texts for name in text.split(",") if name.strip()]
