@@ -77,9 +77,11 @@ def test_identified_set_builds_fmus_that_run_with_it(identified, data, gapsense,
     assert gapsense("build", "--parameters", file, "--out", built).exit_code == 0
     expected = values(file)
     valve = {v.name: v.start for v in fmpy.read_model_description(str(built / "SolenoidValve.fmu")).modelVariables}
-    assert {name: float(valve[name]) for name in expected} == expected
+    assert {name: float(valve.get(name, expected[name])) for name in expected} == expected
+    assert set(expected) - set(valve) == {"noise.voltage", "noise.current"}
     ekf = {v.name: v.start for v in fmpy.read_model_description(str(built / "Ekf.fmu")).modelVariables}
     assert float(ekf["mover.mass"]) == expected["mover.mass"] and float(ekf["gap.fringing"]) == 0.0
+    assert float(ekf["noise.current"]) == expected["noise.current"] == pytest.approx(1e-3, rel=0.1)
     shutil.copytree(ROOT / "scenarios" / "semera_valve", data / "scenario")
     shutil.copy(file, data / "scenario" / "parameters" / "valve.toml")
     set_in_scenario = run(data / "scenario", fmus=built)

@@ -15,6 +15,7 @@ from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
 from gapsense.studies.identification.samples import clipping, time_problems
+from gapsense.studies.identification.thin import shortened, thinned
 
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
@@ -69,7 +70,7 @@ def read_record(
         Length of an operation [s], where voltage and current do not tell it.
     needs : str
         `operations`: complete ones from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
-        nothing but sound samples.
+        nothing but sound samples, and all of them, where the others are made shorter if they are long.
     """
     how, problems = how or Reading(), list[str]()
     columns = read_columns(path, how, problems)
@@ -84,7 +85,7 @@ def read_record(
         problems += _operation_problems(record, path.name, period)
     if problems:
         raise InputError(problems)
-    return record
+    return record if needs == "samples" else shortened(thinned(record), period)
 
 
 def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:

@@ -48,6 +48,7 @@ def identify(
     from gapsense.report import plot
     from gapsense.studies.identification import file, fit, guess, validation
     from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.noise import noises
     from gapsense.studies.identification.options import sought
     from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
@@ -62,12 +63,12 @@ def identify(
     records = read_records(data, how, period)
     kept = read_records(validate or [], how, needs="rest")
     guess.check(known.parameters, records, period)
-    conventions = CONVENTIONS if voltage == AUTO else ()
+    conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions, seeking)
     kept = [between(record, result.convention or voltage) for record in kept]
     checks = [validation.validate(result.parameters, record) for record in kept]
-    file.write_identified(to, result, known, data)
+    file.write_identified(to, result, known, data, noises(records))
     show(*tables(result, records, checks))
     written(to)
     if figure is not None:

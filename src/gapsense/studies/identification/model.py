@@ -53,11 +53,17 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     return Experiment(record.dt, halves, resistance, current, flux_linkage, shifted), flux
 
 
+def part(experiment: Experiment, operation: Operation) -> Experiment:
+    """One operation."""
+    cut, (first, last) = slice(operation.start, operation.stop + 1), operation
+    names = ("halves", "resistance", "current", "flux_linkage")
+    signals = {name: getattr(experiment, name)[cut] for name in names}
+    return experiment._replace(**signals, operations=[Operation(0, last - first)])
+
+
 def shortened(experiment: Experiment) -> Experiment:
     """The first operation."""
-    signals, end = ("halves", "resistance", "current", "flux_linkage"), experiment.operations[0].stop + 1
-    cut = {name: getattr(experiment, name)[:end] for name in signals}
-    return experiment._replace(**cut, operations=experiment.operations[:1])
+    return part(experiment, experiment.operations[0])
 
 
 def charge(experiment: Experiment) -> float:
@@ -71,6 +77,11 @@ def mean_resistance(experiment: Experiment) -> float:
     voltages = experiment.resistance * trapezoid(experiment.current)
     total = sum(voltages[operation.inside].sum() for operation in experiment.operations)
     return float(total / charge(experiment))
+
+
+def pooled_resistance(experiments: Sequence[Experiment]) -> float:
+    """Resistance of several experiments together, likewise [Ohm]."""
+    return float(np.average([mean_resistance(e) for e in experiments], weights=[charge(e) for e in experiments]))
 
 
 def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
@@ -125,11 +136,19 @@ def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    model = simulated(form.at(ratios), experiment)
-    R = experiment.resistance * form.factor(ratios)
-    for operation in experiment.operations:
-        charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]
-        R[operation.inside] *= charges[0] / charges[1]
+    current = simulated(form.at(ratios), experiment).current
+    charges = [trapezoid(i) for i in (current, experiment.current)]
+    scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
+    return with_factors(
+        scaled, [charges[0][o.inside].sum() / charges[1][o.inside].sum() for o in experiment.operations]
+    )
+
+
+def with_factors(experiment: Experiment, factors: Sequence[float]) -> Experiment:
+    """The experiment with the resistance of each operation multiplied by a factor."""
+    R = experiment.resistance.copy()
+    for operation, factor in zip(experiment.operations, factors):
+        R[operation.inside] *= factor
     R[:1] = R[1]
     R[experiment.operations[-1].stop :] = R[experiment.operations[-1].stop]
     return with_resistance(experiment, R)
