@@ -53,8 +53,8 @@ def test_kernel_with_losses_is_a_simulation_of_their_equations(eddy, amplitude):
     par = lossy_valve.Parameters(VALVE, eddy, amplitude, 1.7e-3, 1.0)
     ours = model.simulate(par, made.halves, DT, np.full(made.times.size, VALVE.coil_resistance))
     off = np.abs(ours.current - made.current)
-    assert off.max() < 1e-6 + 0.05 * amplitude and np.sqrt(np.mean(off**2)) < 1e-6 + 4e-3 * amplitude
-    assert np.abs(ours.position - made.position).max() < 2e-6
+    assert off.max() < 1e-6 + 0.02 * amplitude and np.sqrt(np.mean(off**2)) < 1e-6 + 1e-3 * amplitude
+    assert np.abs(ours.position - made.position).max() < 5e-7
 
 
 def test_without_losses_the_lossy_kernel_has_the_bits_of_the_plain_one():
@@ -82,15 +82,15 @@ def test_losses_and_fringes_are_found_within_their_errors(name):
 
 
 @pytest.mark.parametrize("name", ["eddy", "both"])
-def test_plain_form_alone_is_wrong_and_its_errors_say_so(name):
+def test_plain_form_alone_is_further_off(name):
     result = identify([lossy(seed=1, **CASES[name][0])], GUESS, starts=1, sought=Sought(()))
     assert result.form.added == () and len(result.trials) == 1
-    off = np.log(value(result.parameters, "coil_turns") / value(truth(name), "coil_turns"))
-    assert abs(off) > 0.005 and abs(z(name, result)["coil_turns"]) < 2.0
+    off = [abs(value(r.parameters, "coil_turns") / VALVE.coil_turns - 1.0) for r in (result, found(name))]
+    assert off[0] > 8e-3 > 5e-3 > off[1]
 
 
 def test_sound_record_stays_plain():
-    for seed in range(4):
+    for seed in range(2):
         result = identify([record(seed=seed)], GUESS, starts=1)
         assert result.form.added == () and isinstance(result.parameters, type(VALVE))
         assert len(result.trials) == 4 and max(t.evidence for t in result.trials[1:]) < 3.0

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.form import FACTOR, Form
+from gapsense.studies.identification.form import FACTOR, FITTED, Form
 from gapsense.studies.identification.forms import Sought, larger
 from gapsense.studies.identification.many import currents
 from gapsense.studies.identification.minimise import Fit
@@ -64,9 +64,10 @@ def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
 
 
 def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
-    """The larger form, fitted from the smaller one on, and from the first guess."""
+    """The larger form, fitted from the smaller one on, and from the first guess of what was added, or of all."""
     experiments, other = [first.experiment for first in firsts], Fit(form)
-    starts = (carried(before.form, before.ratios, form), form.start)
+    start = carried(before.form, before.ratios, form)
+    starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
     ends = [other.least_squares(start, experiments) for start in starts]
     found = min((trial(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
     fit.samples += other.samples

@@ -14,7 +14,7 @@ import numpy as np
 
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.files import write_atomically, write_columns
-from gapsense.fmi.components import kernel_parameters, load_component, own
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.fmi.values import ValuesError, fields
 from gapsense.problems import InputError
@@ -23,7 +23,8 @@ from gapsense.studies.identification.device import value
 from gapsense.studies.identification.fit import Identified
 from gapsense.studies.identification.form import TABLE
 from gapsense.studies.identification.forms import LOSSES
-from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, read_values
+from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, parameters_of, read_values
+from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
 PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
@@ -40,18 +41,21 @@ class Known(NamedTuple):
 
 def read_known(file: Path | None) -> Known:
     """Known parameters and first guesses from a parameter-set file; what it leaves out is as in [SEMERA] Table I."""
-    values = read_values([file] if file else [])
-    given = {PORTS[n].name: values.pop(PORTS[n].name) for n in LOSSES if PORTS[n].name in values}
-    try:
-        parameters = kernel_parameters(own("solenoid_valve"), values)
-        checked = fields(load_component(own("ekf")), given, own("ekf"))
-    except ValuesError as error:
-        raise InputError([f"{file and file.name}: {problem}" for problem in error.problems]) from None
+    parameters, values = parameters_of("solenoid_valve", file), read_values([file] if file else [])
     law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
     if law == "table" and table is None:
         raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
-    losses = {name: float(checked[name]) for name in LOSSES if PORTS[name].name in given}
-    return Known(parameters, Path(str(table)) if law == "table" else None, losses)
+    return Known(parameters, Path(str(table)) if law == "table" else None, _losses(values, file))
+
+
+def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:
+    """Losses of the core that a set has, as estimators take them."""
+    given = {PORTS[name].name: values[PORTS[name].name] for name in LOSSES if PORTS[name].name in values}
+    try:
+        found = fields(load_component(own("ekf")), given, own("ekf"))
+    except ValuesError as error:
+        raise InputError([f"{file and file.name}: {problem}" for problem in error.problems]) from None
+    return {name: float(found[name]) for name in LOSSES if PORTS[name].name in given}
 
 
 def write_identified(
@@ -72,8 +76,8 @@ def write_identified(
         "[values]",
         *(_line(name, result) for name in [*names, *_lost(result)]),
         *_gap(file, result, known),
+        *(f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()),
     ]
-    lines += [f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
     return file

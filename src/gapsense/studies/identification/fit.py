@@ -85,7 +85,6 @@ class Found(NamedTuple):
     form: Form
     ratios: Vector
     experiments: list[Experiment]
-    uncertainty: Uncertainty
 
 
 def identify(
@@ -133,11 +132,19 @@ def identify(
     for trial in trials:
         fit.form, ratios = (trial.form, trial.ratios) if trial.is_taken else (fit.form, ratios)
     at = _minimum(fit, ratios, prepared.experiments, is_searched=not found)
-    fit.form, ratios = at.form.without_lost(at.ratios, at.uncertainty.relative)
+    result = _identified(fit, at, prepared, found, convention, trials)
+    fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
-    if held:
-        at = _minimum(fit, ratios, at.experiments, is_searched=not found)
+    if not held:
+        return result
+    at = _minimum(fit, ratios, at.experiments, is_searched=not found)
     return _identified(fit, at, prepared, found, convention, trials)._replace(held=held)
+
+
+def _by_noise(result: Identified, at: Found) -> Vector:
+    """Standard errors without what a misfit may have done: they tell what these records could tell."""
+    errors = result.uncertainty if result.is_explained or not at.form.added else uncertainty(*at)
+    return errors.relative
 
 
 def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searched: bool) -> Found:
@@ -147,13 +154,13 @@ def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searche
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
         experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
         ratios = fit.form.settled(ratios)
-    return Found(fit.form, ratios, experiments, uncertainty(fit.form, ratios, experiments))
+    return Found(fit.form, ratios, experiments)
 
 
 def _identified(
     fit: Fit, at: Found, prepared: Prepared, starts: list[Start], convention: str, trials: list[Trial]
 ) -> Identified:
-    form, ratios, experiments, _ = at
+    form, ratios, experiments = at
     par = changed(form.at(ratios), coil_resistance=model.pooled_resistance(experiments))
     models = [model.simulated(par, e) for e in experiments]
     every = zip(prepared.records, models, prepared.fluxes)
