@@ -24,6 +24,10 @@ def estimate(
     separator: Separator = ",",
     decimal: Decimal = ".",
     clipped: Clipped = False,
+    offset: Annotated[
+        list[str] | None,
+        typer.Option(help="QUANTITY=VALUE: what it is off by, beside what it is at rest", show_default=False),
+    ] = None,
     fmus: Fmus = None,
     to: Annotated[Path | None, typer.Option("--out", help="CSV file of the estimates", show_default=False)] = None,
     figure: Annotated[
@@ -44,7 +48,7 @@ def estimate(
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
     (record,) = read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples")
-    values = read_values(parameters or [])
+    record, values = run.shifted(record, offset or []), read_values(parameters or [])
     for text in about(record):
         problem(text, "yellow")
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
