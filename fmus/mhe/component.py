@@ -46,7 +46,7 @@ COMPONENT = Component(
     ports=(
         measured("voltage", "V", "Measured coil voltage; NaN where it was lost", nominal=30.0),
         measured("current", "A", "Measured coil current; NaN where it was lost", nominal=0.4),
-        input_("command", "1", "With option.command: a window ends where this changes; any number"),
+        input_("command", "1", "With option.command: a window ends where this changes; any number", is_optional=True),
         said("position", "m", "Causal estimate of the position", nominal=1e-3),
         said("velocity", "m/s", "Its velocity", nominal=0.5),
         said("flux_linkage", "Wb", "Causal estimate of the flux linkage", nominal=0.02),

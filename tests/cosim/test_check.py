@@ -205,11 +205,24 @@ def test_each_component_takes_of_a_parameter_set_what_it_has(write, chain, fmus)
     }
 
 
+@pytest.mark.parametrize("name", ["slope", "fault"])
+def test_name_of_a_parameter_set_that_another_fmu_has_is_left_to_it(write, chain, fmus, name):
+    path = write(shared(chain, "", "[]"), one=f"{DEVICE}{name} = 3\n" if name not in DEVICE else DEVICE)
+    assert check(path, fmus=fmus) == []  # `source` of the scenario has a slope, only an FMU beside it the other
+    assert prepare(path, None, fmus)[0].components["lag"].values == {"time.constant": 0.5}
+
+
 @pytest.mark.parametrize(
     ("source", "inline", "one", "two", "expected"),
     [
-        ("[]", "", DEVICE, "", "one.toml (given to `lag`): unknown parameter `slope`. Known: "),
-        ('["two.toml"]', "", DEVICE, DEVICE, "one.toml (given to `lag`): unknown parameter `slope`. "),
+        ("[]", "", f"{DEVICE}incline = 1.0\n", "", "one.toml (given to `lag`): unknown parameter `incline`. Known: "),
+        (
+            '["two.toml"]',
+            "",
+            f"{DEVICE}incline = 1.0\n",
+            f"{DEVICE}mass = 1.0\n",
+            "one.toml (given to `lag`): unknown parameter `incline`. ",
+        ),
         (
             '["one.toml"]',
             "",
@@ -240,11 +253,11 @@ def test_each_component_takes_of_a_parameter_set_what_it_has(write, chain, fmus)
         ),
     ],
 )
-def test_name_that_nobody_given_a_parameter_set_has_is_refused(write, chain, fmus, source, inline, one, two, expected):
+def test_name_that_nobody_has_is_refused(write, chain, fmus, source, inline, one, two, expected):
     found = check(write(shared(chain, inline, source), one=one, two=two or "[values]\n"), fmus=fmus)
     wanted = [problem for problem in found if problem.startswith("scenario.toml, ") and expected in problem]
     assert len(wanted) == 1
-    assert len(found) == (2 if two else 1)  # `two.toml` is given to `source` only, which has no `time.constant`
+    assert len(found) == (2 if two else 1)  # both files, each with a name that no FMU has
     assert "slop`. Did" not in wanted[0] or "Did you mean `slope`?" in wanted[0]
 
 

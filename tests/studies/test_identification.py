@@ -10,16 +10,16 @@ from valve_records import GUESS, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.errors import long_run, uncertainty
-from gapsense.studies.identification.fit import POOR, Fit, identify
+from gapsense.studies.identification.fit import POOR, identify
+from gapsense.studies.identification.form import FITTED, Form
 from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.minimise import Fit
 from gapsense.studies.identification.model import (
-    FITTED,
     balanced,
     cost,
     integrated,
     prepare,
     residuals,
-    scaled,
     shortened,
     simulate,
     simulated,
@@ -56,21 +56,21 @@ def test_cost_is_that_of_the_paper():
     i, lam = experiment.current, experiment.flux_linkage
     J = 10.0 / (i**2).max() * ((i - model.current) ** 2).sum()
     J += 1.0 / (lam**2).max() * ((lam - integrated(experiment, model.current)) ** 2).sum()
-    assert cost(residuals(VALVE, np.zeros(6), [experiment])) == pytest.approx(J, rel=1e-12)
+    assert cost(residuals(Form(VALVE), np.zeros(6), [experiment])) == pytest.approx(J, rel=1e-12)
     assert np.abs(integrated(experiment, model.current) - model.flux_linkage).max() < 5e-3 * lam.max()
 
 
 def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():
     first, _ = prepare(record(seed=2))
-    experiment = balanced(GUESS, np.zeros(6), first)  # each operation has a resistance of its own
-    pars = [scaled(GUESS, 0.05 * np.random.default_rng(k).normal(size=6)) for k in range(7)]
+    experiment = balanced(Form(GUESS), np.zeros(6), first)  # each operation has a resistance of its own
+    pars = [Form(GUESS).at(0.05 * np.random.default_rng(k).normal(size=6)) for k in range(7)]
     for par, found in zip(pars, currents(pars, experiment)):
         np.testing.assert_array_equal(found, simulated(par, experiment).current)
 
 
 def test_residual_of_the_flux_linkage_is_the_integral_of_that_of_the_current():
     experiment, _ = prepare(record(seed=1))
-    off = simulate(scaled(VALVE, np.full(6, 0.01)), experiment.halves, experiment.dt, experiment.resistance).current
+    off = simulate(Form(VALVE).at(np.full(6, 0.01)), experiment.halves, experiment.dt, experiment.resistance).current
     r = experiment.current - off
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * experiment.resistance[1:]) * experiment.dt))
     np.testing.assert_allclose(experiment.flux_linkage - integrated(experiment, off), -integral, atol=1e-12)
@@ -78,8 +78,8 @@ def test_residual_of_the_flux_linkage_is_the_integral_of_that_of_the_current():
 
 def test_balanced_charges_are_equal_in_every_operation():
     experiment, _ = prepare(record(seed=1))
-    after = balanced(VALVE, np.zeros(6), experiment)
-    again = balanced(VALVE, np.zeros(6), after)
+    after = balanced(Form(VALVE), np.zeros(6), experiment)
+    again = balanced(Form(VALVE), np.zeros(6), after)
     assert np.abs(after.resistance / experiment.resistance - 1.0).max() > 1e-5
     assert np.abs(again.resistance / after.resistance - 1.0).max() < 1e-5
 
@@ -100,7 +100,7 @@ def test_friction_is_not_identified_from_a_noisy_record_and_goes_with_the_mass()
 
 
 def uncertain(**options):
-    return uncertainty(VALVE, np.zeros(6), [prepare(record(seed=1, **options))[0]])
+    return uncertainty(Form(VALVE), np.zeros(6), [prepare(record(seed=1, **options))[0]])
 
 
 def test_more_periods_tell_more():
@@ -117,12 +117,12 @@ def test_record_without_motion_identifies_neither_mass_nor_spring_nor_damping():
 @pytest.mark.slow
 def test_bad_minimum_is_rejected_by_its_cost():
     far = VALVE._replace(mover_mass=3.3 * VALVE.mover_mass, damping=4.0 * VALVE.damping, spring_stiffness=62.0)
-    fit = Fit(far)
+    fit = Fit(Form(far))
     experiment = shortened(prepare(record())[0])
     alone = fit.least_squares(np.zeros(6), [experiment])
     starts = fit.multi_start([experiment], 3, 1, lambda done, total: None)
     costs = sorted(s.cost for s in starts)
-    assert costs[0] <= cost(residuals(far, alone, [experiment])) + 1e-12
+    assert costs[0] <= cost(residuals(Form(far), alone, [experiment])) + 1e-12
     assert costs[0] < 1e-3
 
 
@@ -162,9 +162,9 @@ def test_standard_errors_are_those_of_many_records():
 
 @pytest.mark.slow
 def test_least_squares_needs_a_small_part_of_the_evaluations_of_the_search():
-    first, fit = shortened(prepare(record(seed=1))[0]), Fit(GUESS)
+    first, fit = shortened(prepare(record(seed=1))[0]), Fit(Form(GUESS))
     ratios = fit.least_squares(np.zeros(6), [first])
-    ours, needed = cost(residuals(GUESS, ratios, [first])), fit.samples / first.current.size
-    theirs = search(lambda x: cost(residuals(GUESS, x, [first])), np.zeros(6), 0.1, limit=round(12 * needed))
+    ours, needed = cost(residuals(Form(GUESS), ratios, [first])), fit.samples / first.current.size
+    theirs = search(lambda x: cost(residuals(Form(GUESS), x, [first])), np.zeros(6), 0.1, limit=round(12 * needed))
     assert ours < 0.99 * theirs.value
     assert theirs.value < 2.0 * ours  # but it gets there

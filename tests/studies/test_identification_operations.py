@@ -14,6 +14,7 @@ from gapsense.studies.identification.checks import read_record
 from gapsense.studies.identification.flux import estimate
 from gapsense.studies.identification.operations import operations, starts
 from gapsense.studies.identification.record import Columns, to_record
+from gapsense.studies.identification.rest import remaining
 
 RECORDS = Path(__file__).parent / "records"
 L, R, DT = 20e-3, 10.0, 50e-6
@@ -116,6 +117,16 @@ def test_offsets_are_found_subtracted_and_told(tmp_path, bits):
 
 def test_offsets_that_may_be_chance_are_left(tmp_path):
     assert read_record(write(tmp_path / "none.csv", seed=1)).offsets == {}
+
+
+def test_offset_of_one_step_of_the_converter_is_found_and_what_it_hides_is_known(tmp_path):
+    values = columns(seed=4)
+    for offset, told in ((4e-3, {"current": 4e-3}), (0.0, {})):
+        coarse = {**values, "current": np.round((values["current"] + offset) / 4e-3) * 4e-3}
+        measured = read_record(write(tmp_path / "coarse.csv", coarse))
+        assert {name: pytest.approx(o.value) for name, o in measured.offsets.items()} == told
+        assert remaining(measured)["current"] == pytest.approx(4e-3 / np.sqrt(12.0), rel=1e-6)
+    assert remaining(read_record(write(tmp_path / "fine.csv", values))) == {}
 
 
 @pytest.mark.parametrize(("file", "volts"), [("tube-150-raw.csv", 150.0), ("empty-162-raw.csv", 162.0)])

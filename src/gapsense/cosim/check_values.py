@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from gapsense.cosim.beside import parameters_beside
 from gapsense.cosim.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.scenario import Component, Experiment, RowsColumn, Scenario
 from gapsense.cosim.variables import NUMERIC
@@ -28,13 +29,20 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
 
 
 def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
-    """Names in a parameter set that none of the components given it has as a parameter, if all of these are known."""
+    """Names in a parameter set that nobody has as a parameter, if all components that are given it are known.
+
+    What none of these has may be for another component: an FMU in the same folder.
+    """
     for file in dict.fromkeys(file for component in components.values() for file in component.sets):
         users = [name for name, component in components.items() if file in component.sets]
         if set(users) <= set(descriptions):
             known = [v for user in users for v in descriptions[user].variables.values()]
             variables = {v.name: v for v in sorted(known, key=lambda v: v.is_parameter)}  # the last of a name counts
-            problems = [name_problem(name, variables) for name in components[users[0]].sets[file]]
+            names = list(components[users[0]].sets[file])
+            if not set(names) <= set(variables):
+                others = parameters_beside(description.path for description in descriptions.values())
+                names = [name for name in names if name in variables or name not in others]
+            problems = [name_problem(name, variables) for name in names]
             yield from (f"{file.name} (given to {listing(users)}): {problem}" for problem in problems if problem)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
+from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
 
 
 @command("estimate")
@@ -34,33 +34,36 @@ def estimate(
         Path | None, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
     ] = None,
 ) -> None:
-    """Run estimators, through their FMUs, on a measured record, and draw what they say."""
+    """Run estimators, through their FMUs, on a measured record, and draw what they say.
+
+    Exit code 1 if one of them cannot be right, by what the record itself tells.
+    """
     from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
-    from gapsense.studies.estimation import run
+    from gapsense.studies.estimation import judge, run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.show import about
+    from gapsense.studies.identification.thin import thinned
     from gapsense.studies.identification.transfer import read_values, taken
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
-    (record,) = read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples")
+    record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
     record, values = run.shifted(record, offset or []), read_values(parameters or [])
-    for text in about(record):
-        problem(text, "yellow")
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
-    for reason in left_out:
-        problem(f"left out: {reason}", "yellow")
+    for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
+        problem(text, "yellow")
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
-        estimates = []
-        for k, name in enumerate(names):
-            progress(k, len(names))
-            estimates.append(run.run_estimator(folder / f"{name}.fmu", record, values))
+        estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     show(*tables(estimates))
     if to is not None:
         written(run.save(to, record, estimates))
     written(plot.save(measured_and_estimated(record, estimates), picture))
+    doubts = judge.doubts(record, estimates)
+    for text in doubts:
+        problem(text)
+    raise typer.Exit(FAILED if doubts else 0)

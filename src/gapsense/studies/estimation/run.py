@@ -14,6 +14,7 @@ from gapsense.fmi.ports import Component
 from gapsense.studies.identification.record import UNITS, Record, Vector
 from gapsense.studies.identification.transfer import values_for
 from gapsense.tables import Value
+from gapsense.workers import Progress
 
 REMEDY = {
     "mode": "Add a column `mode [1]` with 1: closed, 2: moving, 3: open, from contact sensors on the stops",
@@ -28,6 +29,7 @@ class Estimate(NamedTuple):
     outputs: Mapping[str, Vector]
     values: Mapping[str, Value]
     units: Mapping[str, str]  # of the outputs; empty where the FMU states none
+    resistance: float | None = None  # that its model has, given or not [Ohm]
 
 
 def offered(record: Record) -> dict[str, Vector]:
@@ -102,6 +104,17 @@ def chosen(
     return [name for name, reason in reasons.items() if not reason], refused
 
 
+def run_all(
+    fmus: Sequence[Path], record: Record, values: Mapping[str, Value], progress: Progress = lambda done, total: None
+) -> list[Estimate]:
+    """Estimators over a record, one after the other; `progress` is called with those done and all."""
+    estimates = []
+    for k, fmu in enumerate(fmus):
+        progress(k, len(fmus))
+        estimates.append(run_estimator(fmu, record, values))
+    return estimates
+
+
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
     """An estimator over a record with all inputs that this has, with its sample time and those values that it has."""
     description = describe(fmu)
@@ -110,7 +123,10 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     signals = offered(record)
     inputs = {v.name: signals[v.name] for v in description.of("input") if v.name in signals}
     outputs = feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs)
-    return Estimate(fmu.stem, outputs, own, {n: description.variables[n].unit or "" for n in outputs})
+    coil = description.variables.get("coil.resistance")
+    resistance = None if coil is None else float(own.get("coil.resistance", coil.start or 0.0))
+    units = {n: description.variables[n].unit or "" for n in outputs}
+    return Estimate(fmu.stem, outputs, own, units, resistance)
 
 
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:

@@ -33,6 +33,10 @@ def identify(
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
+    temperatures: Annotated[
+        str | None,
+        typer.Option("--temperature", help="Of each record in degC: 23,60,85", show_default="column `temperature`"),
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -47,9 +51,9 @@ def identify(
     and names what the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import choice, file, fit, validation
+    from gapsense.studies.identification import choice, file, fit, temperature, validation
     from gapsense.studies.identification.checks import read_records, reading
-    from gapsense.studies.identification.record import between
+    from gapsense.studies.identification.noise import noises
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -58,9 +62,9 @@ def identify(
         plot.check_file(figure)
     known = file.read_known(parameters)
     how = reading(column, voltage, separator, decimal, clipped)
-    records = read_records(data, how, period)
+    records = temperature.given(temperatures, read_records(data, how, period))
     kept = read_records(validate or [], how, needs="rest")
-    conventions = CONVENTIONS if voltage == AUTO else ()
+    conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
     with bar("looking for motion") as progress:
         coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
     if coil is not None:
@@ -68,10 +72,11 @@ def identify(
         finish_coil(coil, turns, kept, to, data, figure, told)
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
-    kept = [between(record, result.convention or voltage) for record in kept]
-    checks = [validation.validate(result.parameters, record) for record in kept]
-    file.write_identified(to, result, known, data)
-    show(*tables(result, records, checks), *told)
+    coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
+    checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
+    notes = temperature.notes(R, coefficient)
+    file.write_identified(to, result, known, data, noises(records), notes)
+    show(*tables(result, records, checks), *temperature.tables(records, R, coefficient), *told)
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))

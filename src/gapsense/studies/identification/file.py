@@ -6,7 +6,7 @@ The format is that of scenarios: a TOML file with a description, a source and `[
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.files import write_atomically
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
+from gapsense.studies.identification.device import value
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.transfer import GAPS, parameters_of, read_values
 
@@ -37,11 +38,19 @@ def read_known(file: Path | None) -> Known:
     return Known(parameters, law, Path(str(table)) if law == "table" else None)
 
 
-def write_identified(file: Path, result: Identified, known: Known, sources: Sequence[Path]) -> Path:
-    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
+def write_identified(
+    file: Path,
+    result: Identified,
+    known: Known,
+    sources: Sequence[Path],
+    noises: Mapping[str, float],
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
+        *(f"# {note}" for note in notes),
         "",
         "[values]",
         *(_line(port, result) for port in PORTS.values() if port.name.partition(".")[0] not in ("gap", "micro_step")),
@@ -52,6 +61,7 @@ def write_identified(file: Path, result: Identified, known: Known, sources: Sequ
         lines.append(f'"gap.file" = "{relative}"')
     else:
         lines += [_line(port, result) for port in PORTS.values() if port.name in GAPS[known.law]]
+    lines += [f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
     return file
@@ -62,4 +72,4 @@ def _line(port: Port, result: Identified) -> str:
     error = dict(zip(result.names, result.uncertainty.relative)).get(port.field)
     note = "" if error is None else f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
     key = f'"{port.name}"' if "." in port.name else port.name
-    return f"{key} = {float(getattr(result.parameters, port.field))!r}{note}"
+    return f"{key} = {float(value(result.parameters, port.field))!r}{note}"

@@ -9,6 +9,8 @@ from gapsense.studies.identification.record import Offset, Record, Vector
 
 MOST = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors
+HALF = 0.75  # steps of a converter: half of one is the most that it hides
+LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
 CUT = 0.25  # part of the samples at rest that are the smallest one
 FEWEST = 8  # samples at rest that tell an offset
 
@@ -22,7 +24,7 @@ def without_offsets(record: Record) -> Record:
     found = {name: offset(x, n) for name, x in signals.items()}
     if any(abs(o.value) > MOST * np.abs(signals[name]).max() for name, o in found.items()):
         return record
-    told = {name: o for name, o in found.items() if abs(o.value) > SIGNIFICANT * o.error}
+    told = {name: o for name, o in found.items() if abs(o.value) > _chance(signals[name], n, o)}
     v, i = (told[name].value if name in told else 0.0 for name in ("voltage", "current"))
     return record._replace(
         voltage=record.voltage - v, current=record.current - i, halves=record.halves - v, offsets=told
@@ -33,6 +35,21 @@ def offset(x: Vector, n: int) -> Offset:
     """Mean of the first `n` samples, and its standard error: that of equal samples is what the converter hides."""
     lost = 0.0 if np.ptp(x[:n]) else hidden(x)
     return Offset(float(x[:n].mean()), float(max(x[:n].std() / np.sqrt(n), noise(x) / np.sqrt(n), lost)))
+
+
+def _chance(x: Vector, n: int, found: Offset) -> float:
+    """The largest offset that may be none."""
+    return SIGNIFICANT * found.error if np.ptp(x[:n]) else HALF * resolution(x)
+
+
+def remaining(record: Record) -> dict[str, float]:
+    """Standard error of the offset that voltage and current may still have: of what was subtracted, or is hidden."""
+    n, errors = at_rest(record), {name: o.error for name, o in record.offsets.items()}
+    for name in ("voltage", "current"):
+        x = getattr(record, name)
+        if name not in errors and n >= FEWEST and not np.ptp(x[:n]) and np.unique(x).size > LEVELS:
+            errors[name] = hidden(x)
+    return errors
 
 
 def unipolar(record: Record) -> tuple[str, ...]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.model import Trajectory, simulate
 from gapsense.studies.identification.operations import starts
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.record import Record, between
+from gapsense.studies.identification.temperature import Coefficient
 
 
 class Validation(NamedTuple):
@@ -23,11 +25,23 @@ class Validation(NamedTuple):
     largest_current: float  # [A]
 
 
-def validate(par: Parameters, record: Record) -> Validation:
+def validated(
+    par: Device, records: Sequence[Record], convention: str, coefficient: Coefficient | None
+) -> list[Validation]:
+    """The model beside each of the records, with the resistance at its temperature, if that is known."""
+    found = []
+    for record in records:
+        T = record.temperature
+        R = value(par, "coil_resistance") if coefficient is None or T is None else coefficient.at(T)
+        found.append(validate(changed(par, coil_resistance=R), between(record, convention)))
+    return found
+
+
+def validate(par: Device, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
     first = starts(record)[0]
     halves = record.halves[first:]
-    model = simulate(par, halves, record.dt, np.full(len(halves), par.coil_resistance))
+    model = simulate(par, halves, record.dt, np.full(len(halves), value(par, "coil_resistance")))
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
     return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))

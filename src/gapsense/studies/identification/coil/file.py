@@ -11,7 +11,7 @@ import numpy as np
 
 from gapsense.files import write_atomically
 from gapsense.studies.identification.coil.fit import POOR, Coil
-from gapsense.studies.identification.operations import hidden, noise
+from gapsense.studies.identification.noise import noises
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
 RANGE = 2.0  # times the largest reading: more counts as lost
@@ -81,8 +81,7 @@ def tuning(result: Coil) -> dict[str, float]:
     return {
         "prior.resistance_std": R * max(CERTAIN["resistance"], R_error),
         "prior.inductance_std": result.inductance * max(CERTAIN["inductance"], result.inductance_error),
-        "noise.voltage": max(max(noise(x), hidden(x)) for x in volts),
-        "noise.current": max(residual.noise for residual in result.residuals),
+        **noises(result.records),
         "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),
         "range.current": RANGE * max(float(np.abs(x).max()) for x in amperes),
         "edge.voltage": EDGE * min(float(np.abs(x).max()) for x in volts),

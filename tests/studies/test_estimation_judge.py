@@ -1,0 +1,70 @@
+"""Whether estimates can be right, by what the record itself tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gapsense.studies.devices import VALVE
+from gapsense.studies.estimation import judge
+from gapsense.studies.estimation.run import run_estimator
+from gapsense.studies.identification.file import PORTS
+from gapsense.studies.identification.model import simulate
+from gapsense.studies.identification.record import Columns, to_record
+
+DT, REST, PERIOD = 20e-6, 40, 1000
+GIVEN = {"gap.law": "linear", **{p.name: getattr(VALVE, p.field) for p in PORTS.values() if "gap" not in p.name}}
+GIVEN = {name: value for name, value in GIVEN.items() if "micro" not in name} | {"gap.slope": VALVE.gap_slope}
+OTHER = VALVE._replace(coil_turns=600.0, coil_resistance=30.0)
+ALL = ["BoundedUkf", "Ekf", "Ertss", "Mhe", "Semera", "IntegralEstimator"]
+
+
+def record(par, volts=30.0, on=300, seed=1, noise=1e-3, periods=3):
+    """Pulses of so many samples, as a drive holds them, with the modes of the mover."""
+    k = np.arange(REST + periods * PERIOD)
+    u = np.where((k > REST) & ((k - REST - 1) % PERIOD < on), volts, 0.0)
+    run = simulate(par, np.stack((u, u), axis=1), DT, np.full(k.size, par.coil_resistance))
+    mode = np.where(run.position <= par.stop_lower, 1.0, np.where(run.position >= par.stop_upper, 3.0, 2.0))
+    rng = np.random.default_rng(seed)
+    i, v = run.current + noise * rng.standard_normal(k.size), u + 15.0 * noise * rng.standard_normal(k.size)
+    return to_record(Columns("x.csv", k, {"time": DT * k, "voltage": v, "current": i, "mode": mode}), "end")
+
+
+def verdicts(fmus, measured, names, values):
+    told = judge.truth(measured)
+    return [judge.verdict(told, run_estimator(fmus / f"{name}.fmu", measured, values)) for name in names]
+
+
+@pytest.mark.parametrize(
+    ("volts", "on", "seed", "noise"), [(24.0, 400, 1, 1e-3), (30.0, 300, 2, 3e-4), (42.0, 200, 3, 4e-3)]
+)
+def test_sound_estimates_are_silent(fmus, volts, on, seed, noise):
+    values = {**GIVEN, "noise.current": noise, "noise.voltage": 15.0 * noise}
+    assert verdicts(fmus, record(VALVE, volts, on, seed, noise), ALL, values) == [""] * len(ALL)
+
+
+def test_another_device_is_told_by_each_estimator_that_models_it(fmus):
+    found = verdicts(fmus, record(OTHER), ["BoundedUkf", "Ekf", "Ertss", "Mhe", "HybridEkf"], GIVEN)
+    for sentence in found[:4]:
+        assert "`coil.resistance` is 76 Ohm, that of the record 30" in sentence and "gapsense identify" in sentence
+    assert "HybridEkf: " in found[4]
+
+
+def test_core_that_saturates_earlier_is_told(fmus):
+    found = verdicts(fmus, record(VALVE._replace(core_saturation=0.018)), ["BoundedUkf", "Ekf"], GIVEN)
+    assert all("off that of the record, (21)" in text for text in found)
+    assert all("gapsense inspect" in text for text in found)
+
+
+def test_learnt_resistance_that_is_not_the_records_is_told(fmus):
+    measured = record(VALVE)
+    estimate = run_estimator(fmus / "Semera.fmu", measured, GIVEN)
+    far = estimate._replace(outputs={**estimate.outputs, "resistance": 0.5 * estimate.outputs["resistance"]})
+    said = judge.verdict(judge.truth(measured), far)
+    assert "its resistance is 38" in said and "(23), 7" in said and "another device" not in said
+
+
+def test_without_a_complete_operation_the_current_decides(fmus):
+    cut = record(OTHER, on=2000, periods=1)
+    (said,) = verdicts(fmus, cut, ["BoundedUkf"], GIVEN)
+    assert "of the current unexplained" in said and "(21)" not in said
