@@ -56,6 +56,11 @@ def test_single_shot_is_one_operation():
     assert estimate(shot, [operation]).resistances == pytest.approx([76.0], rel=2e-3)
 
 
+def test_voltage_of_two_levels_tells_the_edge_though_their_distance_is_its_smallest_difference():
+    one = coil([(12.0, 100, 600)])
+    assert np.unique(one.voltage).size == 2 and [o.start for o in operations(one)] == [99]
+
+
 def test_record_that_ends_while_current_flows_has_one_operation_less():
     assert len(operations(coil([(12.0, 200, 800)] * 3, tail=0.15))) == 2
     assert operations(coil([(12.0, 200, 800)], tail=0.15)) == []

@@ -24,6 +24,10 @@ def estimate(
     separator: Separator = ",",
     decimal: Decimal = ".",
     clipped: Clipped = False,
+    offset: Annotated[
+        list[str] | None,
+        typer.Option(help="QUANTITY=VALUE: what it is off by, beside what it is at rest", show_default=False),
+    ] = None,
     fmus: Fmus = None,
     to: Annotated[Path | None, typer.Option("--out", help="CSV file of the estimates", show_default=False)] = None,
     figure: Annotated[
@@ -48,7 +52,7 @@ def estimate(
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
     record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
-    values = read_values(parameters or [])
+    record, values = run.shifted(record, offset or []), read_values(parameters or [])
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
     for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
         problem(text, "yellow")

@@ -38,6 +38,19 @@ def offered(record: Record) -> dict[str, Vector]:
     return {name: samples for name, samples in signals.items() if samples is not None}
 
 
+def shifted(record: Record, offsets: Sequence[str]) -> Record:
+    """The record less what `QUANTITY=VALUE` says that voltage or current are off by."""
+    for text in offsets:
+        name, _, value = text.partition("=")
+        try:
+            if name not in ("voltage", "current"):
+                raise ValueError
+            record = record._replace(**{name: getattr(record, name) - float(value)})
+        except ValueError:
+            raise ValueError(f"--offset: `{text}` found, `voltage=VALUE` or `current=VALUE` expected.") from None
+    return record
+
+
 def missing(record: Record, found: Mapping[str, Component], name: str) -> str | None:
     """Why an estimator cannot run on a record, and what to do; None if it can."""
     lacks = {n: [i for i in needed(c) if i not in offered(record)] for n, c in found.items()}

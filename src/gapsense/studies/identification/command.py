@@ -74,8 +74,7 @@ def identify(
     with bar("looking for motion") as progress:
         coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
     if coil is not None:
-        turns = known.parameters.coil_turns if parameters else 0.0
-        finish_coil(coil, turns, kept, to, data, figure, told)
+        finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions, seeking)
     coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance

@@ -64,8 +64,9 @@ def coarse(x: Vector) -> float:
 
 
 def leaves(x: Vector, name: str) -> float:
-    """How far the voltage or the current may be from its value at rest."""
-    return SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))
+    """How far the voltage or the current may be from its value at rest; the levels of a drive are no converter's."""
+    found = SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))
+    return min(found, LOW * float(np.ptp(x))) if name == "voltage" else found
 
 
 def at_rest(record: Record) -> int:

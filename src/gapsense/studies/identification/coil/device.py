@@ -39,10 +39,11 @@ class State(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What drives it [V]."""
+    """Voltages that drive it [V]."""
 
-    mean: Scalar  # voltage over the interval before the sample
-    voltage: Scalar  # that of the sample
+    before: Scalar  # during the first half of the interval before the sample
+    after: Scalar  # during its second half
+    voltage: Scalar  # of the sample
 
 
 class Outputs(NamedTuple):
@@ -76,13 +77,18 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """The next sample, by the method of Heun."""
-    lam, dt, held = state.flux_linkage, par.sample_time, Acting(inputs.mean, state.hysteresis)
-    first = inputs.mean - par.resistance * _current(lam, held, par)
-    second = inputs.mean - par.resistance * _current(lam + dt * first, held, par)
-    change = 0.5 * dt * (first + second)
-    at = State(lam + change, advanced(state.hysteresis, lam, change, _core(par)))
+    """The next sample: in saturation the mean voltage would not do where it jumps."""
+    at = _half(_half(state, inputs.before, par), inputs.after, par)
     return at, _outputs(at, inputs.voltage, par)
+
+
+def _half(state: State, voltage: Scalar, par: Parameters) -> State:
+    """Half an interval, by the method of Heun."""
+    lam, dt, held = state.flux_linkage, 0.5 * par.sample_time, Acting(voltage, state.hysteresis)
+    first = voltage - par.resistance * _current(lam, held, par)
+    second = voltage - par.resistance * _current(lam + dt * first, held, par)
+    change = 0.5 * dt * (first + second)
+    return State(lam + change, advanced(state.hysteresis, lam, change, _core(par)))
 
 
 def _outputs(state: State, voltage: Scalar, par: Parameters) -> Outputs:

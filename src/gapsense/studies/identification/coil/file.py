@@ -11,10 +11,11 @@ import numpy as np
 
 from gapsense.files import write_atomically
 from gapsense.studies.identification.coil.fit import POOR, Coil
-from gapsense.studies.identification.operations import hidden, noise
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.noise import noises
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
+RANGE = 2.0  # times the largest reading: more counts as lost
+CERTAIN = {"resistance": 0.01, "inductance": 0.05}  # deviations that estimators begin with, at least
 
 
 class Port(NamedTuple):
@@ -47,7 +48,7 @@ def write(file: Path, result: Coil, turns: float, sources: Sequence[Path]) -> Pa
         *(line(PORTS[name].name, value, told(result, name)) for name, value in values(result, turns).items()),
         line("coil.turns", turns or 1.0, note),
         line("prior.inductance", result.inductance, f"  # +- {100.0 * result.inductance_error:.2g} %"),
-        *(line(name, value, "") for name, value in tuning(result.records).items()),
+        *(line(name, value, "") for name, value in tuning(result).items()),
     ]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
@@ -73,11 +74,15 @@ def line(name: str, value: float, note: str) -> str:
     return f"{json.dumps(name)} = {float(f'{value:.8g}')!r}{note}"
 
 
-def tuning(records: Sequence[Record]) -> dict[str, float]:
-    """What estimators know of the measurement: its noise, and the voltage that begins an operation."""
-    found = {
-        f"noise.{name}": max(max(noise(x), hidden(x)) for x in (getattr(record, name) for record in records))
-        for name in ("voltage", "current")
+def tuning(result: Coil) -> dict[str, float]:
+    """What estimators know of the coil and of the measurement; the first deviations are for the coil of another day."""
+    volts, amperes = ([getattr(record, name) for record in result.records] for name in ("voltage", "current"))
+    R, R_error = float(result.parameters.resistance), result.errors.get("resistance", 1.0)
+    return {
+        "prior.resistance_std": R * max(CERTAIN["resistance"], R_error),
+        "prior.inductance_std": result.inductance * max(CERTAIN["inductance"], result.inductance_error),
+        **noises(result.records),
+        "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),
+        "range.current": RANGE * max(float(np.abs(x).max()) for x in amperes),
+        "edge.voltage": EDGE * min(float(np.abs(x).max()) for x in volts),
     }
-    largest = min(float(np.abs(record.voltage).max()) for record in records)
-    return {**found, "edge.voltage": EDGE * largest}

@@ -11,7 +11,7 @@ from gapsense.studies.identification.coil import evidence
 from gapsense.studies.identification.coil.device import Parameters
 from gapsense.studies.identification.coil.forms import FORMS, RICHEST, Form
 from gapsense.studies.identification.coil.problem import Matrix, Minimum, Problem, minimum, simulate
-from gapsense.studies.identification.coil.runs import run, scale
+from gapsense.studies.identification.coil.runs import driving, run, scale
 from gapsense.studies.identification.errors import long_run
 from gapsense.studies.identification.model import Trajectory
 from gapsense.studies.identification.record import Record, between
@@ -25,7 +25,6 @@ class Tried(NamedTuple):
     """One form."""
 
     form: Form
-    free: int  # parameters and offsets that no limit holds
     rms: float  # of the residual over the noise
     against: float  # what speaks against it, beside the one taken
 
@@ -98,62 +97,58 @@ def identify(
     progress : callable
         Called with fits done and fits in all.
     """
-    read, convention, first = best_convention(RICHEST, records, conventions, period)
-    if not wanted and not _result(first, [first], convention, read).is_explained:
-        return _result(first, [first], convention, read)
-    found = forms(first, progress)
-    chosen = found[evidence.best(found)[0]]
-    again, better, other = best_convention(chosen.problem.form, records, conventions, period)
-    if better != convention:
-        read, convention, found = again, better, forms(other, progress)
-        chosen = found[evidence.best(found)[0]]
-    return _result(chosen, found, convention, read)
-
-
-def forms(found: Minimum, progress: Progress) -> list[Minimum]:
-    """The minimum of each form, with the records of one of them."""
-    made = []
+    richest = candidates([problem(records, period, name) for name in conventions or ("",)])
+    likely = min(richest, key=lambda c: c.minimum.power)
+    if not wanted and not (coil := _coil(likely, [likely])).is_explained:
+        return coil
+    found = list[Candidate]()
     for k, form in enumerate(FORMS):
         progress(k, len(FORMS))
-        made.append(found if form is found.problem.form else minimum(found.problem._replace(form=form)))
-    return made
+        others = [(name, m.problem._replace(form=form)) for name, m in richest]
+        found += richest if form is RICHEST else candidates(others)
+    chosen = found[evidence.best([c.minimum for c in found])[0]]
+    return _coil(chosen, [c for c in found if c.convention == chosen.convention])
 
 
-def best_convention(
-    form: Form, records: Sequence[Record], conventions: Sequence[str], period: float | None
-) -> tuple[Sequence[Record], str, Minimum]:
-    """Records with the voltage between samples with which a form fits best, its name, and the minimum."""
-    tried: list[tuple[Sequence[Record], str, Minimum]] = []
-    for name in conventions or ("",):
-        read = [between(record, name) for record in records] if name else records
-        problem = Problem(form, scale(read, period), [run(record, period) for record in read])
-        tried.append((read, name, minimum(problem, tried[0][2].point if tried else None)))
-    return min(tried, key=lambda entry: float(entry[2].residuals @ entry[2].residuals))
+class Candidate(NamedTuple):
+    """A form with one reading of the voltage between samples."""
+
+    convention: str
+    minimum: Minimum
 
 
-def _result(m: Minimum, found: Sequence[Minimum], convention: str, records: Sequence[Record]) -> Coil:
-    problem, names = m.problem, m.problem.form.names
-    _, against = evidence.best(found)
-    offsets = [problem.offset(m.point, k) for k in range(len(records))]
-    pairs = list(zip(problem.runs, offsets))
-    par = problem.parameters(m.point, problem.runs[0])
-    models = [trajectory(par, r.record, r.first, *offset) for r, offset in pairs]
-    held = [name for name, is_held in zip(names, m.held) if is_held]
+def problem(records: Sequence[Record], period: float | None, convention: str) -> tuple[str, Problem]:
+    """The richest form, for a reading of the voltage; an empty one leaves the records as they are."""
+    read = [between(record, convention) for record in records] if convention else records
+    return convention, Problem(RICHEST, scale(read, period), [run(record, period) for record in read])
+
+
+def candidates(problems: Sequence[tuple[str, Problem]]) -> list[Candidate]:
+    """The minima of some problems that hardly differ, each from that of the first one on."""
+    found = list[Candidate]()
+    for convention, each in problems:
+        found.append(Candidate(convention, minimum(each, found[0].minimum.point if found else None)))
+    return found
+
+
+def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
+    m = chosen.minimum
+    names, is_held, runs = m.problem.form.names, m.held, m.problem.runs
+    par, offsets = m.problem.parameters(m.point, runs[0]), [m.problem.offset(m.point, k) for k in range(len(runs))]
+    models = [trajectory(par, r.record, r.first, *offset) for r, offset in zip(runs, offsets)]
+    _, against = evidence.best([c.minimum for c in found])
     return Coil(
         parameters=par,
-        form=problem.form,
-        names=[name for name in names if name not in held],
+        form=m.problem.form,
+        names=[name for name, at_limit in zip(names, is_held) if not at_limit],
         covariance=covariance(m),
-        held=held,
+        held=[name for name, at_limit in zip(names, is_held) if at_limit],
         offsets=offsets,
         models=models,
-        residuals=[residual(r.record, model, r.first) for r, model in zip(problem.runs, models)],
-        tried=[
-            Tried(f.problem.form, evidence.free(f), float(np.sqrt(np.mean(f.residuals**2))), more)
-            for f, more in zip(found, against)
-        ],
-        convention=convention,
-        records=records,
+        residuals=[residual(r.record, model, r.first) for r, model in zip(runs, models)],
+        tried=[Tried(c.minimum.problem.form, c.minimum.rms, more) for c, more in zip(found, against)],
+        convention=chosen.convention,
+        records=[r.record for r in runs],
     )
 
 
@@ -170,6 +165,5 @@ def covariance(m: Minimum) -> Matrix:
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:
     """The coil from a sample at rest on, with offsets of what is measured."""
-    volts = np.stack((record.applied[first:], record.voltage[first:]), axis=1) + voltage
-    i, lam = simulate(par._replace(sample_time=record.dt), volts).T
+    i, lam = simulate(par._replace(sample_time=record.dt), driving(record, first) + voltage).T
     return Trajectory(i + current, lam, np.zeros(i.size))

@@ -89,6 +89,16 @@ class Minimum(NamedTuple):
         margin = AT_LIMIT * (high - low)
         return np.asarray((self.point < low + margin) | (self.point > high - margin))
 
+    @property
+    def power(self) -> float:
+        """Sum of the squares of the residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def rms(self) -> float:
+        """Of the residuals."""
+        return float(np.sqrt(self.power / self.residuals.size))
+
     def parts(self) -> list[Vector]:
         """Residuals of each run over its noise."""
         return np.split(self.residuals, np.cumsum([run.current.size for run in self.problem.runs])[:-1])
@@ -103,13 +113,14 @@ def minimum(problem: Problem, start: Vector | None = None) -> Minimum:
         problem.jacobian,
         (low, high),
         x_scale=0.1,
+        tr_solver="lsmr",
         max_nfev=LONGEST,
     )
     return Minimum(problem, np.asarray(found.x), np.asarray(found.fun))
 
 
 def currents(pars: Sequence[Parameters], voltages: Matrix) -> Matrix:
-    """Currents of several coils with voltages of their own (samples, 2, coils); (coils, samples)."""
+    """Currents of several coils with voltages of their own (samples, 3, coils); (coils, samples)."""
     if not is_compiled(KERNEL, len(voltages), ("current",)):
         return np.array([simulate(par, voltages[:, :, k])[:, 0] for k, par in enumerate(pars)])
     return stepped(KERNEL, voltages, [*np.array(pars).T], ("current",))[:, 0].T

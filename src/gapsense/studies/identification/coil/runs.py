@@ -14,6 +14,7 @@ from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import FLOOR, REST, noise_of
 
 OWN = 0.3 * FLOOR  # of the largest current: what the sampling leaves of a record without noise
+COARSEST = 0.05  # half a step of a converter, of the largest value: more are the levels of a voltage that is commanded
 SIGNALS = ("voltage", "current")
 
 
@@ -23,7 +24,7 @@ class Run(NamedTuple):
     record: Record
     first: int  # the last sample at rest
     current: Vector  # measured [A]
-    voltages: Vector  # mean over the interval before each sample, and that of the sample (n, 2) [V]
+    voltages: Vector  # what drives the coil (n, 3) [V]
     noise: float  # of the current [A]
     hidden: tuple[float, float]  # largest offset of voltage [V] and current [A] that the rest does not show
 
@@ -33,16 +34,20 @@ def run(record: Record, period: float | None = None) -> Run:
     first = operations(record, period)[0].start
     i = record.current[first:]
     sigma = max(noise_of(record, first), OWN * float(np.abs(i).max()))
-    voltages = np.stack((record.applied[first:], record.voltage[first:]), axis=1)
     voltage, current = (hidden(getattr(record, name), first) for name in SIGNALS)
-    return Run(record, first, i, voltages, sigma, (voltage, current))
+    return Run(record, first, i, driving(record, first), sigma, (voltage, current))
+
+
+def driving(record: Record, first: int) -> Vector:
+    """Inputs of the coil from a sample on (n, 3) [V]."""
+    return np.concatenate((record.halves[first:], record.voltage[first:, None]), axis=1)
 
 
 def hidden(x: Vector, first: int) -> float:
     """Half a step of a converter whose noise at rest is less: the mean at rest then says little of other values."""
     step = resolution(x)
     spread = float(x[:first].std()) if first >= REST else noise(x)
-    is_coarse = np.isfinite(step) and spread < 0.5 * step and 0.5 * step > FLOOR * np.abs(x).max()
+    is_coarse = spread < 0.5 * step and FLOOR < 0.5 * step / np.abs(x).max() < COARSEST
     return 0.5 * step if is_coarse else 0.0
 
 

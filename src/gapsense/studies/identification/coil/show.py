@@ -37,14 +37,14 @@ def forms(result: Coil) -> Table:
     rows = (
         (
             tried.form.words,
-            str(tried.free),
+            str(len(tried.form.names)),
             f"{tried.rms:.3f}",
             f"{tried.against:.1f}",
             "taken" if tried.form is result.form else "",
         )
         for tried in result.tried
     )
-    heads = ("form", "free parameters", "residual over noise", "penalised, above the least", "")
+    heads = ("form", "parameters", "residual over noise", "penalised, above the least", "")
     return table("Forms of a coil without motion", heads, rows)
 
 
@@ -86,7 +86,8 @@ def remarks(result: Coil) -> list[str]:
             if value:
                 said.append(
                     f"{record.name}: `{name}` is {quantity(-value, unit)} off while the coil works, which the steps of"
-                    " its converter hide at rest; the model allows for it."
+                    " its converter hide at rest; the model allows for it, `gapsense estimate` with"
+                    f" `--offset {name}={-value:.4g}`."
                 )
     said += [
         f"`{PORTS[name].name}` is not identified: it ends at a limit of the search and is held there."
