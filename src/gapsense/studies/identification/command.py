@@ -33,6 +33,9 @@ def identify(
         str | None,
         typer.Option("--temperature", help="Of each record in degC: 23,60,85", show_default="column `temperature`"),
     ] = None,
+    inductance: Annotated[
+        Path | None, typer.Option(help="CSV file: gap [mm], inductance [mH], for the gap law", show_default=False)
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -42,12 +45,14 @@ def identify(
 ) -> None:
     """Identify a solenoid valve from voltage and current of whole operations, recorded from rest on.
 
-    The gap law, the stops and the relaxed spring are taken as known. Prints values, standard errors and correlations,
+    The gap law, the stops and the relaxed spring are taken as known; inductances or a recorded position give the gap
+    law too. Prints values, standard errors and correlations,
     and names what the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import file, fit, guess, temperature, validation
+    from gapsense.studies.identification import file, fit, gap, guess, temperature, validation
     from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification.forms import EVERYTHING
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -60,12 +65,14 @@ def identify(
     kept = read_records(validate or [], how, needs="rest")
     guess.check(known.parameters, records, period)
     conventions = CONVENTIONS if voltage == AUTO else ()
+    start = gap.known(known.parameters, records, EVERYTHING, inductance, conventions, period)
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
+        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more)
     coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
     checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
-    file.write_identified(to, result, known, data, temperature.notes(R, coefficient))
-    show(*tables(result, records, checks), *temperature.tables(records, R, coefficient))
+    file.write_identified(to, result, gap.kept(known, result, to), data, temperature.notes(R, coefficient))
+    show(*start.told, *tables(result, records, checks), *gap.told(result, start.records))
+    show(*temperature.tables(records, R, coefficient))
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))

@@ -9,7 +9,7 @@ current, and the variance of that sum follows from their autocovariance, tapered
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from gapsense.studies.identification import model
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import FACTOR, Form
+from gapsense.studies.identification.form import FACTOR, SHAPE, Form
 from gapsense.studies.identification.model import Experiment, residuals
 from gapsense.studies.identification.record import Vector
 
@@ -31,6 +31,7 @@ class Uncertainty(NamedTuple):
 
     relative: Vector  # standard errors, relative to the values; infinite for a parameter without effect
     correlation: Matrix  # of the errors
+    shape: Mapping[str, float] = {}  # relative standard errors of the numbers of a gap law, see `Form`
 
 
 def uncertainty(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
@@ -44,15 +45,30 @@ def uncertainty(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -
     cov = np.zeros((len(form.fitted) + 1, len(form.fitted) + 1))
     begin, total = 0, sum(model.charge(e) for e in experiments)
     for experiment in experiments:
-        size = 2 * experiment.current.size
+        n, at = experiment.current.size, model.simulated(form.at(ratios), experiment)
+        size = 2 * n if experiment.position is None else 3 * n
         W = _weights(form, ratios, experiment, A[:, begin : begin + size], total)
-        cov += long_run(W, experiment.current - model.simulated(form.at(ratios), experiment).current)
+        cov += long_run(W, experiment.current - at.current)
+        if experiment.position is not None:
+            W = -experiment.weights()[0] * experiment.amperes * A[:, begin + 2 * n : begin + size]
+            cov += long_run(np.vstack((W, np.zeros(n))), experiment.position - at.position)
         begin += size
     if FACTOR in form.fitted:  # it is one of the resistance
         cov, lost = _joined(cov, lost, form.fitted.index(FACTOR))
+    cov, lost, shape = _without_shape(cov, lost, form)
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
-    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale))
+    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale), shape)
+
+
+def _without_shape(
+    cov: Matrix, lost: npt.NDArray[np.bool_], form: Form
+) -> tuple[Matrix, npt.NDArray[np.bool_], dict[str, float]]:
+    """Covariance without the numbers of the gap law, and the errors of these."""
+    names = [name for name in form.fitted if name != FACTOR]
+    at = [k for k, name in enumerate(names) if name.startswith(SHAPE)]
+    errors = {names[k]: float(np.inf if lost[k] else np.sqrt(cov[k, k])) for k in at}
+    return np.delete(np.delete(cov, at, axis=0), at, axis=1), np.delete(lost, at), errors
 
 
 def _joined(cov: Matrix, lost: npt.NDArray[np.bool_], k: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
@@ -80,7 +96,7 @@ def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, tota
     n = experiment.current.size
     c_i, c_lam = experiment.weights()
     R, half = experiment.resistance, 0.5 * experiment.dt
-    later = np.cumsum(A[:, n:][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
+    later = np.cumsum(A[:, n : 2 * n][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
     pooled = np.zeros(n)
     for operation in experiment.operations:
