@@ -91,8 +91,8 @@ def of_inductances(
     law = choice.best(choice.candidates(measured.gap, turns**2 / measured.inductance)).law
     known = par._replace(gap_law=float(GapLaw.table), core_reluctance=law.offset)
     told = [
-        f"The gap law is that of {file.name}, `{law.name}`, for {turns:g} turns; both are held. Standard errors do not have"
-        " the errors of the inductances in them.",
+        f"The gap law is that of {file.name}, `{law.name}`, for {turns:g} turns; both are held. Their errors are"
+        " not in the standard errors of the others.",
         *remarks(measured),
     ]
     sought = sought._replace(held=(*sought.held, TURNS), gap=(), law=law, total=law.offset)
