@@ -77,9 +77,11 @@ def test_identified_set_builds_fmus_that_run_with_it(identified, data, gapsense,
     assert gapsense("build", "--parameters", file, "--out", built).exit_code == 0
     expected = values(file)
     valve = {v.name: v.start for v in fmpy.read_model_description(str(built / "SolenoidValve.fmu")).modelVariables}
-    assert {name: float(valve[name]) for name in expected} == expected
+    assert {name: float(valve.get(name, expected[name])) for name in expected} == expected
+    assert set(expected) - set(valve) == {"noise.voltage", "noise.current"}
     ekf = {v.name: v.start for v in fmpy.read_model_description(str(built / "Ekf.fmu")).modelVariables}
     assert float(ekf["mover.mass"]) == expected["mover.mass"] and float(ekf["gap.fringing"]) == 0.0
+    assert float(ekf["noise.current"]) == expected["noise.current"] == pytest.approx(1e-3, rel=0.1)
     shutil.copytree(ROOT / "scenarios" / "semera_valve", data / "scenario")
     shutil.copy(file, data / "scenario" / "parameters" / "valve.toml")
     set_in_scenario = run(data / "scenario", fmus=built)
@@ -124,6 +126,7 @@ def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
     assert "HybridEkf: its `health` is 0 most of the time" in every.stderr and "\nSemera:" not in every.stderr
 
 
+RECORDS = Path(__file__).parents[1] / "studies" / "records"
 WRONG = {
     "unknown model": (["identify", "fit.csv", "--model", "relay"], ["--model", "`relay`", "solenoid_valve"]),
     "no file": (["identify", "none.csv"], ["none.csv", "No such file"]),
@@ -133,7 +136,7 @@ WRONG = {
     "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),
     "odd quantity": (["identify", "fit.csv", "--column", "volts=u1"], ["volts", "`voltage`"]),
     "another device": (
-        ["identify", Path(__file__).parents[1] / "studies" / "records" / "tube-150-raw.csv"],
+        ["identify", RECORDS / "tube-150-raw.csv", "--model", "solenoid_valve"],
         ["tube-150-raw: its inductance is about 332.3 uH, that of the first guess", "`--parameters`"],
     ),
     "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),

@@ -148,6 +148,11 @@ def test_table_that_is_too_wide_is_shown_in_even_parts_with_the_first_column_aga
     assert whole.count("1000 (2000)") == 8
 
 
+def test_column_without_a_word_is_shown_in_a_narrow_console():
+    made = table("", ("parameter", "value", "error", ""), [("a" * 10, "1" * 10, "2" * 10, "")])
+    assert all(word in text(made, width=32) for word in ("parameter", "value", "1" * 10, "2" * 10))
+
+
 @pytest.mark.parametrize("width", [60, 80])
 def test_texts_are_wrapped_between_words_and_names_are_never_cut(width):
     names = ["ReluctanceActuator", "long_name_of_a_scenario"]

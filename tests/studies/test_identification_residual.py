@@ -47,8 +47,12 @@ def rounded(measured, model, first):
     return np.round(measured.current / 2e-3) * 2e-3
 
 
+def rounded_coarsely(measured, model, first):
+    return np.round(measured.current / 4e-3) * 4e-3
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("current", [as_it_is, rounded])
+@pytest.mark.parametrize("current", [as_it_is, rounded, rounded_coarsely])
 def test_noise_is_no_misfit(seed, current):
     found = left(record(seed=seed), current)
     assert found.is_explained and abs(found.correlation) < 0.1

@@ -118,7 +118,7 @@ def needed(column: Column) -> int:
     if column.justify == "left":
         longest = min(longest, READABLE)
         words += " ".join(texts).split()
-    return max(longest, *map(cell_len, words))
+    return max(1, longest, *map(cell_len, words))  # a column may be empty
 
 
 def bound(column: Column) -> str:

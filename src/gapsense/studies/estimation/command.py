@@ -41,18 +41,17 @@ def estimate(
     from gapsense.studies.estimation.show import measured_and_estimated, tables
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.show import about
+    from gapsense.studies.identification.thin import thinned
     from gapsense.studies.identification.transfer import read_values, taken
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
-    (record,) = read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples")
+    record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
     values = read_values(parameters or [])
-    for text in about(record):
-        problem(text, "yellow")
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
-    for reason in left_out:
-        problem(f"left out: {reason}", "yellow")
+    for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
+        problem(text, "yellow")
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
         estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)

@@ -15,6 +15,7 @@ from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
 from gapsense.studies.identification.samples import clipping, time_problems
+from gapsense.studies.identification.thin import shortened, thinned
 
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
@@ -69,7 +70,7 @@ def read_record(
         Length of an operation [s], where voltage and current do not tell it.
     needs : str
         `operations`: complete ones from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
-        nothing but sound samples.
+        nothing but sound samples, and all of them, where the others are made shorter if they are long.
     """
     how, problems = how or Reading(), list[str]()
     columns = read_columns(path, how, problems)
@@ -79,12 +80,12 @@ def read_record(
     whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
     record = without_offsets(whole)._replace(remarks=unipolar(whole))
     if needs != "samples":
-        problems += _rest_problems(record, path.name)
+        problems += rest_problems(record, path.name)
     if needs == "operations" and not problems:
-        problems += _operation_problems(record, path.name, period)
+        problems += operation_problems(record, path.name, period)
     if problems:
         raise InputError(problems)
-    return record
+    return record if needs == "samples" else shortened(thinned(record), period)
 
 
 def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
@@ -101,7 +102,7 @@ def _largest_at_rest(record: Record) -> float:
     return SMALL["current"] * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
 
 
-def _rest_problems(record: Record, file: str) -> Iterator[str]:
+def rest_problems(record: Record, file: str) -> Iterator[str]:
     """A record in which nothing operates, or whose first operation does not begin at rest."""
     found = starts(record)
     if not found:
@@ -117,7 +118,7 @@ def _rest_problems(record: Record, file: str) -> Iterator[str]:
         )
 
 
-def _operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
+def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
     if not found:

@@ -6,7 +6,7 @@ The format is that of scenarios: a TOML file with a description, a source and `[
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,7 +39,12 @@ def read_known(file: Path | None) -> Known:
 
 
 def write_identified(
-    file: Path, result: Identified, known: Known, sources: Sequence[Path], notes: Sequence[str] = ()
+    file: Path,
+    result: Identified,
+    known: Known,
+    sources: Sequence[Path],
+    noises: Mapping[str, float],
+    notes: Sequence[str] = (),
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     lines = [
@@ -56,6 +61,7 @@ def write_identified(
         lines.append(f'"gap.file" = "{relative}"')
     else:
         lines += [_line(port, result) for port in PORTS.values() if port.name in GAPS[known.law]]
+    lines += [f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()]
     file.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
     return file

@@ -15,7 +15,7 @@ import numpy as np
 
 from gapsense.studies.identification import model
 from gapsense.studies.identification.device import Device, changed, value
-from gapsense.studies.identification.errors import Uncertainty, uncertainty
+from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
 from gapsense.studies.identification.evidence import Trial, chosen
 from gapsense.studies.identification.flux import Flux
 from gapsense.studies.identification.form import FACTOR, SHAPE, Form
@@ -146,21 +146,21 @@ def _identified(
     fit: Fit, at: Found, prepared: Prepared, starts: list[Start], convention: str, trials: list[Trial]
 ) -> Identified:
     form, ratios, experiments = at
-    R = np.average([model.mean_resistance(e) for e in experiments], weights=[model.charge(e) for e in experiments])
-    par = changed(form.at(ratios), coil_resistance=float(R))
+    par = changed(form.at(ratios), coil_resistance=model.pooled_resistance(experiments))
     models = [model.simulated(par, e) for e in experiments]
     every = zip(prepared.records, models, prepared.fluxes)
+    left = [residual(record, m, flux.operations[0].start) for record, m, flux in every]
     return Identified(
         parameters=par,
         form=form,
-        uncertainty=uncertainty(form, ratios, experiments),
+        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared.records, left)),
         cost=cost(model.residuals(form, ratios, experiments)),
         starts=starts,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=prepared.fluxes,
         models=models,
         convention=convention,
-        residuals=[residual(record, m, flux.operations[0].start) for record, m, flux in every],
+        residuals=left,
         ratios=ratios,
         trials=trials,
     )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gapsense.studies.identification import model
-from gapsense.studies.identification.errors import Matrix
+from gapsense.studies.identification.causes import Matrix
 from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.many import responses
 from gapsense.studies.identification.model import Experiment, cost

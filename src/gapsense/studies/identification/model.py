@@ -47,6 +47,11 @@ class Experiment(NamedTuple):
     position: Vector | None = None  # measured [m], where it is fitted
     amperes: float = 0.0  # of its residual: noise of the current over that of the position [A/m]
 
+    @property
+    def size(self) -> int:
+        """Number of its weighted residuals."""
+        return self.current.size * (2 if self.position is None else 3)
+
     def weights(self) -> tuple[float, float]:
         """Square roots of c_i and c_lambda, (25)."""
         largest = np.abs(self.current).max(), np.abs(self.flux_linkage).max()
@@ -73,12 +78,18 @@ def _with_position(experiment: Experiment, record: Record, first: int) -> Experi
     return experiment._replace(position=record.position[first:], amperes=least / record.position_noise)
 
 
+def part(experiment: Experiment, operation: Operation) -> Experiment:
+    """One operation."""
+    cut, (first, last) = slice(operation.start, operation.stop + 1), operation
+    names = ("halves", "resistance", "current", "flux_linkage")
+    signals = {name: getattr(experiment, name)[cut] for name in names}
+    signals["position"] = None if experiment.position is None else experiment.position[cut]
+    return experiment._replace(**signals, operations=[Operation(0, last - first)])
+
+
 def shortened(experiment: Experiment) -> Experiment:
     """The first operation."""
-    signals, end = ("halves", "resistance", "current", "flux_linkage"), experiment.operations[0].stop + 1
-    cut = {name: getattr(experiment, name)[:end] for name in signals}
-    cut["position"] = None if experiment.position is None else experiment.position[:end]
-    return experiment._replace(**cut, operations=experiment.operations[:1])
+    return part(experiment, experiment.operations[0])
 
 
 def charge(experiment: Experiment) -> float:
@@ -92,6 +103,11 @@ def mean_resistance(experiment: Experiment) -> float:
     voltages = experiment.resistance * trapezoid(experiment.current)
     total = sum(voltages[operation.inside].sum() for operation in experiment.operations)
     return float(total / charge(experiment))
+
+
+def pooled_resistance(experiments: Sequence[Experiment]) -> float:
+    """Resistance of several experiments together, likewise [Ohm]."""
+    return float(np.average([mean_resistance(e) for e in experiments], weights=[charge(e) for e in experiments]))
 
 
 def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
@@ -149,11 +165,19 @@ def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    model = simulated(form.at(ratios), experiment)
-    R = experiment.resistance * form.factor(ratios)
-    for operation in experiment.operations:
-        charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]
-        R[operation.inside] *= charges[0] / charges[1]
+    current = simulated(form.at(ratios), experiment).current
+    charges = [trapezoid(i) for i in (current, experiment.current)]
+    scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
+    return with_factors(
+        scaled, [charges[0][o.inside].sum() / charges[1][o.inside].sum() for o in experiment.operations]
+    )
+
+
+def with_factors(experiment: Experiment, factors: Sequence[float]) -> Experiment:
+    """The experiment with the resistance of each operation multiplied by a factor."""
+    R = experiment.resistance.copy()
+    for operation, factor in zip(experiment.operations, factors):
+        R[operation.inside] *= factor
     R[:1] = R[1]
     R[experiment.operations[-1].stop :] = R[experiment.operations[-1].stop]
     return with_resistance(experiment, R)

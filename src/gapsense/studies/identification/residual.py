@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.model import JUMP, Trajectory
-from gapsense.studies.identification.operations import hidden, noise
+from gapsense.studies.identification.operations import coarse, hidden, noise
 from gapsense.studies.identification.record import Record, Vector
 
 EXPLAINED = 1.25  # times the noise
@@ -70,7 +70,7 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
 def noise_of(record: Record, first: int) -> float:
     """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
     i = record.current
-    return float(max(noise(i), hidden(i), i[:first].std() if first >= REST else 0.0))
+    return float(max(noise(i), hidden(i), coarse(i), i[:first].std() if first >= REST else 0.0))
 
 
 def is_small(error: Vector, record: Record, first: int) -> bool:

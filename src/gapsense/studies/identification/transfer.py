@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.files import read_columns, write_atomically, write_columns
-from gapsense.fmi.components import kernel_parameters, load_component, own
+from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.parameters import read_parameters
 from gapsense.problems import InputError
@@ -64,13 +64,29 @@ def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] 
 
 
 def parameters_of(name: str, file: Path | None) -> Any:
-    """Parameters of the kernel of the component in folder `name`: its own, or those of a parameter set made for it."""
-    if file is None:
-        return kernel_parameters(own(name), {})
+    """Parameters of the kernel of the component in folder `name`: its own, or those of a parameter set."""
+    folder = own(name)
     try:
-        return kernel_parameters(own(name), read_values([file]))
+        return kernel_parameters(folder, without_others(folder, read_values([file])) if file else {})
     except ValuesError as error:
-        raise InputError([f"{file.name}: {problem}" for problem in error.problems]) from None
+        raise InputError([f"{file.name if file else name}: {problem}" for problem in error.problems]) from None
+
+
+def without_others(folder: Path, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Values of a set less those that only other components beside `folder` have, such as the noise of estimators.
+
+    A gap law that the component has not stays, to be refused: without it another one would be taken.
+    """
+    mine = parameter_names([folder])
+    if set(values) <= mine:
+        return dict(values)
+    others = parameter_names(find_components(folder.parent)) - mine
+    return {name: v for name, v in values.items() if name not in others or name.startswith("gap.")}
+
+
+def parameter_names(folders: Iterable[Path]) -> set[str]:
+    """Names of the parameters of the components in some folders."""
+    return {port.name for folder in folders for port in load_component(folder).of("parameter")}
 
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
