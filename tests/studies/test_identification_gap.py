@@ -23,6 +23,7 @@ from gapsense.studies.identification.model import prepare, simulated, weighted
 TURNS, UPPER = 1200.0, 0.9e-3
 GRID = np.linspace(0.0, 1.1e-3, 56)
 FREE = Sought(forms=())
+HELD = FREE._replace(held=("coil_turns",))
 
 
 def leaky(h):
@@ -53,8 +54,8 @@ def guess(par):
     return GUESS._replace(coil_turns=TURNS, gap_slope=2.2e10)
 
 
-def found(par, records, **options):
-    start = known(guess(par), records, FREE, None, ("trapezoid",), **options)
+def found(par, records, sought=HELD):
+    start = known(guess(par), records, sought, None, ("trapezoid",))
     return start, identify(start.records, start.parameters, 1, 1, conventions=start.conventions, sought=start.sought)
 
 
@@ -115,6 +116,19 @@ def test_linear_law_is_found_with_the_valve_within_its_errors():
     assert relative["damping"] < 0.05 and relative["mover_mass"] < 0.01  # currents alone leave 9 and 1 %
     said = " ".join(map(str, [*start.told, *told(result, start.records)]))
     assert "`coil.turns` is held at 1200" in said and said.count("of the position, which is noise") == 2
+
+
+def test_law_whose_form_is_confirmed_stays_and_the_turns_are_sought():
+    start = known(GUESS._replace(core_reluctance=2e6), noisy(seed=9), FREE, None, ("trapezoid",))
+    assert start.sought is FREE and "confirm the form" in start.told[-1]
+    assert start.parameters.coil_turns == pytest.approx(TURNS, rel=0.01)
+    assert start.parameters.core_reluctance == pytest.approx(3.25e6, rel=0.03)
+    result = identify(start.records, start.parameters, 1, conventions=start.conventions, sought=start.sought)
+    z = errors(result, VALVE)
+    assert result.names[0] == "coil_turns" and max(map(abs, z.values())) < 4.0, z
+    for par in (LEAKY, FRINGING):  # otherwise the law is sought, and the turns are held
+        start = known(guess(VALVE), noisy(par, 9), FREE, None, ("trapezoid",))
+        assert "coil_turns" in start.sought.held
 
 
 def test_law_without_a_formula_is_found_with_the_valve_within_its_errors():

@@ -10,15 +10,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares, minimize_scalar, nnls
+from scipy.optimize import least_squares, minimize_scalar, nnls
 
 from gapsense.actuators.magnetics import MU_0, SATURATED
-from gapsense.studies.gap_law.laws import Law, Matrix, Vector, basis, reluctance
+from gapsense.studies.gap_law.laws import Law, Matrix, Vector, basis, reluctance, total
 
 KNOTS = (2, 3, 4, 6, 8)  # at which slopes are sought
 ENOUGH = 6 + 3  # numbers of a law with six of them
 FARTHEST = 30.0  # saturation, in the largest flux linkage of the records
 WINDOWS = (3.0, 12.0)  # of the fringes at first, in the largest gap
+EQUAL = 2.0  # evidence "not worth more than a bare mention" by Kass and Raftery (1995)
+KNOWN = "as it is known"
 LEAST = 0.01  # of the largest slope
 WIDEST = 100.0  # the same, at most
 
@@ -39,6 +41,13 @@ class Trial(NamedTuple):
     core_saturation: float  # lambda_sat [Wb]
     size: int  # numbers that were fitted
     left: Vector  # of the current [A]
+    scale: float = 1.0  # of the law, where only its form is known
+
+
+def scaled(samples: Samples, turns: float, known: Law) -> Trial:
+    """A law whose form is known, and its scale alone is not."""
+    found = _summed(samples, turns, total(known, samples.gap)[:, None], False)
+    return Trial(known._replace(name=KNOWN), found.core, found.saturation, 3, found.left, found.gap[0])
 
 
 def trials(samples: Samples, turns: float, upper: float) -> list[Trial]:
@@ -62,37 +71,48 @@ def best(found: list[Trial]) -> Trial:
     The motion tells more of the slope than this regression does, and more knots make nothing less certain.
     """
     worth = evidence(found)
-    k = worth.index(min(worth))
+    k = next(k for k, each in enumerate(worth) if each <= min(worth) + EQUAL)
     return max(found[k:], key=lambda trial: min(trial.size, ENOUGH)) if found[k].law.knots else found[k]
+
+
+class Sum(NamedTuple):
+    """Factors of the columns."""
+
+    core: float
+    saturation: float  # that goes with them [Wb]
+    offset: float
+    gap: list[float]
+    left: Vector
 
 
 def _slopes(samples: Samples, turns: float, knots: Vector, has_offset: bool) -> Trial:
     """Slopes at knots; a single one is the linear law."""
-    flux, h = samples.flux_linkage / turns**2, samples.gap
-    gap = basis(knots, h) * flux[:, None]
+    found = _summed(samples, turns, basis(knots, samples.gap), has_offset)
+    least = LEAST * max(found.gap)  # so that a factor can change it
+    numbers = tuple(max(slope, least) for slope in found.gap)
+    name, at = (f"{knots.size} slopes", tuple(knots.tolist())) if has_offset else ("linear", ())
+    law = Law(name, found.offset, numbers, at)
+    return Trial(law, found.core, found.saturation, len(numbers) + (3 if has_offset else 2), found.left)
 
-    def fitted(lam_sat: float) -> tuple[Vector, Vector]:
-        core = flux * _saturation(samples.flux_linkage, lam_sat)
-        columns = np.column_stack((core, *([flux] if has_offset else []), gap))
+
+def _summed(samples: Samples, turns: float, gap: Matrix, has_offset: bool) -> Sum:
+    """The sum of columns of the gap's reluctance, and of the core's with the saturation that suits best."""
+    flux = samples.flux_linkage / turns**2
+    others = np.column_stack((*([flux] if has_offset else []), gap * flux[:, None]))
+
+    def fitted(logarithm: float) -> tuple[Vector, Vector]:
+        core = flux * _saturation(samples.flux_linkage, float(np.exp(logarithm)))
+        columns = np.column_stack((core, others))
         factors = _not_negative(columns, samples.current)
         return factors, samples.current - columns @ factors
 
-    largest = float(np.abs(samples.flux_linkage).max())
-    spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25)) + np.log(largest)
-    squares = [square(fitted(float(np.exp(span)))[1]) for span in spans]
-    k = int(np.argmin(squares))
+    spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25) * np.abs(samples.flux_linkage).max())
+    k = int(np.argmin([square(fitted(span)[1]) for span in spans]))
     bounds = spans[max(k - 1, 0)], spans[min(k + 1, spans.size - 1)]
-    found: OptimizeResult = minimize_scalar(
-        lambda x: square(fitted(float(np.exp(x)))[1]), bounds=bounds, method="bounded"
-    )
-    lam_sat = float(np.exp(found.x))
-    (core, *factors), left = fitted(lam_sat)
-    offset, slopes = (factors[0], factors[1:]) if has_offset else (0.0, factors)
-    name = f"{knots.size} slopes" if has_offset else "linear"
-    least = LEAST * float(max(slopes))  # so that a factor can change it
-    numbers = tuple(max(float(slope), least) for slope in slopes)
-    law = Law(name, float(offset), numbers, tuple(knots.tolist()) if has_offset else ())
-    return Trial(law, float(core), lam_sat, len(factors) + 2, left)
+    at = float(minimize_scalar(lambda x: square(fitted(x)[1]), bounds=bounds, method="bounded").x)
+    factors, left = fitted(at)
+    core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
+    return Sum(float(core), float(np.exp(at)), float(offset), [float(x) for x in rest], left)
 
 
 def _fringing(samples: Samples, turns: float, upper: float, linear: Trial) -> Trial:
