@@ -11,8 +11,7 @@ import pytest
 from gapsense.problems import InputError
 from gapsense.studies.gap_law.choice import best, candidates, jackknife
 from gapsense.studies.gap_law.eddy import missing_part, remarks
-from gapsense.studies.gap_law.file import rows
-from gapsense.studies.gap_law.laws import reluctance, total
+from gapsense.studies.gap_law.laws import reluctance, rows, total
 from gapsense.studies.gap_law.table import names_of, read_inductances
 
 TAKAHA = Path(__file__).parent / "records" / "takaha-inductance.csv"
@@ -66,7 +65,7 @@ def test_noisy_inductances_give_a_slope_within_its_error(truth, seed):
 
 def test_table_of_a_law_begins_without_reluctance_and_goes_beyond_the_stop():
     law = chosen(pot).law
-    made = rows(law, 1e-3)
+    made = rows(law._replace(offset=0.0), 1e-3)
     assert made["reluctance"][0] == made["gap"][0] == 0.0 and made["gap"][-1] > 1.1e-3
     between = np.diff(made["reluctance"]) / np.diff(made["gap"])
     np.testing.assert_allclose(between, 0.5 * (made["slope"][1:] + made["slope"][:-1]), rtol=2e-3)

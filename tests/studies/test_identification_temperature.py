@@ -88,5 +88,5 @@ def test_column_of_the_temperature_may_have_gaps_and_other_units(tmp_path):
 def test_validation_takes_the_resistance_at_its_temperature():
     cold, warm, other = at([20.0, 80.0, 50.0])
     result = found([cold, warm])
-    checks = validated(VALVE, [other, other._replace(temperature=None)], "trapezoid", result)
+    checks = validated(VALVE, [other, other._replace(temperature=None)], result)
     assert checks[0].rms < 0.1 * checks[1].rms

@@ -15,20 +15,28 @@ ON, PERIOD, REST = 5e-3, 16e-3, 10  # s, s, samples before the first edge
 GUESS = VALVE._replace(coil_turns=1130.0, mover_mass=1.8e-3, damping=0.5, core_saturation=0.026)
 
 
-def columns(periods=2, volts=30.0, seed=None, noise=(15e-3, 1e-3), par=VALVE, dt=DT):
-    """Time, voltage and current of square waves from rest on; `noise` of voltage and current, for a seed."""
+def columns(periods=2, volts=30.0, seed=None, noise=(15e-3, 1e-3), par=VALVE, dt=DT, gap_noise=None):
+    """Time, voltage and current of square waves from rest on; `noise` of voltage and current, for a seed.
+
+    With `gap_noise` the position too.
+    """
     count = 2 * (round(periods * PERIOD / dt) + REST)
     t = (np.arange(count + 1) - 2 * REST - 1) * dt / 2.0
     middle = t - dt / 4.0
     on = np.where((middle > 0.0) & (middle % PERIOD < ON), volts, 0.0)
-    current = simulate(par, np.stack((on, on), axis=1), dt / 2.0, np.full(t.size, par.coil_resistance)).current[::2]
+    model = simulate(par, np.stack((on, on), axis=1), dt / 2.0, np.full(t.size, par.coil_resistance))
+    current = model.current[::2]
     times = t[::2]
     voltage = np.where((times > 0.0) & (times % PERIOD < ON), volts, 0.0)
     if seed is not None:
         rng = np.random.default_rng(seed)
         voltage = voltage + noise[0] * rng.standard_normal(times.size)
         current = current + noise[1] * rng.standard_normal(times.size)
-    return {"time": times, "voltage": voltage, "current": current}
+    made = {"time": times, "voltage": voltage, "current": current}
+    if gap_noise is not None:
+        noises = np.random.default_rng((seed or 0) + 1000).standard_normal(times.size)
+        made["position"] = model.position[::2] + gap_noise * noises
+    return made
 
 
 def record(**options) -> Record:

@@ -101,7 +101,7 @@ def part(made: Table, columns: Sequence[Column], widths: Mapping[int, int]) -> T
     """A table of some of the columns; headings take as many lines as they need, only long texts are wrapped."""
     taken = Table(box=box.SIMPLE_HEAD)
     for column in columns:
-        lines = wrap(bound(column), widths[id(column)], break_long_words=False, break_on_hyphens=False)
+        lines = wrap(bound(column), max(widths[id(column)], 1), break_long_words=False, break_on_hyphens=False)
         head, is_text = Text("\n".join(lines).replace(BOUND, " ")), column.justify == "left"
         least = widths[id(column)] if is_text else None
         taken.add_column(head, justify=column.justify, no_wrap=not is_text, min_width=least)

@@ -5,32 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from gapsense.actuators.magnetics import MU_0
 from gapsense.files import write_atomically, write_columns
 from gapsense.studies.commissioning.file import line
-from gapsense.studies.gap_law.laws import Law, Vector, reluctance
-from gapsense.studies.identification.transfer import BEYOND, GAPS, ROWS, TABLE_UNITS
+from gapsense.studies.gap_law.laws import Law, rows
+from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS
 from gapsense.tables import Value
 
 
-def rows(law: Law, upper: float) -> dict[str, Vector]:
-    """Gap, reluctance and slope from no gap to beyond the largest one."""
-    h = np.linspace(0.0, BEYOND * upper, ROWS)
-    R, slope = reluctance(law, h)
-    return {"gap": h, "reluctance": R, "slope": slope}
+def fields(law: Law) -> dict[str, float]:
+    """Fields of the valve's parameters that a law by formula has."""
+    if law.name == "linear":
+        return {"gap_slope": law.numbers[0]}
+    if law.name == "fringing":
+        r0, _, window = law.numbers
+        return {"gap_area": 1.0 / (MU_0 * r0), "gap_window": 0.5 * window}
+    return {}
 
 
 def values(law: Law, turns: float) -> dict[str, Value]:
     """Parameters by name, but for the file of a table; all that is left without a gap is ascribed to the core."""
-    made: dict[str, Value] = {"coil.turns": turns, "core.reluctance": law.offset}
-    if law.name == "linear":
-        return {**made, "gap.law": "linear", "gap.slope": law.numbers[0]}
-    if law.name == "fringing":
-        r0, _, window = law.numbers
-        return {**made, "gap.law": "fringing", "gap.area": 1.0 / (MU_0 * r0), "gap.window": 0.5 * window}
-    return {**made, "gap.law": "table"}
+    numbers = {name.replace("_", "."): number for name, number in fields(law).items()}
+    kind = law.name if numbers else "table"
+    return {"coil.turns": turns, "core.reluctance": law.offset, "gap.law": kind, **numbers}
 
 
 def write(file: Path, law: Law, turns: float, upper: float, given: Mapping[str, Value], origin: str) -> list[Path]:
@@ -38,7 +35,7 @@ def write(file: Path, law: Law, turns: float, upper: float, given: Mapping[str, 
     found, table = values(law, turns), file.with_name(f"{file.stem}_law.csv")
     file.parent.mkdir(parents=True, exist_ok=True)
     if found["gap.law"] == "table":
-        write_atomically(table, lambda out: write_columns(out, rows(law, upper), TABLE_UNITS))
+        write_atomically(table, lambda out: write_columns(out, rows(law._replace(offset=0.0), upper), TABLE_UNITS))
         found["gap.file"] = str(table.resolve())
     laws = {name for names in GAPS.values() for name in names}
     kept = {name: value for name, value in given.items() if name not in laws}

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares, nnls
 
 from gapsense.actuators.magnetics import MU_0, fringing
+from gapsense.studies.identification.transfer import BEYOND, ROWS
 
 Vector = npt.NDArray[np.float64]
 Matrix = npt.NDArray[np.float64]
@@ -45,7 +46,7 @@ class Family(NamedTuple):
 def reluctance(law: Law, h: Vector) -> tuple[Vector, Vector]:
     """Reluctance of the gap alone [1/H], and its derivative by the gap [1/(H m)]."""
     if law.knots:
-        return _basis(np.array(law.knots), h) @ law.numbers, np.interp(h, law.knots, law.numbers)
+        return basis(np.array(law.knots), h) @ law.numbers, np.interp(h, law.knots, law.numbers)
     if len(law.numbers) == 1:
         return law.numbers[0] * h, np.full(h.shape, law.numbers[0])
     R, slope, _ = np.array([fringing(gap, *law.numbers) for gap in h.tolist()]).T
@@ -55,6 +56,12 @@ def reluctance(law: Law, h: Vector) -> tuple[Vector, Vector]:
 def total(law: Law, h: Vector) -> Vector:
     """Reluctance of gap and core [1/H]."""
     return law.offset + reluctance(law, h)[0]
+
+
+def rows(law: Law, upper: float) -> dict[str, Vector]:
+    """Gap, reluctance and slope from no gap to beyond the largest one, as a table; the offset is in it."""
+    h = np.linspace(0.0, BEYOND * upper, ROWS)
+    return {"gap": h, "reluctance": total(law, h), "slope": reluctance(law, h)[1]}
 
 
 def families(most: int, span: tuple[float, float]) -> list[Family]:
@@ -74,7 +81,7 @@ def _linear(h: Vector, R: Vector) -> Law:
 
 
 def _slopes(knots: Vector, h: Vector, R: Vector) -> Law:
-    offset, *slopes = _not_negative(np.column_stack((np.ones_like(h), _basis(knots, h))), R)
+    offset, *slopes = _not_negative(np.column_stack((np.ones_like(h), basis(knots, h))), R)
     return Law(f"{len(slopes)} slopes", offset, tuple(slopes), tuple(knots.tolist()))
 
 
@@ -88,7 +95,7 @@ def _not_negative(columns: Matrix, R: Vector) -> list[float]:
     return [float(factors[0]) + least, *factors[1:].tolist()]
 
 
-def _basis(knots: Vector, h: Vector) -> Matrix:
+def basis(knots: Vector, h: Vector) -> Matrix:
     """Integrals from 0 to `h` of the slopes that are 1 at one knot and 0 at all others; constant beyond the last."""
     points = np.unique(np.concatenate((knots, h, [0.0])))
     heights = np.stack([np.interp(points, knots, row) for row in np.eye(knots.size)], axis=1)

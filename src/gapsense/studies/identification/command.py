@@ -12,6 +12,9 @@ from gapsense.studies.identification.conventions import AUTO, CONVENTIONS, FORMS
 
 if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
+    from gapsense.studies.identification.file import Known
+    from gapsense.studies.identification.fit import Identified
+    from gapsense.studies.identification.gap import Gap
     from gapsense.studies.identification.record import Record
 
 MODELS = (AUTO, "coil", "solenoid_valve")
@@ -41,6 +44,9 @@ def identify(
     hold: Annotated[
         list[str] | None, typer.Option(help="Parameter that keeps its value, as `coil.turns`", show_default=False)
     ] = None,
+    inductance: Annotated[
+        Path | None, typer.Option(help="CSV file: gap [mm], inductance [mH], for the gap law", show_default=False)
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -51,15 +57,15 @@ def identify(
     """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 
     Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
-    relaxed spring are taken as known; core losses and fringes are found where the evidence is for them. Prints values,
-    standard errors and correlations, and names what the records do not identify.
+    relaxed spring are taken as known; inductances or a recorded position give the gap law too, and core losses and
+    fringes are found where the evidence is for them. Prints values, standard errors and correlations, and names what
+    the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import choice, file, fit, temperature, validation
+    from gapsense.studies.identification import choice, file, fit, gap, temperature
     from gapsense.studies.identification.checks import read_records, reading
-    from gapsense.studies.identification.noise import noises
     from gapsense.studies.identification.options import sought
-    from gapsense.studies.identification.show import measured_and_identified, tables
+    from gapsense.studies.identification.record import between
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
@@ -75,13 +81,35 @@ def identify(
         coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
     if coil is not None:
         finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
+    start = gap.known(known.parameters, records, seeking, inductance, conventions, period)
     with bar("identifying") as progress:
-        result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions, seeking)
-    coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
-    checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
-    notes = temperature.notes(R, coefficient)
-    file.write_identified(to, result, known, data, noises(records), notes)
-    show(*tables(result, records, checks), *temperature.tables(records, R, coefficient), *told)
+        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more)
+    kept = [between(record, result.convention or voltage) for record in kept]
+    finish_valve(result, start, gap.kept(known, result, to), kept, to, data, figure, told)
+
+
+def finish_valve(
+    result: Identified,
+    start: Gap,
+    known: Known,
+    kept: list[Record],
+    to: Path,
+    data: list[Path],
+    figure: Path | None,
+    told: list[str],
+) -> None:
+    """Write and show a valve; ends the command."""
+    from gapsense.report import plot
+    from gapsense.studies.identification import file, gap, temperature, validation
+    from gapsense.studies.identification.noise import noises
+    from gapsense.studies.identification.show import measured_and_identified, tables
+
+    records, R = start.records, result.resistance
+    coefficient = temperature.coefficient(records, result.fluxes)
+    checks = validation.validated(result.parameters, kept, coefficient)
+    file.write_identified(to, result, known, data, noises(records), temperature.notes(R, coefficient))
+    show(*start.told, *tables(result, records, checks), *gap.told(result, records))
+    show(*temperature.tables(records, R, coefficient), *told)
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))

@@ -10,7 +10,7 @@ current, and the variance of that sum follows from their autocovariance, tapered
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,10 @@ from gapsense.studies.identification import misfit, model
 from gapsense.studies.identification.causes import CAUSES, Matrix
 from gapsense.studies.identification.device import Device
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import FACTOR, Form
-from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.form import FACTOR, SHAPE, Form
+from gapsense.studies.identification.many import responses
 from gapsense.studies.identification.misfit import Share
-from gapsense.studies.identification.model import Experiment
+from gapsense.studies.identification.model import Experiment, Response
 from gapsense.studies.identification.operations import Operation
 from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import Residual
@@ -37,7 +37,15 @@ class Uncertainty(NamedTuple):
 
     relative: Vector  # standard errors, relative to the values; infinite for a parameter without effect
     correlation: Matrix  # of the errors
+    shape: Mapping[str, float]  # relative standard errors of the numbers of a gap law, see `Form`
     shares: Mapping[str, Share]  # what each of the causes of `causes` has of the residual
+
+
+class Influence(NamedTuple):
+    """What each residual of an experiment does to each of some numbers."""
+
+    current: Matrix  # (numbers, samples)
+    position: Matrix | None  # likewise, where it is fitted
 
 
 class Doubts(NamedTuple):
@@ -56,20 +64,39 @@ def uncertainty(
     left = by.residuals - J @ (A @ by.residuals)  # of the causes, by the parameters
     rows = left.T / np.maximum((left**2).sum(axis=0), 1e-300)[:, None]
     weights = _all_weights(form, ratios, experiments, np.vstack([A, rows]))
-    errors = [e.current - currents([form.at(ratios)], e)[0] for e in experiments]
-    cov = np.sum([long_run(W, r) for W, r in zip(weights, errors)], axis=0)
-    r = np.concatenate([model.weighted(e, e.current - error) for e, error in zip(experiments, errors)])
+    models = [responses([form.at(ratios)], e)[0] for e in experiments]
+    cov = np.sum([_by_noise(W, e, m) for W, e, m in zip(weights, experiments, models)], axis=0)
+    r = np.concatenate([model.weighted(e, m) for e, m in zip(experiments, models)])
     shares = misfit.shares(left, rows, r, np.sqrt(np.diag(cov)[n:-1]))
     of_parameters = [*range(n), -1]
     moved = np.vstack([-A @ by.residuals, by.resistance])
-    parts = [W[of_parameters] for W in weights]
+    parts = [W.current[of_parameters] for W in weights]
     cov = cov[np.ix_(of_parameters, of_parameters)] + _beyond_noise(parts, moved, shares, doubts or Doubts())
     lost = _lost(J)
     if FACTOR in form.fitted:  # it is one of the resistance
         cov, lost = _joined(cov, lost, form.fitted.index(FACTOR))
+    cov, lost, shape = _without_shape(cov, lost, form)
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
-    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale), shares)
+    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale), shape, shares)
+
+
+def _by_noise(W: Influence, experiment: Experiment, at: Response) -> Matrix:
+    """Covariance that the residuals of one experiment make."""
+    cov = long_run(W.current, experiment.current - at.current)
+    if W.position is None or experiment.position is None or at.position is None:
+        return cov
+    return cov + long_run(W.position, experiment.position - at.position)
+
+
+def _without_shape(
+    cov: Matrix, lost: npt.NDArray[np.bool_], form: Form
+) -> tuple[Matrix, npt.NDArray[np.bool_], dict[str, float]]:
+    """Covariance without the numbers of the gap law, and the errors of these."""
+    names = [name for name in form.fitted if name != FACTOR]
+    at = [k for k, name in enumerate(names) if name.startswith(SHAPE)]
+    errors = {names[k]: float(np.inf if lost[k] else np.sqrt(cov[k, k])) for k in at}
+    return np.delete(np.delete(cov, at, axis=0), at, axis=1), np.delete(lost, at), errors
 
 
 def doubts(records: Sequence[Record], residuals: Sequence[Residual]) -> Doubts:
@@ -97,7 +124,7 @@ def jacobian(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> M
     """Derivatives of the weighted residuals, by central differences."""
     steps = STEP * np.eye(ratios.size)
     points = [form.at(ratios + side * step) for side in (1.0, -1.0) for step in steps]
-    found = np.concatenate([[model.weighted(e, i) for i in currents(points, e)] for e in experiments], axis=1)
+    found = np.concatenate([[model.weighted(e, m) for m in responses(points, e)] for e in experiments], axis=1)
     return np.asarray((found[: ratios.size] - found[ratios.size :]).T / (2.0 * STEP))
 
 
@@ -127,39 +154,52 @@ def long_run(W: Matrix, r: Vector) -> Matrix:
     return cov
 
 
-def _all_weights(form: Form, ratios: Vector, experiments: Sequence[Experiment], A: Matrix) -> list[Matrix]:
-    """Influence of each residual of the current on what A makes of the weighted residuals, and on the resistance."""
-    ends = np.cumsum([2 * e.current.size for e in experiments])
+def _all_weights(form: Form, ratios: Vector, experiments: Sequence[Experiment], A: Matrix) -> list[Influence]:
+    """Influence of each residual on what A makes of the weighted residuals, and on the resistance."""
+    ends = np.cumsum([e.size for e in experiments])
     parts, total = np.split(A, ends[:-1], axis=1), sum(model.charge(e) for e in experiments)
     return [_weights(form, ratios, e, part, total) for e, part in zip(experiments, parts)]
 
 
-def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
+def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Influence:
     """The same of one experiment; the resistance is relative."""
     n = experiment.current.size
     c_i, c_lam = experiment.weights()
     R, half = experiment.resistance, 0.5 * experiment.dt
-    later = np.cumsum(A[:, n:][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
+    later = np.cumsum(A[:, n : 2 * n][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
-    pooled, current = np.zeros(n), currents([form.at(ratios)], experiment)[0]
+    pooled, at = np.zeros(n), responses([form.at(ratios)], experiment)[0]
     for operation in experiment.operations:
         share = np.zeros(n)
         share[operation.start + 1 : operation.stop] = 1.0
         share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(form.at(ratios), experiment, current, operation)
+        slope = _by_resistance(form.at(ratios), experiment, at, operation)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
         pooled -= share / total
-    return np.vstack([W, pooled])
+    Z = None
+    if experiment.position is not None:
+        Z = np.vstack([-c_i * experiment.amperes * A[:, 2 * n :], np.zeros(n)])
+    return Influence(np.vstack([W, pooled]), Z)
 
 
-def _by_resistance(par: Device, experiment: Experiment, current: Vector, operation: Operation) -> Vector:
+def _by_resistance(par: Device, experiment: Experiment, at: Response, operation: Operation) -> Vector:
     """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
     alone, cut = model.part(experiment, operation), slice(operation.start, operation.stop + 1)
 
     def changed(factor: float) -> Vector:
-        R, i = experiment.resistance.copy(), current.copy()
+        R = experiment.resistance.copy()
         R[operation.inside] *= factor
-        i[cut] = currents([par], alone._replace(resistance=R[cut]))[0]
-        return model.weighted(model.with_resistance(experiment, R), i)
+        (found,) = responses([par], alone._replace(resistance=R[cut]))
+        whole = Response(*(_spliced(a, b, cut) for a, b in zip(at, found)))
+        return model.weighted(model.with_resistance(experiment, R), whole)
 
     return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)
+
+
+def _spliced(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
+    """The samples, with a piece in its place."""
+    if whole is None:
+        return None
+    made = whole.copy()
+    made[at] = piece
+    return made

@@ -94,16 +94,18 @@ def _lost(result: Identified) -> list[str]:
 def _gap(file: Path, result: Identified, known: Known) -> list[str]:
     """The gap law; a table that was multiplied by a factor is written beside the file."""
     law, table = GapLaw(value(result.parameters, "gap_law")).name, known.table
-    head = f'"gap.law" = "{law}"'
     if table is None:
-        return [head, *(_line(name, result) for name, port in PORTS.items() if port.name in GAPS[law])]
+        return [
+            f'"gap.law" = "{law}"',
+            *(_line(name, result) for name, port in PORTS.items() if port.name in GAPS[law]),
+        ]
     if TABLE[0] in result.form.fitted:
         table = file.with_name(f"{file.stem}-gap.csv")
         columns = {name: np.array(value(result.parameters, f"gap_file_{name}")) for name in TABLE_UNITS}
         table.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(table, lambda text: write_columns(text, columns, TABLE_UNITS))
     relative = Path(os.path.relpath(table.resolve(), file.resolve().parent)).as_posix()
-    return [head, f'"gap.file" = "{relative}"']
+    return ['"gap.law" = "table"', f'"gap.file" = "{relative}"']
 
 
 def found(result: Identified, name: str) -> float:

@@ -18,7 +18,7 @@ from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
 from gapsense.studies.identification.evidence import Trial, chosen
 from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.form import FACTOR, GUESSED, Form
+from gapsense.studies.identification.form import FACTOR, GUESSED, SHAPE, Form
 from gapsense.studies.identification.forms import EVERYTHING, Sought, plain
 from gapsense.studies.identification.minimise import Fit, Start
 from gapsense.studies.identification.model import Experiment, Trajectory, cost
@@ -54,7 +54,7 @@ class Identified(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """The fitted parameters, and the resistance."""
-        return (*(name for name in self.form.fitted if name != FACTOR), "coil_resistance")
+        return (*(n for n in self.form.fitted if n != FACTOR and not n.startswith(SHAPE)), "coil_resistance")
 
     @property
     def resistance(self) -> float:
@@ -70,7 +70,7 @@ class Identified(NamedTuple):
     def at_bounds(self) -> list[str]:
         """Parameters at a limit of the search."""
         is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
-        return [name for name, there in zip(self.form.fitted, is_there) if there]
+        return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
 
     @property
     def poor(self) -> list[str]:

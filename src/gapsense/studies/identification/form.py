@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.studies.gap_law.laws import Law, rows
 from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.record import Vector
 
 FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
 BOUND = 5.0  # the result lies within this factor of the first guess
 WIDE = 300.0  # or within this one, if hardly anything is known of it
+SHAPE = "gap_shape_"  # and a number, of the gap law
 TABLE = ("gap_file_reluctance", "gap_file_slope")
 LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
@@ -24,11 +26,23 @@ class Form(NamedTuple):
     known: Device
     fitted: tuple[str, ...] = FITTED
     added: tuple[str, ...] = ()  # to the plain form, see `forms`
+    law: Law | None = None  # of the gap, where its shape is fitted or the core leaves it its offset
+    total: float | None = None  # reluctance of core and gap when it is closed, where that is known [1/H]
 
     def at(self, ratios: Vector) -> Device:
         """The fitted parameters multiplied by e^ratio, so that they stay positive; the others as they are known."""
         factors = zip(self.fitted, np.exp(ratios).tolist())
-        return changed(self.known, **{n: x for name, f in factors for n, x in _multiplied(self.known, name, f)})
+        made = changed(self.known, **{n: x for name, f in factors for n, x in _multiplied(self.known, name, f)})
+        return made if self.law is None else changed(made, **_table(self.law_at(ratios), made))
+
+    def law_at(self, ratios: Vector) -> Law:
+        """The gap law with its fitted numbers; what is known without a gap is that of core and gap together."""
+        law = self.law or Law("none", 0.0, ())
+        at = dict(zip(self.fitted, np.exp(ratios).tolist()))
+        offset, *numbers = (at.get(name, 1.0) * x for name, x in zip(shape(law), (law.offset, *law.numbers)))
+        if self.total is not None:
+            offset = self.total - value(self.known, "core_reluctance") * at.get("core_reluctance", 1.0)
+        return law._replace(offset=offset, numbers=tuple(numbers))
 
     @property
     def bounds(self) -> Vector:
@@ -64,8 +78,21 @@ class Form(NamedTuple):
         return self._replace(known=known, fitted=fitted), ratios[free]
 
 
+def shape(law: Law) -> tuple[str, ...]:
+    """Names of the numbers of a gap law, its offset first, which are no parameters of the device."""
+    return tuple(f"{SHAPE}{k}" for k in range(len(law.numbers) + 1))
+
+
+def _table(law: Law, par: Device) -> dict[str, Any]:
+    """The gap law as a table of the device."""
+    made = rows(law, float(value(par, "stop_upper")))
+    return {f"gap_file_{name}": column.tolist() for name, column in made.items()}
+
+
 def _multiplied(par: Device, name: str, factor: float) -> list[tuple[str, Any]]:
     """A parameter times a factor; of the table of a gap law, both columns."""
+    if name.startswith(SHAPE):
+        return []
     if name != TABLE[0]:
         return [(name, value(par, name) * factor)]
     return [(column, [factor * x for x in value(par, column)]) for column in TABLE]

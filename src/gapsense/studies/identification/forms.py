@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw
+from gapsense.studies.gap_law.laws import Law
 from gapsense.studies.identification.conventions import FORMS
 from gapsense.studies.identification.device import Device, changed, value, with_losses
 from gapsense.studies.identification.form import FITTED, Form
@@ -23,6 +24,9 @@ class Sought(NamedTuple):
     forms: Sequence[str] = FORMS  # that may be added to the plain one
     held: Collection[str] = ()  # names that keep their value
     guesses: Mapping[str, float] = {}  # of the losses, where they are known
+    gap: tuple[str, ...] | None = None  # of the gap law, where records or inductances tell it; the turns are held then
+    law: Law | None = None  # see `Form`
+    total: float | None = None  # likewise
 
 
 EVERYTHING = Sought()
@@ -33,11 +37,12 @@ def plain(known: Device, sought: Sought = EVERYTHING) -> Form:
 
     Losses that are held stay.
     """
-    scale = SCALES[GapLaw(value(known, "gap_law"))]
-    names = (*FITTED, scale) if "coil_turns" in sought.held else FITTED
+    gap = (SCALES[GapLaw(value(known, "gap_law"))],) if sought.gap is None else sought.gap
+    names = (*FITTED, *gap) if "coil_turns" in sought.held else FITTED
     kept = {name: guess for name, guess in sought.guesses.items() if name in sought.held}
     device = changed(with_losses(known), **kept) if kept else known
-    return Form(device, tuple(name for name in names if name not in sought.held))
+    free = tuple(name for name in names if name not in sought.held)
+    return Form(device, free, law=sought.law, total=sought.total)
 
 
 def larger(form: Form, sought: Sought) -> list[Form]:
@@ -86,4 +91,4 @@ ADDED: dict[str, Callable[[Form], tuple[Device, dict[str, float]]]] = {
 def _more(form: Form, name: str, known: Device, names: Sequence[str]) -> Form:
     """The form with more parameters; those of a law that it no longer has are gone."""
     old = [n for n in form.fitted if not (n == "gap_slope" and "gap_area" in names)]
-    return Form(known, (*old, *names), (*form.added, name))
+    return form._replace(known=known, fitted=(*old, *names), added=(*form.added, name))

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from gapsense.studies.identification import model
 from gapsense.studies.identification.causes import Matrix
 from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.many import responses
 from gapsense.studies.identification.model import Experiment, cost
 from gapsense.studies.identification.record import Vector
 from gapsense.workers import Progress
@@ -37,7 +37,7 @@ class Fit:
         """Weighted residuals; values far from any valve give large ones instead of NaN."""
         self.samples += sum(e.current.size for e in experiments)
         par = self.form.at(ratios)
-        parts = [model.weighted(e, currents([par], e)[0]) for e in experiments]
+        parts = [model.weighted(e, responses([par], e)[0]) for e in experiments]
         return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, ratios: Vector, experiments: list[Experiment]) -> Matrix:
@@ -45,7 +45,7 @@ class Fit:
         steps = np.where(ratios + STEP > self.form.bounds, -STEP, STEP)
         points = [self.form.at(point) for point in (ratios, *(ratios + np.diag(steps)))]
         self.samples += len(points) * sum(e.current.size for e in experiments)
-        parts = [[model.weighted(e, current) for current in currents(points, e)] for e in experiments]
+        parts = [[model.weighted(e, response) for response in responses(points, e)] for e in experiments]
         at, *others = np.nan_to_num(np.concatenate(parts, axis=1), nan=1e3, posinf=1e3, neginf=-1e3)
         return np.array([(other - at) / step for other, step in zip(others, steps)]).T
 

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from gapsense.studies.identification.causes import CAUSES, Matrix, Signals, changed
 from gapsense.studies.identification.flux import trapezoid
 from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.many import responses
 from gapsense.studies.identification.model import Experiment, mean_resistance, pooled_resistance, weighted, with_factors
 from gapsense.studies.identification.record import Vector
 
@@ -87,7 +87,7 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Slo
 
 
 def _at(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> tuple[Vector, float]:
-    r = np.concatenate([weighted(e, currents([form.at(ratios)], e)[0]) for e in experiments])
+    r = np.concatenate([weighted(e, responses([form.at(ratios)], e)[0]) for e in experiments])
     return r, float(np.log(pooled_resistance(experiments)))
 
 

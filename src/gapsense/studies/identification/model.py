@@ -12,10 +12,11 @@ from gapsense.records import flat
 from gapsense.studies.identification.device import Device, kernel_of, seen
 from gapsense.studies.identification.flux import Flux, estimate, trapezoid
 from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.operations import Operation, operations
+from gapsense.studies.identification.operations import Operation, hidden, noise, operations
 from gapsense.studies.identification.record import Record, Vector
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
+EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
 
 
@@ -27,6 +28,13 @@ class Trajectory(NamedTuple):
     position: Vector  # [m]
 
 
+class Response(NamedTuple):
+    """As much of it as is fitted."""
+
+    current: Vector
+    position: Vector | None = None
+
+
 class Experiment(NamedTuple):
     """A record prepared for the fit: from its first operation on."""
 
@@ -36,6 +44,13 @@ class Experiment(NamedTuple):
     current: Vector  # measured [A]
     flux_linkage: Vector  # integrated from measurements [Wb]
     operations: list[Operation]  # complete ones, which have a resistance of their own
+    position: Vector | None = None  # measured [m], where it is fitted
+    amperes: float = 0.0  # of its residual: noise of the current over that of the position [A/m]
+
+    @property
+    def size(self) -> int:
+        """Number of its weighted residuals."""
+        return self.current.size * (2 if self.position is None else 3)
 
     def weights(self) -> tuple[float, float]:
         """Square roots of c_i and c_lambda, (25)."""
@@ -50,7 +65,17 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     shifted = [Operation(a - first, b - first) for a, b in flux.operations]
     signals = (record.halves, flux.per_sample, record.current, flux.flux_linkage)
     halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
-    return Experiment(record.dt, halves, resistance, current, flux_linkage, shifted), flux
+    made = Experiment(record.dt, halves, resistance, current, flux_linkage, shifted)
+    return _with_position(made, record, first), flux
+
+
+def _with_position(experiment: Experiment, record: Record, first: int) -> Experiment:
+    """The experiment with the position, if it is to be fitted: as certain as the current, each by its noise."""
+    if record.position is None or record.position_noise is None:
+        return experiment
+    i = record.current
+    least = max(noise(i), hidden(i), EXACT * float(np.abs(i).max()))
+    return experiment._replace(position=record.position[first:], amperes=least / record.position_noise)
 
 
 def part(experiment: Experiment, operation: Operation) -> Experiment:
@@ -58,6 +83,7 @@ def part(experiment: Experiment, operation: Operation) -> Experiment:
     cut, (first, last) = slice(operation.start, operation.stop + 1), operation
     names = ("halves", "resistance", "current", "flux_linkage")
     signals = {name: getattr(experiment, name)[cut] for name in names}
+    signals["position"] = None if experiment.position is None else experiment.position[cut]
     return experiment._replace(**signals, operations=[Operation(0, last - first)])
 
 
@@ -120,14 +146,17 @@ def simulated(par: Device, experiment: Experiment) -> Trajectory:
 def residuals(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
     """Weighted residuals, current and flux linkage of each experiment; their squares add up to the cost J."""
     par = form.at(ratios)
-    return np.concatenate([weighted(e, simulated(par, e).current) for e in experiments])
+    return np.concatenate([weighted(e, simulated(par, e)) for e in experiments])
 
 
-def weighted(experiment: Experiment, current: Vector) -> Vector:
-    """The residuals of an experiment, if this is the current of the model."""
+def weighted(experiment: Experiment, model: Response | Trajectory) -> Vector:
+    """The residuals of an experiment, of current, flux linkage and, where it is fitted, position."""
     c_i, c_lam = experiment.weights()
-    flux_linkage = integrated(experiment, current)  # as the measured one, or the sampling would bias the fit
-    return np.append(c_i * (experiment.current - current), c_lam * (experiment.flux_linkage - flux_linkage))
+    flux_linkage = integrated(experiment, model.current)  # as the measured one, or the sampling would bias the fit
+    parts = [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
+    if experiment.position is not None and model.position is not None:
+        parts.append(c_i * experiment.amperes * (experiment.position - model.position))
+    return np.concatenate(parts)
 
 
 def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:

@@ -55,6 +55,7 @@ class Record(NamedTuple):
     rows: npt.NDArray[np.int_]  # lines of the file, for messages
     is_mean: bool = False  # the voltage is the mean over the interval before each sample
     offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
+    position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 

@@ -10,7 +10,7 @@ import numpy as np
 from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.model import Trajectory, simulate
 from gapsense.studies.identification.operations import starts
-from gapsense.studies.identification.record import Record, between
+from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.temperature import Coefficient
 
 
@@ -25,15 +25,13 @@ class Validation(NamedTuple):
     largest_current: float  # [A]
 
 
-def validated(
-    par: Device, records: Sequence[Record], convention: str, coefficient: Coefficient | None
-) -> list[Validation]:
+def validated(par: Device, records: Sequence[Record], coefficient: Coefficient | None) -> list[Validation]:
     """The model beside each of the records, with the resistance at its temperature, if that is known."""
     found = []
     for record in records:
         T = record.temperature
         R = value(par, "coil_resistance") if coefficient is None or T is None else coefficient.at(T)
-        found.append(validate(changed(par, coil_resistance=R), between(record, convention)))
+        found.append(validate(changed(par, coil_resistance=R), record))
     return found
 
 

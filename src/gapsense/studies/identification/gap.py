@@ -1,0 +1,262 @@
+"""What is known of the gap before the fit, and how much of it the fit seeks: from positions or from inductances.
+
+Current and flux linkage depend on reluctances over the square of the turns, and so do forces.  Once the gap law is
+sought, any turns explain the records alike: they are held, as they are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.table import Table
+
+from gapsense.actuators.magnetics import MU_0
+from gapsense.actuators.solenoid_valve import GapLaw, Parameters
+from gapsense.files import write_atomically, write_columns
+from gapsense.problems import InputError
+from gapsense.report.table import quantity, table
+from gapsense.studies.gap_law import choice, motion
+from gapsense.studies.gap_law.eddy import remarks
+from gapsense.studies.gap_law.file import fields
+from gapsense.studies.gap_law.laws import Law, Vector, rows
+from gapsense.studies.gap_law.table import read_inductances
+from gapsense.studies.identification.device import value
+from gapsense.studies.identification.file import Known
+from gapsense.studies.identification.fit import Identified
+from gapsense.studies.identification.flux import estimate
+from gapsense.studies.identification.form import shape
+from gapsense.studies.identification.forms import Sought
+from gapsense.studies.identification.model import Trajectory
+from gapsense.studies.identification.operations import hidden, noise, operations
+from gapsense.studies.identification.record import Record, between
+from gapsense.studies.identification.residual import EXPLAINED
+from gapsense.studies.identification.transfer import TABLE_UNITS
+
+EXACT = 1e-3  # of the stroke: a position is no better, whatever its noise
+MOVES = 0.05  # of the stroke, that a position has to change
+BEYOND = 0.25  # of the stroke, that a position may be outside of the stops
+TURNS = "coil_turns"
+SMALLEST = 1e-6
+CONFIRMED = (
+    "The positions confirm the form of the gap law. Its scale cannot be told from the turns: it is held, and the turns"
+    " are sought. `--hold coil.turns` does it the other way round."
+)
+HELD = (
+    "`coil.turns` is held at {:g}: while the gap law is sought, any number explains the records alike, if all"
+    " reluctances go with its square."
+)
+
+
+class Gap(NamedTuple):
+    """What is known, and what is sought."""
+
+    parameters: Parameters  # with first guesses of the gap law and the core
+    sought: Sought
+    records: Sequence[Record]  # with positions that are to be fitted
+    conventions: Sequence[str] = ()  # of the voltage between samples, that are left to the fit
+    told: Sequence[Table | str] = ()
+
+    @property
+    def more(self) -> tuple[Sequence[str], Sought]:
+        """The last arguments of `fit.identify`."""
+        return self.conventions, self.sought
+
+
+def known(
+    par: Parameters,
+    records: Sequence[Record],
+    sought: Sought,
+    inductances: Path | None,
+    conventions: Sequence[str],
+    period: float | None = None,
+) -> Gap:
+    """From inductances, or else from positions; unchanged where there are neither."""
+    found = [usable(record, par, period) for record in records]
+    if inductances is not None:
+        return of_inductances(inductances, par, found, sought, conventions)
+    if any(record.position_noise for record in found):
+        return of_positions(par, found, sought, conventions, period)
+    return Gap(par, sought, found, conventions)
+
+
+def of_inductances(
+    file: Path, par: Parameters, records: Sequence[Record], sought: Sought, conventions: Sequence[str]
+) -> Gap:
+    """The gap law of a table of inductances, held; which part of the rest is the core's follows from saturation."""
+    measured, turns = read_inductances(file), float(par.coil_turns)
+    if measured.gap[-1] < 0.5 * par.stop_upper:
+        raise InputError(
+            [
+                f"{file.name}: gaps up to {quantity(float(measured.gap[-1]), 'm')} found, at least half of the largest,"
+                f" {quantity(float(par.stop_upper), 'm')}, expected. Correct `stop.upper`, or measure at larger gaps."
+            ]
+        )
+    law = choice.best(choice.candidates(measured.gap, turns**2 / measured.inductance)).law
+    known = par._replace(gap_law=float(GapLaw.table), core_reluctance=law.offset)
+    told = [
+        f"The gap law is that of {file.name}, `{law.name}`, for {turns:g} turns; both are held. Their errors are"
+        " not in the standard errors of the others.",
+        *remarks(measured),
+    ]
+    sought = sought._replace(held=(*sought.held, TURNS), gap=(), law=law, total=law.offset)
+    return Gap(known, sought, records, conventions, [*told, *noises(records)])
+
+
+def of_positions(
+    par: Parameters, records: Sequence[Record], sought: Sought, conventions: Sequence[str], period: float | None = None
+) -> Gap:
+    """The gap law that measured positions tell, to be fitted together with all else.
+
+    If they only confirm the form of the law that is known, it stays, and the turns are sought.
+    """
+    readings = [[between(record, name) for record in records] for name in conventions] or [[*records]]
+    laws = [_laws(par, reading, TURNS not in sought.held, period) for reading in readings]
+    left = [min(motion.square(trial.left) for trial in trials) for trials in laws]
+    k = left.index(min(left))
+    best = motion.best(laws[k])
+    told: list[Table | str] = [_shown(laws[k], best), *noises(records)]
+    if best.law.name == motion.KNOWN:
+        return Gap(_confirmed(par, best), sought, records, conventions[k : k + 1], [*told, CONFIRMED])
+    known = par._replace(core_reluctance=best.core_reluctance, core_saturation=best.core_saturation)
+    known, names = _started(known, best.law)
+    law = best.law if best.law.knots else None
+    sought = sought._replace(held=(*sought.held, TURNS), gap=names, law=law)
+    return Gap(known, sought, records, conventions[k : k + 1], [*told, HELD.format(float(par.coil_turns))])
+
+
+def _confirmed(par: Parameters, found: motion.Trial) -> Parameters:
+    """First guesses where the gap law is as it is known, and the turns are others."""
+    scale = max(found.scale, SMALLEST)
+    return par._replace(
+        coil_turns=par.coil_turns / np.sqrt(scale),
+        core_reluctance=max(found.core_reluctance, SMALLEST) / scale,
+        core_saturation=found.core_saturation,
+    )
+
+
+def _law(par: Parameters) -> Law:
+    """The gap law that is known."""
+    if par.gap_law == GapLaw.linear:
+        return Law("linear", 0.0, (float(par.gap_slope),))
+    if par.gap_law == GapLaw.fringing:
+        r0 = 1.0 / (MU_0 * float(par.gap_area))
+        return Law("fringing", 0.0, (r0, float(par.gap_area) ** -0.5, 2.0 * float(par.gap_window)))
+    return Law("table", float(par.gap_file_reluctance[0]), tuple(par.gap_file_slope), tuple(par.gap_file_gap))
+
+
+def usable(record: Record, par: Parameters, period: float | None = None) -> Record:
+    """The record with the noise of its position and without the offset of that, if something moves."""
+    stroke = float(par.stop_upper - par.stop_lower)
+    if record.position is None or float(np.ptp(record.position)) < MOVES * stroke:
+        return record
+    rest = operations(record, period)[0].start + 1
+    start = float(np.clip(par.initial_position, par.stop_lower, par.stop_upper))
+    z = record.position - float(np.median(record.position[:rest])) + start
+    if z.min() < par.stop_lower - BEYOND * stroke or z.max() > par.stop_upper + BEYOND * stroke:
+        ends = f"{quantity(float(record.position.min()), 'm')} to {quantity(float(record.position.max()), 'm')}"
+        raise InputError(
+            [
+                f"{record.name}: `position` is {ends}, beginning with"
+                f" {quantity(float(np.median(record.position[:rest])), 'm')}; the gap, from"
+                f" {quantity(float(par.stop_lower), 'm')} to {quantity(float(par.stop_upper), 'm')} and beginning with"
+                f" {quantity(start, 'm')}, is expected. Correct unit or direction, `stop.lower`, `stop.upper` or"
+                " `initial.position`, or rename the column."
+            ]
+        )
+    return record._replace(position=z, position_noise=max(noise(z), hidden(z), EXACT * stroke))
+
+
+def _laws(par: Parameters, records: Sequence[Record], is_known: bool, period: float | None) -> list[motion.Trial]:
+    """Gap laws that positions tell; first that which is known, if it may be."""
+    parts = []
+    for record in records:
+        if record.position is not None and record.position_noise:
+            flux = estimate(record, operations(record, period))
+            first = flux.operations[0].start
+            parts.append((record.current[first:], flux.flux_linkage[first:], record.position[first:]))
+    columns: list[Vector] = [np.concatenate(part) for part in zip(*parts)]
+    samples, turns = motion.Samples(*columns), float(par.coil_turns)
+    known = [motion.scaled(samples, turns, _law(par))] if is_known else []
+    return [*known, *motion.trials(samples, turns, float(par.stop_upper))]
+
+
+def _started(par: Parameters, law: Law) -> tuple[Parameters, tuple[str, ...]]:
+    """First guesses of a law, and what is sought of it."""
+    if law.knots:
+        return par._replace(gap_law=float(GapLaw.table)), shape(law)[0 if law.offset > 0.0 else 1 :]
+    values = fields(law)
+    return par._replace(gap_law=float(GapLaw[law.name]), **values), tuple(values)
+
+
+def _shown(trials: Sequence[motion.Trial], best: motion.Trial) -> Table:
+    """The laws that were tried."""
+    rows = (
+        (
+            trial.law.name,
+            f"{trial.size}",
+            quantity(choice.rms(trial.left), "A"),
+            f"{worth:.0f}",
+            "taken" if trial is best else "",
+        )
+        for trial, worth in zip(trials, motion.evidence([*trials]))
+    )
+    return table("Gap laws, by the positions", ("", "numbers", "left of the current", "evidence", ""), rows)
+
+
+def noises(records: Sequence[Record]) -> list[str]:
+    """Sentences on the positions that are fitted."""
+    return [
+        f"{record.name}: the position is fitted too, with a noise of {quantity(record.position_noise, 'm')}."
+        for record in records
+        if record.position_noise
+    ]
+
+
+def kept(known: Known, result: Identified, to: Path) -> Known:
+    """What is known, with the law that was found; a table is written beside the file of the parameter set."""
+    law = GapLaw(int(value(result.parameters, "gap_law"))).name
+    if result.form.law is None:
+        return known._replace(table=known.table if law == "table" else None)
+    made = rows(result.form.law_at(result.ratios), float(value(result.parameters, "stop_upper")))
+    file = to.with_name(f"{to.stem}_law.csv")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, lambda out: write_columns(out, made, TABLE_UNITS))
+    return known._replace(table=file)
+
+
+def told(result: Identified, records: Sequence[Record]) -> list[Table | str]:
+    """What was found of the gap, and whether the model explains the positions."""
+    return [*slopes(result), *(_verdict(r, m) for r, m in zip(records, result.models) if r.position_noise)]
+
+
+def _verdict(record: Record, model: Trajectory) -> str:
+    """What the model leaves of a position."""
+    assert record.position is not None and record.position_noise is not None
+    left = choice.rms(record.position[-model.position.size :] - model.position)
+    is_noise = left < max(EXPLAINED * record.position_noise, EXACT * float(np.ptp(record.position)))
+    return f"{record.name}: the model leaves {quantity(left, 'm')} of the position, " + (
+        "which is noise."
+        if is_noise
+        else f"{left / record.position_noise:.2g} times its noise: the mechanics is another one (friction, bounces, a"
+        " spring that is not linear), or the sensor (its scale, its delay)."
+    )
+
+
+def slopes(result: Identified) -> list[Table | str]:
+    """The slopes of a table that was fitted, with their errors; what is the gap's of the rest."""
+    if result.form.law is None:
+        return []
+    law, errors = result.form.law_at(result.ratios), result.uncertainty.shape
+    made: list[Table | str] = []
+    if errors:
+        numbers = zip(law.knots, law.numbers, shape(law)[1:])
+        cells = ((quantity(h, "m"), quantity(x, "1/(H.m)"), f"{100.0 * errors[name]:.2g} %") for h, x, name in numbers)
+        made.append(table("Slope of the gap reluctance", ("gap", "slope", "standard error"), cells))
+    core = float(value(result.parameters, "core_reluctance"))
+    return [
+        *made,
+        f"Of {quantity(law.offset + core, '1/H')} without gap {quantity(core, '1/H')} are the core's, which saturates.",
+    ]
