@@ -220,3 +220,22 @@ def test_clipped_signal_is_taken_on_request(tmp_path):
     file = write(tmp_path / "c.csv", values)
     assert "--clipped" in problems(file)[0]
     assert read_record(file, Reading(may_clip=True)).current.max() == 0.3
+
+
+@pytest.mark.parametrize("form", ["{:.5e}", "{:.4e}", "{:.6f}"])
+def test_times_that_a_program_rounded_coarsely_are_taken_as_equal_steps(tmp_path, form):
+    step, n = 3.2e-7, 4000
+    k = np.arange(n)
+    times = [form.format(t) for t in (k * step + 0.0213).tolist()]
+    current = np.where((k > 500) & (k < 2500), 0.3, 0.0) + 1e-3 * np.random.default_rng(1).standard_normal(n)
+    rows = [f"{t},{12.0 * (i > 0.1)},{i:.6f}" for t, i in zip(times, current.tolist())]
+    file = tmp_path / "scope.csv"
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    record = read_record(file, needs="samples")
+    assert record.dt == pytest.approx(step, rel=2e-3)
+    assert np.all(np.diff(record.times) > 0.0)
+    assert len(record.remarks) == (form != "{:.5e}") and all("rounded" in text for text in record.remarks)
+    del rows[1000:1100]
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match="equal steps"):
+        read_record(file, needs="samples")

@@ -14,7 +14,7 @@ from gapsense.studies.identification.operations import SIGMAS, SMALL, Operation,
 from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
-from gapsense.studies.identification.samples import clipping, time_problems
+from gapsense.studies.identification.samples import clipping, evened, time_problems
 from gapsense.studies.identification.thin import shortened, thinned
 
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
@@ -77,8 +77,9 @@ def read_record(
     problems += _sample_problems(columns, how)
     if problems:
         raise InputError(problems)
+    columns, said = evened(columns)
     whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
-    record = without_offsets(whole)._replace(remarks=unipolar(whole))
+    record = without_offsets(whole)._replace(remarks=(*said, *unipolar(whole)))
     if needs != "samples":
         problems += _rest_problems(record, path.name)
     if needs == "operations" and not problems:
