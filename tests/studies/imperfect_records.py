@@ -77,7 +77,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
         R = c.par.coil_resistance * (1.0 + c.warming * k / times.size)
         on = wanted > 0.0
         mean = wanted * (c.duty if t % PERIOD > c.peak else 1.0) - (c.series * i if on else 0.0)
-        v = mean if on or i < 1e-3 else -c.diode - c.clamp
+        v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))
         i = (c.eddy * v + SEEN(outputs)[0]) / shared

@@ -10,9 +10,10 @@ from valve_records import GUESS, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.errors import long_run, uncertainty
-from gapsense.studies.identification.fit import POOR, Fit, identify
+from gapsense.studies.identification.fit import POOR, identify
 from gapsense.studies.identification.form import FITTED, Form
 from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.minimise import Fit
 from gapsense.studies.identification.model import (
     balanced,
     cost,

@@ -8,10 +8,13 @@ from valve_records import DT, ON, PERIOD, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.conventions import CONVENTIONS
-from gapsense.studies.identification.fit import Fit
 from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.forms import EVERYTHING
+from gapsense.studies.identification.minimise import Fit
 from gapsense.studies.identification.model import prepare, simulate, simulated
+from gapsense.studies.identification.prepared import prepare as prepare_all
 from gapsense.studies.identification.residual import residual, verdict
+from gapsense.studies.identification.voltage import best_reading
 
 
 def left(measured, current):
@@ -44,8 +47,12 @@ def rounded(measured, model, first):
     return np.round(measured.current / 2e-3) * 2e-3
 
 
+def rounded_coarsely(measured, model, first):
+    return np.round(measured.current / 4e-3) * 4e-3
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("current", [as_it_is, rounded])
+@pytest.mark.parametrize("current", [as_it_is, rounded, rounded_coarsely])
 def test_noise_is_no_misfit(seed, current):
     found = left(record(seed=seed), current)
     assert found.is_explained and abs(found.correlation) < 0.1
@@ -76,7 +83,9 @@ def test_voltage_between_samples_is_what_fits_best(lead, expected):
     made = simulate(VALVE, np.stack((applied, applied), axis=1), DT, np.full(k.size, VALVE.coil_resistance))
     current = made.current + 1e-3 * np.random.default_rng(6).standard_normal(k.size)
     measured = record(periods=1)._replace(times=k * DT, voltage=np.roll(applied, -lead), current=current)
-    assert Fit(Form(VALVE)).best_convention([measured], np.zeros(6), CONVENTIONS, None)[0] == expected
+    readings = [prepare_all([measured], None, name).firsts for name in CONVENTIONS]
+    best, _ = best_reading(Fit(Form(VALVE)), np.zeros(6), readings, EVERYTHING)
+    assert CONVENTIONS[best] == expected
 
 
 def test_misfit_of_a_record_without_any_noise_is_told():

@@ -9,19 +9,25 @@ current, and the variance of that sum follows from their autocovariance, tapered
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification import model
+from gapsense.studies.identification import misfit, model
+from gapsense.studies.identification.causes import CAUSES, Matrix
+from gapsense.studies.identification.device import Device
 from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.model import Experiment, residuals
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.form import FACTOR, Form
+from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.misfit import Share
+from gapsense.studies.identification.model import Experiment
+from gapsense.studies.identification.operations import Operation
+from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.residual import Residual
+from gapsense.studies.identification.rest import remaining
 
-Matrix = npt.NDArray[np.float64]
 STEP = 1e-5  # relative change of a parameter for a difference quotient
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 
@@ -31,26 +37,81 @@ class Uncertainty(NamedTuple):
 
     relative: Vector  # standard errors, relative to the values; infinite for a parameter without effect
     correlation: Matrix  # of the errors
+    shares: Mapping[str, Share]  # what each of the causes of `causes` has of the residual
 
 
-def uncertainty(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Uncertainty:
+class Doubts(NamedTuple):
+    """What else than noise there is."""
+
+    misfits: Sequence[float] = ()  # RMS of what noise does not explain of each experiment [A]
+    causes: Mapping[str, float] = {}  # standard errors of their values, which the residual need not show
+
+
+def uncertainty(
+    form: Form, ratios: Vector, experiments: Sequence[Experiment], doubts: Doubts | None = None
+) -> Uncertainty:
     """Standard errors at the minimum `ratios` of the cost."""
-    steps = STEP * np.eye(ratios.size)
-    columns = [residuals(form, ratios + s, experiments) - residuals(form, ratios - s, experiments) for s in steps]
-    J = np.array(columns).T / (2.0 * STEP)
-    _, sizes, directions = np.linalg.svd(J, full_matrices=False)
-    lost = np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1
+    n, J, by = ratios.size, jacobian(form, ratios, experiments), misfit.slopes(form, ratios, experiments)
     A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
-    cov = np.zeros((len(form.fitted) + 1, len(form.fitted) + 1))
-    begin, total = 0, sum(model.charge(e) for e in experiments)
-    for experiment in experiments:
-        size = 2 * experiment.current.size
-        W = _weights(form, ratios, experiment, A[:, begin : begin + size], total)
-        cov += long_run(W, experiment.current - model.simulated(form.at(ratios), experiment).current)
-        begin += size
+    left = by.residuals - J @ (A @ by.residuals)  # of the causes, by the parameters
+    rows = left.T / np.maximum((left**2).sum(axis=0), 1e-300)[:, None]
+    weights = _all_weights(form, ratios, experiments, np.vstack([A, rows]))
+    errors = [e.current - currents([form.at(ratios)], e)[0] for e in experiments]
+    cov = np.sum([long_run(W, r) for W, r in zip(weights, errors)], axis=0)
+    r = np.concatenate([model.weighted(e, e.current - error) for e, error in zip(experiments, errors)])
+    shares = misfit.shares(left, rows, r, np.sqrt(np.diag(cov)[n:-1]))
+    of_parameters = [*range(n), -1]
+    moved = np.vstack([-A @ by.residuals, by.resistance])
+    parts = [W[of_parameters] for W in weights]
+    cov = cov[np.ix_(of_parameters, of_parameters)] + _beyond_noise(parts, moved, shares, doubts or Doubts())
+    lost = _lost(J)
+    if FACTOR in form.fitted:  # it is one of the resistance
+        cov, lost = _joined(cov, lost, form.fitted.index(FACTOR))
     std: Vector = np.sqrt(np.diag(cov))
     scale = np.where(std > 0.0, std, 1.0)
-    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale))
+    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale), shares)
+
+
+def doubts(records: Sequence[Record], residuals: Sequence[Residual]) -> Doubts:
+    """What the residuals of records have beyond noise, if the model does not explain them, and what rest has hidden."""
+    misfits = [0.0 if r.is_explained else np.sqrt(max(r.rms**2 - r.noise**2, 0.0)) for r in residuals]
+    signals = {"offset": "current", "shift": "voltage"}
+    hidden = [remaining(record) for record in records]
+    errors = {cause: [h.get(name, 0.0) for h in hidden] for cause, name in signals.items()}
+    return Doubts(misfits, {cause: float(np.sqrt(np.mean(np.square(found)))) for cause, found in errors.items()})
+
+
+def _beyond_noise(weights: Sequence[Matrix], moved: Matrix, shares: Mapping[str, Share], doubts: Doubts) -> Matrix:
+    """Covariance that misfits, causes that the residual shows, and known doubts about causes add."""
+    cov = np.zeros((len(moved), len(moved)))
+    for W, size in zip(weights, doubts.misfits):
+        cov += misfit.spread(W, size) if size else 0.0
+    by_cause = dict(zip(CAUSES, moved.T))
+    shown = [share.value * by_cause[name] for name, share in shares.items() if share.is_significant]
+    for shift in (error * by_cause[name] for name, error in doubts.causes.items()):
+        cov += np.outer(shift, shift)
+    return cov + misfit.largest([np.outer(shift, shift) for shift in shown]) if shown else cov
+
+
+def jacobian(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
+    """Derivatives of the weighted residuals, by central differences."""
+    steps = STEP * np.eye(ratios.size)
+    points = [form.at(ratios + side * step) for side in (1.0, -1.0) for step in steps]
+    found = np.concatenate([[model.weighted(e, i) for i in currents(points, e)] for e in experiments], axis=1)
+    return np.asarray((found[: ratios.size] - found[ratios.size :]).T / (2.0 * STEP))
+
+
+def _lost(J: Matrix) -> npt.NDArray[np.bool_]:
+    """Whether a parameter has no effect."""
+    _, sizes, directions = np.linalg.svd(J, full_matrices=False)
+    return np.asarray(np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1)
+
+
+def _joined(cov: Matrix, lost: npt.NDArray[np.bool_], k: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
+    """Covariance with a fitted factor in the resistance, which is the last."""
+    T = np.delete(np.eye(len(cov)), k, axis=0)
+    T[-1, k] = 1.0
+    return T @ cov @ T.T, np.delete(lost, k)
 
 
 def long_run(W: Matrix, r: Vector) -> Matrix:
@@ -66,30 +127,39 @@ def long_run(W: Matrix, r: Vector) -> Matrix:
     return cov
 
 
+def _all_weights(form: Form, ratios: Vector, experiments: Sequence[Experiment], A: Matrix) -> list[Matrix]:
+    """Influence of each residual of the current on what A makes of the weighted residuals, and on the resistance."""
+    ends = np.cumsum([2 * e.current.size for e in experiments])
+    parts, total = np.split(A, ends[:-1], axis=1), sum(model.charge(e) for e in experiments)
+    return [_weights(form, ratios, e, part, total) for e, part in zip(experiments, parts)]
+
+
 def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Matrix:
-    """Influence of each residual of the current on the fitted parameters and on the resistance, both relative."""
+    """The same of one experiment; the resistance is relative."""
     n = experiment.current.size
     c_i, c_lam = experiment.weights()
     R, half = experiment.resistance, 0.5 * experiment.dt
     later = np.cumsum(A[:, n:][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
-    pooled = np.zeros(n)
+    pooled, current = np.zeros(n), currents([form.at(ratios)], experiment)[0]
     for operation in experiment.operations:
         share = np.zeros(n)
         share[operation.start + 1 : operation.stop] = 1.0
         share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(form, ratios, experiment, operation.inside)
+        slope = _by_resistance(form.at(ratios), experiment, current, operation)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
         pooled -= share / total
     return np.vstack([W, pooled])
 
 
-def _by_resistance(form: Form, ratios: Vector, experiment: Experiment, inside: slice) -> Vector:
-    """Slope of the residuals by the logarithm of the resistance of one operation."""
+def _by_resistance(par: Device, experiment: Experiment, current: Vector, operation: Operation) -> Vector:
+    """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
+    alone, cut = model.part(experiment, operation), slice(operation.start, operation.stop + 1)
 
     def changed(factor: float) -> Vector:
-        R = experiment.resistance.copy()
-        R[inside] *= factor
-        return residuals(form, ratios, [model.with_resistance(experiment, R)])
+        R, i = experiment.resistance.copy(), current.copy()
+        R[operation.inside] *= factor
+        i[cut] = currents([par], alone._replace(resistance=R[cut]))[0]
+        return model.weighted(model.with_resistance(experiment, R), i)
 
     return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)

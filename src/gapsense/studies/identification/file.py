@@ -14,6 +14,7 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.files import write_atomically
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
+from gapsense.studies.identification.device import value
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.transfer import GAPS, parameters_of, read_values
 
@@ -65,4 +66,4 @@ def _line(port: Port, result: Identified) -> str:
     error = dict(zip(result.names, result.uncertainty.relative)).get(port.field)
     note = "" if error is None else f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
     key = f'"{port.name}"' if "." in port.name else port.name
-    return f"{key} = {float(getattr(result.parameters, port.field))!r}{note}"
+    return f"{key} = {float(value(result.parameters, port.field))!r}{note}"

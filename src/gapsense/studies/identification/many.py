@@ -8,25 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.kernel import Kernel
 from gapsense.lanes import Array, Plan, over_runs, plan
 from gapsense.lanes.kernels import columns_of
 from gapsense.records import flat
-from gapsense.studies.identification.model import CURRENT, KERNEL, Experiment, jumps, simulated
+from gapsense.studies.identification.device import Device, kernel_of
+from gapsense.studies.identification.model import Experiment, jumps, simulated
 from gapsense.studies.identification.record import Vector
 
-RESISTANCE, *OTHERS = columns_of(KERNEL)  # the first parameter differs from interval to interval, not from run to run
+RESISTANCE = "coil_resistance"  # the first parameter; it differs from interval to interval, not from run to run
 
 
-def currents(pars: Sequence[Parameters], experiment: Experiment) -> list[Vector]:
+def currents(pars: Sequence[Device], experiment: Experiment) -> list[Vector]:
     """Current of each model; one after the other in scalar Python, where numpy would be slower."""
+    kernel = kernel_of(pars[0])
     count, changes = experiment.current.size, np.diff(experiment.resistance, prepend=np.nan) != 0.0
-    recorded = plan_of(tuple(jumps(experiment.halves).tolist()), tuple(changes.tolist()))
+    recorded = plan_of(kernel, tuple(jumps(experiment.halves).tolist()), tuple(changes.tolist()))
     if recorded.library is None:
         return [simulated(par, experiment).current for par in pars]
     halves, dt = experiment.halves, experiment.dt
-    columns: dict[str, Any] = dict(zip((RESISTANCE, *OTHERS), zip(*map(flat, pars))))
-    columns = {name: values[0] if isinstance(values[0], list) else [values] for name, values in columns.items()}
+    columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
+    columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
     columns[RESISTANCE] = experiment.resistance
     columns |= {"mean": halves.mean(axis=1), "first": halves[:, 0], "second": halves[:, 1]}
     columns |= {"at": [k * dt for k in range(count)], "steps": [dt, 0.5 * dt]}
@@ -34,22 +36,22 @@ def currents(pars: Sequence[Parameters], experiment: Experiment) -> list[Vector]
 
 
 @cache
-def plan_of(jump: tuple[bool, ...], changes: tuple[bool, ...]) -> Plan:
+def plan_of(kernel: Kernel, jump: tuple[bool, ...], changes: tuple[bool, ...]) -> Plan:
     """The plan of an experiment in which voltage and resistance jump in these intervals."""
 
     def found(at: Any, steps: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
-        over, resistance = over_runs(KERNEL), par.pop(RESISTANCE)
+        over, resistance = over_runs(kernel), par.pop(RESISTANCE)
         others = [value[0] if isinstance(value, tuple) else value for value in par.values()]
         state, outputs = over.initial((0.0, 0.0, 0.0), (resistance[0], *others))
-        constants, kept = over.constants((resistance[0], *others)), [outputs[CURRENT]]
+        constants, kept = over.constants((resistance[0], *others)), [outputs[current]]
         for k in range(1, len(jump)):
             constants = over.constants((resistance[k], *others)) if changes[k] else constants
             inputs = [(steps[1], first[k]), (steps[1], second[k])] if jump[k] else [(steps[0], mean[k])]
             for step, voltage in inputs:
                 state, outputs = over.advance(state, (at[k], step, voltage), constants)
-            kept.append(outputs[CURRENT])
+            kept.append(outputs[current])
         return kept
 
-    count = len(jump)
-    sizes: dict[str, int | Array] = {**columns_of(KERNEL), RESISTANCE: count, "at": count, "steps": 2}
+    count, current = len(jump), kernel.module.Outputs._fields.index("current")
+    sizes: dict[str, int | Array] = {**columns_of(kernel), RESISTANCE: count, "at": count, "steps": 2}
     return plan(found, **sizes, **dict.fromkeys(("mean", "first", "second"), count))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.actuators import solenoid_valve
-from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.kernel import Kernel
 from gapsense.records import flat
+from gapsense.studies.identification.device import Device, kernel_of, seen
 from gapsense.studies.identification.flux import Flux, estimate, trapezoid
 from gapsense.studies.identification.form import Form
 from gapsense.studies.identification.operations import Operation, operations
@@ -20,7 +17,6 @@ from gapsense.studies.identification.record import Record, Vector
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
-KERNEL = Kernel(solenoid_valve)  # scalar: for fewer than about sixty runs faster than numpy
 
 
 class Trajectory(NamedTuple):
@@ -29,10 +25,6 @@ class Trajectory(NamedTuple):
     current: Vector  # i* [A]
     flux_linkage: Vector  # lambda* [Wb]
     position: Vector  # [m]
-
-
-CURRENT = solenoid_valve.Outputs._fields.index("current")
-SEEN = itemgetter(*map(solenoid_valve.Outputs._fields.index, Trajectory._fields))  # of the kernel's outputs
 
 
 class Experiment(NamedTuple):
@@ -61,11 +53,17 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     return Experiment(record.dt, halves, resistance, current, flux_linkage, shifted), flux
 
 
+def part(experiment: Experiment, operation: Operation) -> Experiment:
+    """One operation."""
+    cut, (first, last) = slice(operation.start, operation.stop + 1), operation
+    names = ("halves", "resistance", "current", "flux_linkage")
+    signals = {name: getattr(experiment, name)[cut] for name in names}
+    return experiment._replace(**signals, operations=[Operation(0, last - first)])
+
+
 def shortened(experiment: Experiment) -> Experiment:
     """The first operation."""
-    signals, end = ("halves", "resistance", "current", "flux_linkage"), experiment.operations[0].stop + 1
-    cut = {name: getattr(experiment, name)[:end] for name in signals}
-    return experiment._replace(**cut, operations=experiment.operations[:1])
+    return part(experiment, experiment.operations[0])
 
 
 def charge(experiment: Experiment) -> float:
@@ -81,17 +79,23 @@ def mean_resistance(experiment: Experiment) -> float:
     return float(total / charge(experiment))
 
 
-def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
+def pooled_resistance(experiments: Sequence[Experiment]) -> float:
+    """Resistance of several experiments together, likewise [Ohm]."""
+    return float(np.average([mean_resistance(e) for e in experiments], weights=[charge(e) for e in experiments]))
+
+
+def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
     """The model from rest on, at each sample; the resistance is that of the interval before it.
 
     Where the voltage jumps within an interval, its halves are two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
-    step, voltages, resistances = KERNEL.scalar["step"], halves.mean(axis=1).tolist(), resistance.tolist()
+    kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
+    step, look = kernel.scalar["step"], seen(kernel)
     is_jump = jumps(halves)
     constants = flat(par)[1:]  # the resistance is the first
-    state, outputs = KERNEL.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
-    rows = [SEEN(outputs)]
+    state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
+    rows = [look(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
         if is_jump[k]:
@@ -99,7 +103,7 @@ def simulate(par: Parameters, halves: Vector, dt: float, resistance: Vector) -> 
                 state, outputs = step(state, (k * dt, 0.5 * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
-        rows.append(SEEN(outputs))
+        rows.append(look(outputs))
     return Trajectory(*np.array(rows).T)
 
 
@@ -108,7 +112,7 @@ def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
 
 
-def simulated(par: Parameters, experiment: Experiment) -> Trajectory:
+def simulated(par: Device, experiment: Experiment) -> Trajectory:
     """The model from the first operation of a record on."""
     return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
 
@@ -132,11 +136,19 @@ def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    model = simulated(form.at(ratios), experiment)
+    current = simulated(form.at(ratios), experiment).current
+    charges = [trapezoid(i) for i in (current, experiment.current)]
+    scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
+    return with_factors(
+        scaled, [charges[0][o.inside].sum() / charges[1][o.inside].sum() for o in experiment.operations]
+    )
+
+
+def with_factors(experiment: Experiment, factors: Sequence[float]) -> Experiment:
+    """The experiment with the resistance of each operation multiplied by a factor."""
     R = experiment.resistance.copy()
-    for operation in experiment.operations:
-        charges = [trapezoid(i)[operation.inside].sum() for i in (model.current, experiment.current)]
-        R[operation.inside] *= charges[0] / charges[1]
+    for operation, factor in zip(experiment.operations, factors):
+        R[operation.inside] *= factor
     R[:1] = R[1]
     R[experiment.operations[-1].stop :] = R[experiment.operations[-1].stop]
     return with_resistance(experiment, R)

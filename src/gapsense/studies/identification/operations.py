@@ -51,6 +51,18 @@ def hidden(x: Vector) -> float:
     return step / float(np.sqrt(12.0)) if np.isfinite(step) else 0.0
 
 
+def coarse(x: Vector) -> float:
+    """Standard deviation of noise and rounding together, if the steps of a converter are larger than the noise; or 0.
+
+    The median of the second differences is none or one step then; larger ones than two steps are those of the signal.
+    """
+    step, curvature = resolution(x), np.abs(np.diff(x, 2))
+    works = curvature[np.abs(x[1:-1]) > SMALL["current"] * np.ptp(x)]
+    if not works.size or np.median(curvature) > 1.01 * step:
+        return 0.0
+    return float(np.sqrt(np.mean(np.minimum(works, 2.0 * step) ** 2) / 6.0))
+
+
 def leaves(x: Vector, name: str) -> float:
     """How far the voltage or the current may be from its value at rest."""
     return SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))

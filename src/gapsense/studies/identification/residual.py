@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.model import JUMP, Trajectory
-from gapsense.studies.identification.operations import hidden, noise
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.operations import coarse, hidden, noise
+from gapsense.studies.identification.record import Record, Vector
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
@@ -61,7 +61,7 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
         record=record.name,
         rms=float(np.sqrt(squares.mean())),
         noise=sigma,
-        limit=max(EXPLAINED * sigma, FLOOR * float(np.abs(i).max())),
+        limit=max(EXPLAINED * sigma, _floor(i)),
         correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
     )
@@ -70,7 +70,16 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
 def noise_of(record: Record, first: int) -> float:
     """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
     i = record.current
-    return float(max(noise(i), hidden(i), i[:first].std() if first >= REST else 0.0))
+    return float(max(noise(i), hidden(i), coarse(i), i[:first].std() if first >= REST else 0.0))
+
+
+def is_small(error: Vector, record: Record, first: int) -> bool:
+    """Whether an error of the current is no more than sampling alone leaves."""
+    return float(np.sqrt(np.mean(error**2))) <= _floor(record.current[first:])
+
+
+def _floor(current: Vector) -> float:
+    return FLOOR * float(np.abs(current).max())
 
 
 def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDArray[np.bool_]]:

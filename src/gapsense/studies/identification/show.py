@@ -11,6 +11,7 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
+from gapsense.studies.identification import device
 from gapsense.studies.identification.file import PORTS
 from gapsense.studies.identification.fit import POOR, Identified
 from gapsense.studies.identification.form import BOUND
@@ -46,7 +47,7 @@ def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
     rows = []
     for name, error in zip(result.names, result.uncertainty.relative.tolist()):
-        unit, value = PORTS[name].unit, float(getattr(result.parameters, name))
+        unit, value = PORTS[name].unit, float(device.value(result.parameters, name))
         interval = (quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
         note = "" if error < POOR else "not identified"
         rows.append((PORTS[name].name, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.studies.identification.device import Device, value
 from gapsense.studies.identification.model import Trajectory, simulate
 from gapsense.studies.identification.operations import starts
 from gapsense.studies.identification.record import Record
@@ -23,11 +23,11 @@ class Validation(NamedTuple):
     largest_current: float  # [A]
 
 
-def validate(par: Parameters, record: Record) -> Validation:
+def validate(par: Device, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
     first = starts(record)[0]
     halves = record.halves[first:]
-    model = simulate(par, halves, record.dt, np.full(len(halves), par.coil_resistance))
+    model = simulate(par, halves, record.dt, np.full(len(halves), value(par, "coil_resistance")))
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
     return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))

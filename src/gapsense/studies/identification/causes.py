@@ -1,0 +1,121 @@
+"""What a record may not tell of its device: each changes voltage or current of the samples by a value of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.studies.identification.flux import trapezoid
+from gapsense.studies.identification.operations import SIGMAS, noise, true_runs
+from gapsense.studies.identification.record import Vector
+
+Matrix = npt.NDArray[np.float64]
+LEVEL = 0.01  # of the range of the current, by which its end is found
+LONGEST = 50  # samples over which the noise of a current that ends is averaged
+
+
+class Signals(NamedTuple):
+    """Of a record, or of what a fit takes of it."""
+
+    halves: Matrix  # voltage during the two halves of the interval before each sample (n, 2) [V]
+    current: Vector  # [A]
+    dt: float  # sampling period [s]
+    resistance: float  # of the coil, about [Ohm]
+
+
+class Cause(NamedTuple):
+    """One of them."""
+
+    unit: str
+    small: float  # value for a difference quotient, of `scale`
+    scale: Callable[[Signals], float]  # what is large
+    change: Callable[[Signals, float], Signals]  # the signals of the model, if the cause has this value
+    sentence: str  # what it is, before its value
+
+
+def changed(s: Signals, values: Mapping[str, float]) -> Signals:
+    """The signals that the model is to explain, if the causes have these values."""
+    for name, value in values.items():
+        s = CAUSES[name].change(s, value)
+    return s
+
+
+def delayed(s: Signals, value: float) -> Signals:
+    """The voltage comes later by so many seconds; what was before the first sample is as that."""
+    flat = s.halves.reshape(-1)
+    at = np.arange(flat.size) - 2.0 * value / s.dt
+    return s._replace(halves=np.interp(at, np.arange(flat.size), flat).reshape(-1, 2))
+
+
+def offset(s: Signals, value: float) -> Signals:
+    """The current is smaller."""
+    return s._replace(current=s.current - value)
+
+
+def shifted(s: Signals, value: float) -> Signals:
+    """The voltage is smaller."""
+    return s._replace(halves=s.halves - value)
+
+
+def series(s: Signals, value: float) -> Signals:
+    """A resistance in series takes its part of the voltage while this is on."""
+    return s._replace(halves=s.halves - np.where(is_on(s), value * _current_of_halves(s.current), 0.0))
+
+
+def drop(s: Signals, value: float) -> Signals:
+    """A diode in the path of the current takes its part while the voltage is off."""
+    return s._replace(halves=s.halves - value * falls(s))
+
+
+def eddy(s: Signals, value: float) -> Signals:
+    """Eddy currents, as a conductance beside the coil."""
+    return s._replace(current=s.current - value * (s.halves.mean(axis=1) - s.resistance * trapezoid(s.current)))
+
+
+def is_on(s: Signals) -> npt.NDArray[np.bool_]:
+    """Whether the voltage is on, in each half."""
+    return np.asarray(s.halves > 0.5 * s.halves.max())
+
+
+def falls(s: Signals) -> Matrix:
+    """How much of each half the current falls in, from where the voltage is off to where nothing flows any more.
+
+    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise.
+    """
+    level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
+    length = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 1.0, LONGEST)) if level else 1
+    smooth = np.convolve(i, np.full(length, 1.0 / length), mode="same")
+    edges = 0.5 * np.arange(on.size) - 1.0  # where the halves begin, in samples
+    part = np.zeros(on.size)
+    for first, last in true_runs(smooth > 2.0 * level):
+        below = np.flatnonzero(smooth[last:] <= level)
+        end = last + 2.0 * float(below[0]) if below.size else float(i.size)
+        begin = first + float(np.argmax(on[first:last].any(axis=1)))
+        part = np.maximum(part, np.where(edges >= begin, np.clip(2.0 * (end - edges), 0.0, 1.0), 0.0))
+    return np.where(on, 0.0, part.reshape(-1, 2))
+
+
+def _current_of_halves(current: Vector) -> Matrix:
+    before = np.concatenate((current[:1], current[:-1]))
+    return np.stack((0.75 * before + 0.25 * current, 0.25 * before + 0.75 * current), axis=1)
+
+
+def _volts(s: Signals) -> float:
+    return float(np.abs(s.halves).max())
+
+
+def _amperes(s: Signals) -> float:
+    return float(np.abs(s.current).max())
+
+
+CAUSES: Mapping[str, Cause] = {
+    "delay": Cause("s", 1e-2, lambda s: s.dt, delayed, "a current that is late, beside the voltage, by"),
+    "offset": Cause("A", 1e-4, _amperes, offset, "an offset of the current of"),
+    "shift": Cause("V", 1e-4, _volts, shifted, "an offset of the voltage of"),
+    "series": Cause("Ohm", 1e-4, lambda s: s.resistance, series, "a resistance in series while the voltage is on, of"),
+    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of"),
+    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with"),
+}

@@ -1,0 +1,88 @@
+"""The plain form, and what may be added to it: eddy currents, hysteresis, fringes of the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple
+
+from gapsense.actuators.magnetics import MU_0
+from gapsense.actuators.solenoid_valve import GapLaw
+from gapsense.studies.identification.device import Device, changed, value, with_losses
+from gapsense.studies.identification.form import FITTED, Form
+
+EDDY = 0.01  # R g_e of a first guess
+HYSTERESIS = 0.05  # I_h of it, in currents lambda_sat R_iron0 / N^2
+SCALES = {GapLaw.linear: "gap_slope", GapLaw.fringing: "gap_area", GapLaw.table: "gap_file_reluctance"}
+LOSSES = ("core_eddy", "core_hysteresis", "core_turnover")
+
+
+class Sought(NamedTuple):
+    """What a fit may seek, and how it begins."""
+
+    forms: Sequence[str] = ("eddy", "hysteresis", "fringing")  # that may be added to the plain one
+    held: Collection[str] = ()  # names that keep their value
+    guesses: Mapping[str, float] = {}  # of the losses, where they are known
+
+
+EVERYTHING = Sought()
+
+
+def plain(known: Device, sought: Sought = EVERYTHING) -> Form:
+    """Only what the valve without losses has; where the turns are held, the scale of the gap law takes their place.
+
+    Losses that are held stay.
+    """
+    scale = SCALES[GapLaw(value(known, "gap_law"))]
+    names = (*FITTED, scale) if "coil_turns" in sought.held else FITTED
+    kept = {name: guess for name, guess in sought.guesses.items() if name in sought.held}
+    device = changed(with_losses(known), **kept) if kept else known
+    return Form(device, tuple(name for name in names if name not in sought.held))
+
+
+def larger(form: Form, sought: Sought) -> list[Form]:
+    """The forms with one more of what may be added."""
+    found = []
+    for name in sought.forms:
+        device, guesses = ADDED[name](form)
+        guesses |= {n: guess for n, guess in sought.guesses.items() if n in guesses and guess > 0.0}
+        if name not in form.added and guesses and next(iter(guesses)) not in sought.held:
+            found.append(_more(form, name, changed(device, **guesses), [n for n in guesses if n not in sought.held]))
+    return found
+
+
+def eddy(form: Form) -> tuple[Device, dict[str, float]]:
+    """Eddy currents."""
+    return with_losses(form.known), {"core_eddy": EDDY / value(form.known, "coil_resistance")}
+
+
+def hysteresis(form: Form) -> tuple[Device, dict[str, float]]:
+    """Hysteresis, and the resistance, for (23) is wrong where the core stays magnetised."""
+    known = with_losses(form.known)
+    current = value(known, "core_saturation") * value(known, "core_reluctance") / value(known, "coil_turns") ** 2
+    guesses = {"core_hysteresis": HYSTERESIS * current, "core_turnover": known.core_turnover, "coil_factor": 1.0}
+    return known, guesses
+
+
+def fringing(form: Form) -> tuple[Device, dict[str, float]]:
+    """Fringes: of a linear gap law the pole area that they depend on, of one that has fringes their window."""
+    known, law = form.known, value(form.known, "gap_law")
+    window = {"gap_window": value(known, "gap_window")}
+    if law != GapLaw.linear:
+        return known, window if law == GapLaw.fringing else {}
+    guesses = {"gap_area": 1.0 / (MU_0 * value(known, "gap_slope"))}
+    if "gap_slope" in form.fitted:  # the turns are held: the area gives the scale, and the window the fringes
+        guesses |= window
+    return changed(known, gap_law=GapLaw.fringing), guesses
+
+
+ADDED: dict[str, Callable[[Form], tuple[Device, dict[str, float]]]] = {
+    "eddy": eddy,
+    "hysteresis": hysteresis,
+    "fringing": fringing,
+}
+
+
+def _more(form: Form, name: str, known: Device, names: Sequence[str]) -> Form:
+    """The form with more parameters; those of a law that it no longer has are gone."""
+    old = [n for n in form.fitted if not (n == "gap_slope" and "gap_area" in names)]
+    return Form(known, (*old, *names), (*form.added, name))

@@ -1,0 +1,94 @@
+"""The solenoid valve with eddy currents and hysteresis in its core, around the kernel of the valve without them.
+
+Both are those of the estimators, see `core_losses`: with a magnetising current i_m that the valve needs,
+
+    i = (g_e u + i_m + h (1 + m^2)) / (1 + R g_e),    dlambda/dt = (u - R (i_m + h (1 + m^2))) / (1 + R g_e).
+
+So it is the valve without losses, at another voltage and another resistance.  Of h that voltage has the value in the
+middle of the step, as far as it can be foreseen: the error is of second order, as if h were integrated with the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from gapsense.actuators import solenoid_valve
+from gapsense.actuators.solenoid_valve import Inputs
+from gapsense.estimators.core_losses import advanced, lossy, share
+from gapsense.records import Scalar
+from gapsense.trace import square
+
+__all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
+
+
+class Parameters(NamedTuple):
+    """The valve, and what its core loses."""
+
+    valve: solenoid_valve.Parameters
+    core_eddy: Scalar  # g_e [S]
+    core_hysteresis: Scalar  # I_h, largest h [A]
+    core_turnover: Scalar  # l_h, flux linkage in which h turns over [Wb]
+    coil_factor: Scalar  # of the resistance; (23) is wrong where the core stays magnetised [1]
+
+
+class State(NamedTuple):
+    """What is carried from step to step."""
+
+    valve: solenoid_valve.State
+    magnetising: Scalar  # i_m [A]
+    hysteresis: Scalar  # h [A]
+
+
+class Outputs(NamedTuple):
+    """Values at the end of the step."""
+
+    current: Scalar
+    flux_linkage: Scalar
+    position: Scalar
+
+
+class Core(NamedTuple):
+    """Coefficients of the losses, as `core_losses` has them."""
+
+    R: Scalar
+    lam_sat: Scalar
+    eddy: Scalar
+    amplitude: Scalar
+    length: Scalar
+
+
+class Held(NamedTuple):
+    """What acts at an instant."""
+
+    voltage: Scalar
+    hysteresis: Scalar
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest, demagnetised."""
+    valve, seen = solenoid_valve.initial(inputs, par.valve)
+    return State(valve, seen.current, 0.0), Outputs(0.0, seen.flux_linkage, seen.position)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """The step of the valve at the voltage that the losses leave."""
+    core = _core(par)
+    left = share(core)
+    lam, h, u = state.valve.flux_linkage, state.hysteresis, inputs.voltage
+    ahead = 0.5 * inputs.dt * left * (u - core.R * (state.magnetising + _force(lam, h, core)))
+    lost = core.R * _force(lam + ahead, advanced(h, lam, ahead, core), core)
+    within = par.valve._replace(coil_resistance=core.R * left)
+    valve, seen = solenoid_valve.step(state.valve, inputs._replace(voltage=(u - lost) * left), within)
+    h = advanced(h, lam, seen.flux_linkage - lam, core)
+    current = lossy(seen.current, seen.flux_linkage, Held(u, h), core)
+    return State(valve, seen.current, h), Outputs(current, seen.flux_linkage, seen.position)
+
+
+def _core(par: Parameters) -> Core:
+    R = par.coil_factor * par.valve.coil_resistance
+    return Core(R, par.valve.core_saturation, par.core_eddy, par.core_hysteresis, par.core_turnover)
+
+
+def _force(lam: Scalar, h: Scalar, core: Core) -> Scalar:
+    """What hysteresis adds to the magnetomotive force over N [A]."""
+    return h * (1.0 + square(lam / core.lam_sat))

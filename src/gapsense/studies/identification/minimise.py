@@ -1,0 +1,73 @@
+"""Least squares of the parameters of a form, from one or several starts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from gapsense.studies.identification import model
+from gapsense.studies.identification.causes import Matrix
+from gapsense.studies.identification.form import Form
+from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.model import Experiment, cost
+from gapsense.studies.identification.record import Vector
+from gapsense.workers import Progress
+
+SPREAD = 1.5  # random starts lie within this factor of the first one
+STEP = 1e-5
+LONGEST = 50  # Jacobians per start
+
+
+class Start(NamedTuple):
+    """Result of the fit of one start to the first operations."""
+
+    ratios: Vector
+    cost: float
+
+
+class Fit:
+    """The minimisation; counts the samples that it simulates."""
+
+    def __init__(self, form: Form) -> None:
+        self.form, self.samples = form, 0
+
+    def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
+        """Weighted residuals; values far from any valve give large ones instead of NaN."""
+        self.samples += sum(e.current.size for e in experiments)
+        par = self.form.at(ratios)
+        parts = [model.weighted(e, currents([par], e)[0]) for e in experiments]
+        return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
+
+    def jacobian(self, ratios: Vector, experiments: list[Experiment]) -> Matrix:
+        """Derivatives of the residuals: difference quotients of models that are simulated together."""
+        steps = np.where(ratios + STEP > self.form.bounds, -STEP, STEP)
+        points = [self.form.at(point) for point in (ratios, *(ratios + np.diag(steps)))]
+        self.samples += len(points) * sum(e.current.size for e in experiments)
+        parts = [[model.weighted(e, current) for current in currents(points, e)] for e in experiments]
+        at, *others = np.nan_to_num(np.concatenate(parts, axis=1), nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.array([(other - at) / step for other, step in zip(others, steps)]).T
+
+    def cost(self, ratios: Vector, experiments: list[Experiment]) -> float:
+        """J of (24)."""
+        return cost(self.residuals(ratios, experiments))
+
+    def least_squares(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
+        """The minimum next to a point, by a trust region and difference quotients."""
+        bounds = (-self.form.bounds, self.form.bounds)
+        options = {"bounds": bounds, "x_scale": "jac", "max_nfev": LONGEST}
+        found = least_squares(self.residuals, ratios, self.jacobian, args=(experiments,), **options)
+        return np.asarray(found.x)
+
+    def multi_start(self, experiments: list[Experiment], starts: int, seed: int, progress: Progress) -> list[Start]:
+        """Least squares from the first guess and from random points around it."""
+        rng, width = np.random.default_rng(seed), np.log(SPREAD)
+        found = []
+        for k in range(starts):
+            progress(k, starts + 1)
+            guess = rng.uniform(-width, width, self.form.start.size) if k else self.form.start
+            ratios = self.least_squares(guess, experiments)
+            found.append(Start(ratios, self.cost(ratios, experiments)))
+        progress(starts, starts + 1)
+        return found
