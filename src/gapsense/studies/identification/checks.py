@@ -153,8 +153,10 @@ def _slow(record: Record, file: str, start: int) -> Iterator[str]:
 
 
 def _reversed(record: Record, file: str, found: Sequence[Operation]) -> Iterator[str]:
-    """Voltage and current of opposite signs."""
-    if found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:
+    """Voltage and current of opposite signs, or no voltage."""
+    if found and not np.ptp(record.voltage):
+        yield f"{file}: `voltage` is the same throughout though current flows. Record the voltage at the coil."
+    elif found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:
         yield (
             f"{file}: voltage and current have opposite signs, so that the resistance would be {R:.3g} Ohm. One of the"
             " sensors is reversed: change the sign of a column."

@@ -15,7 +15,7 @@ JITTER = 0.01  # largest deviation of a time step from their median, relative
 MANY = 50  # steps, whose mean is not rounded much
 DIGITS = 12  # after the point, or in all, that times may have
 FEWEST_DIGITS = 4  # in all, of rounded times
-COARSEST = 1e-3  # rounding of times relative to the length of a record
+COARSEST = 5e-3  # rounding of times relative to the length of a record
 CLIPPED = 5  # equal samples at the end of the range
 STEEP = 1e-3  # change before a flat end of the range that no settling current has, relative to the range
 
