@@ -126,6 +126,7 @@ def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
     assert "HybridEkf: its `health` is 0 most of the time" in every.stderr and "\nSemera:" not in every.stderr
 
 
+RECORDS = Path(__file__).parents[1] / "studies" / "records"
 WRONG = {
     "unknown model": (["identify", "fit.csv", "--model", "relay"], ["--model", "`relay`", "solenoid_valve"]),
     "no file": (["identify", "none.csv"], ["none.csv", "No such file"]),
@@ -135,7 +136,7 @@ WRONG = {
     "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),
     "odd quantity": (["identify", "fit.csv", "--column", "volts=u1"], ["volts", "`voltage`"]),
     "another device": (
-        ["identify", Path(__file__).parents[1] / "studies" / "records" / "tube-150-raw.csv"],
+        ["identify", RECORDS / "tube-150-raw.csv", "--model", "solenoid_valve"],
         ["tube-150-raw: its inductance is about 332.3 uH, that of the first guess", "`--parameters`"],
     ),
     "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),

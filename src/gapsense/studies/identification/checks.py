@@ -81,9 +81,9 @@ def read_record(
     whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
     record = without_offsets(whole)._replace(remarks=(*said, *unipolar(whole)))
     if needs != "samples":
-        problems += _rest_problems(record, path.name)
+        problems += rest_problems(record, path.name)
     if needs == "operations" and not problems:
-        problems += _operation_problems(record, path.name, period)
+        problems += operation_problems(record, path.name, period)
     if problems:
         raise InputError(problems)
     return record if needs == "samples" else shortened(thinned(record), period)
@@ -103,7 +103,7 @@ def _largest_at_rest(record: Record) -> float:
     return SMALL["current"] * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
 
 
-def _rest_problems(record: Record, file: str) -> Iterator[str]:
+def rest_problems(record: Record, file: str) -> Iterator[str]:
     """A record in which nothing operates, or whose first operation does not begin at rest."""
     found = starts(record)
     if not found:
@@ -119,7 +119,7 @@ def _rest_problems(record: Record, file: str) -> Iterator[str]:
         )
 
 
-def _operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
+def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
     if not found:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
 from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
 
-MODELS = ("solenoid_valve",)
+if TYPE_CHECKING:
+    from gapsense.studies.identification.coil.fit import Coil
+    from gapsense.studies.identification.record import Record
+
+MODELS = (AUTO, "coil", "solenoid_valve")
 
 
 @command("identify")
@@ -18,7 +22,7 @@ def identify(
     data: Annotated[
         list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
     ],
-    model: Annotated[str, typer.Option(help="What was measured")] = MODELS[0],
+    model: Annotated[str, typer.Option(help=f"What was measured: {', '.join(MODELS)}")] = AUTO,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("valve.toml"),
     parameters: Annotated[
         Path | None, typer.Option(help="Known parameters and first guesses", show_default="[SEMERA] Table I")
@@ -29,6 +33,10 @@ def identify(
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
+    temperatures: Annotated[
+        str | None,
+        typer.Option("--temperature", help="Of each record in degC: 23,60,85", show_default="column `temperature`"),
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -36,16 +44,16 @@ def identify(
     starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = 6,
     seed: Annotated[int, typer.Option(help="Of the random starts")] = 1,
 ) -> None:
-    """Identify a solenoid valve from voltage and current of whole operations, recorded from rest on.
+    """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 
-    The gap law, the stops and the relaxed spring are taken as known. Prints values, standard errors and correlations,
+    Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
+    relaxed spring are taken as known. Prints values, standard errors and correlations,
     and names what the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import file, fit, guess, validation
+    from gapsense.studies.identification import choice, file, fit, temperature, validation
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.record import between
     from gapsense.studies.identification.show import measured_and_identified, tables
 
     if model not in MODELS:
@@ -54,17 +62,47 @@ def identify(
         plot.check_file(figure)
     known = file.read_known(parameters)
     how = reading(column, voltage, separator, decimal, clipped)
-    records = read_records(data, how, period)
+    records = temperature.given(temperatures, read_records(data, how, period))
     kept = read_records(validate or [], how, needs="rest")
-    guess.check(known.parameters, records, period)
     conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
+    with bar("looking for motion") as progress:
+        coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
+    if coil is not None:
+        turns = known.parameters.coil_turns if parameters else 0.0
+        finish_coil(coil, turns, kept, to, data, figure, told)
     with bar("identifying") as progress:
         result = fit.identify(records, known.parameters, starts, seed, period, progress, conventions)
-    kept = [between(record, result.convention or voltage) for record in kept]
-    checks = [validation.validate(result.parameters, record) for record in kept]
-    file.write_identified(to, result, known, data, noises(records))
-    show(*tables(result, records, checks))
+    coefficient, R = temperature.coefficient(records, result.fluxes), result.resistance
+    checks = validation.validated(result.parameters, kept, result.convention or voltage, coefficient)
+    notes = temperature.notes(R, coefficient)
+    file.write_identified(to, result, known, data, noises(records), notes)
+    show(*tables(result, records, checks), *temperature.tables(records, R, coefficient), *told)
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))
+    raise typer.Exit(0 if result.is_explained else FAILED)
+
+
+def finish_coil(
+    result: Coil,
+    turns: float,
+    kept: list[Record],
+    to: Path,
+    data: list[Path],
+    figure: Path | None,
+    told: list[str],
+) -> None:
+    """Write and show a coil; ends the command."""
+    from gapsense.report import plot
+    from gapsense.studies.identification.coil import file, validation
+    from gapsense.studies.identification.coil import show as shown
+    from gapsense.studies.identification.record import between
+
+    kept = [between(record, result.convention) if result.convention else record for record in kept]
+    checks = [validation.validate(result, record) for record in kept]
+    file.write(to, result, turns, data)
+    show(*shown.tables(result, turns, checks), *told)
+    written(to)
+    if figure is not None:
+        written(plot.save(shown.measured_and_identified(result, checks), figure))
     raise typer.Exit(0 if result.is_explained else FAILED)

@@ -39,12 +39,18 @@ def read_known(file: Path | None) -> Known:
 
 
 def write_identified(
-    file: Path, result: Identified, known: Known, sources: Sequence[Path], noises: Mapping[str, float]
+    file: Path,
+    result: Identified,
+    known: Known,
+    sources: Sequence[Path],
+    noises: Mapping[str, float],
+    notes: Sequence[str] = (),
 ) -> Path:
-    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
+        *(f"# {note}" for note in notes),
         "",
         "[values]",
         *(_line(port, result) for port in PORTS.values() if port.name.partition(".")[0] not in ("gap", "micro_step")),

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.studies.identification import model
-from gapsense.studies.identification.device import Device, changed
+from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
 from gapsense.studies.identification.evidence import Trial, chosen
 from gapsense.studies.identification.flux import Flux
@@ -53,6 +53,11 @@ class Identified(NamedTuple):
     def names(self) -> tuple[str, ...]:
         """The fitted parameters, and the resistance."""
         return (*(name for name in self.form.fitted if name != FACTOR), "coil_resistance")
+
+    @property
+    def resistance(self) -> float:
+        """Of all records [Ohm]."""
+        return float(value(self.parameters, "coil_resistance"))
 
     @property
     def is_explained(self) -> bool:

@@ -34,13 +34,13 @@ def trapezoid(current: Vector) -> Vector:
 
 def estimate(record: Record, found: list[Operation]) -> Flux:
     """Flux linkage by (21), with the resistance of every operation by (23): it ends where it began."""
-    means = trapezoid(record.current)
-    resistances = np.array([record.applied[o.inside].sum() / means[o.inside].sum() for o in found])
+    means, applied = trapezoid(record.current), record.applied
+    resistances = np.array([applied[o.inside].sum() / means[o.inside].sum() for o in found])
     per_sample = np.full(record.times.size, resistances[-1])
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
         per_sample[operation.inside] = R
-    rates = record.applied - per_sample * means
+    rates = applied - per_sample * means
     rates[: found[0].start + 1] = 0.0
     return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates))
 
@@ -50,8 +50,8 @@ def coil(record: Record, operation: Operation) -> tuple[float, float]:
 
     The integral of v = R i + L di/dt, by least squares: unlike (23) it does not hang on the end of the operation.
     """
-    i = record.current[operation.inside]
-    charge, volts = (np.cumsum(x[operation.inside]) * record.dt for x in (trapezoid(record.current), record.applied))
+    i, means = record.current[operation.inside], trapezoid(record.current[operation.start : operation.stop + 1])[1:]
+    charge, volts = (np.cumsum(x) * record.dt for x in (means, record.halves[operation.inside].mean(axis=1)))
     both = np.stack((charge, i), axis=1)
     found = np.linalg.lstsq(both, volts, rcond=None)[0]
     L = float(found[1])

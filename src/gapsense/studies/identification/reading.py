@@ -21,6 +21,8 @@ from gapsense.studies.identification.of_result import columns_of
 from gapsense.studies.identification.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
 from gapsense.units import factor
 
+DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken
+KELVIN = 273.15  # of 0 degC
 SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # that a file may have in place of a comma, and as a shell takes them
 
 
@@ -78,8 +80,12 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
             place, written = columns[column]
             problems += _twice(file, column, [k + 1 for k, match in matches if match[1].lower() == column])
             cells = [(line.number, line.cells[place].strip() if place < len(line.cells) else "") for line in lines[1:]]
-            scale = _scale(file, place, column, written, unit, problems)
+            if name == "temperature":
+                cells = [cell for cell in cells if cell[1]]
+            scale = _scale(file, place, column, DEGREES.get(written or "", written), unit, problems)
             values[name] = _numbers(file, column, cells, how.decimal, problems) * scale
+            if name == "temperature":
+                values[name] = _mean(values[name], written, len(lines) - 1)
         elif name in NEEDED or name in how.names:
             problems.append(_missing(file, name, column, list(columns)))
     return Columns(file, np.array([line.number for line in lines[1:]], dtype=int), values)
@@ -132,6 +138,12 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str,
     if len(wrong) > SHOWN:
         problems.append(f"{file}: `{column}` is no finite number in {len(wrong) - SHOWN} more rows.")
     return values
+
+
+def _mean(temperatures: Vector, written: str | None, rows: int) -> Vector:
+    """Mean temperature in degC, in every row: such columns have gaps, for they are recorded slowly."""
+    mean = float(temperatures.mean()) if temperatures.size else math.nan
+    return np.full(rows, mean - (KELVIN if written == "K" else 0.0))
 
 
 def _number(text: str) -> float:

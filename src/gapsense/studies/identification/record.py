@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 
-UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1"}
+UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
 NEEDED = ("time", "voltage", "current")
 SHOWN = 3  # rows that are named for each kind of problem
 
@@ -55,6 +55,7 @@ class Record(NamedTuple):
     rows: npt.NDArray[np.int_]  # lines of the file, for messages
     is_mean: bool = False  # the voltage is the mean over the interval before each sample
     offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
+    temperature: float | None = None  # mean [degC], where it was recorded
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property
@@ -70,7 +71,7 @@ class Record(NamedTuple):
 
 def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     """Record of columns without problems; see `halves`."""
-    v = columns.values["voltage"]
+    v, temperature = columns.values["voltage"], columns.values.get("temperature")
     return Record(
         name=Path(columns.file).stem,
         times=columns.values["time"],
@@ -81,6 +82,7 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
         mode=columns.values.get("mode"),
         rows=columns.rows,
         is_mean=columns.is_mean,
+        temperature=None if temperature is None or not np.isfinite(temperature).all() else float(temperature.mean()),
     )
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.device import Device, value
+from gapsense.studies.identification.device import Device, changed, value
 from gapsense.studies.identification.model import Trajectory, simulate
 from gapsense.studies.identification.operations import starts
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.record import Record, between
+from gapsense.studies.identification.temperature import Coefficient
 
 
 class Validation(NamedTuple):
@@ -21,6 +23,18 @@ class Validation(NamedTuple):
     rms: float  # of the error of the model's current [A]
     largest: float  # the same
     largest_current: float  # [A]
+
+
+def validated(
+    par: Device, records: Sequence[Record], convention: str, coefficient: Coefficient | None
+) -> list[Validation]:
+    """The model beside each of the records, with the resistance at its temperature, if that is known."""
+    found = []
+    for record in records:
+        T = record.temperature
+        R = value(par, "coil_resistance") if coefficient is None or T is None else coefficient.at(T)
+        found.append(validate(changed(par, coil_resistance=R), between(record, convention)))
+    return found
 
 
 def validate(par: Device, record: Record) -> Validation:

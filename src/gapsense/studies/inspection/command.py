@@ -12,9 +12,14 @@ from gapsense.cli.common import Clipped, Column, Decimal, Separator, command, sh
 
 @command("inspect")
 def inspect(
-    data: Annotated[Path, typer.Argument(help="CSV file: time [s], voltage [V], current [A]", show_default=False)],
+    data: Annotated[
+        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
+    ],
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
+    resistance: Annotated[
+        float | None, typer.Option(help="Of the coil, by a meter, in Ohm", show_default=False)
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -25,13 +30,15 @@ def inspect(
     from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.show import about
     from gapsense.studies.inspection.facts import facts
-    from gapsense.studies.inspection.show import figure_of, tables
+    from gapsense.studies.inspection.figure import figure_of
+    from gapsense.studies.inspection.show import tables
 
     if figure is not None:
         plot.check_file(figure)
-    how = reading(column, separator=separator, decimal=decimal, may_clip=clipped)
-    (record,) = read_records([data], how, needs="samples")
-    found = facts(record, period)
-    show(*tables(record, found), *about(record))
+    how = reading(column, separator=separator, decimal=decimal, may_clip=True)
+    records = read_records(data, how, needs="samples")
+    found = [facts(record, period, clipped) for record in records]
+    for record, about_it in zip(records, found):
+        show(*tables(record, about_it, resistance), *about(record))
     if figure is not None:
-        written(plot.save(figure_of(record, found), figure))
+        written(plot.save(figure_of(records, found), figure))

@@ -7,14 +7,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense.studies.identification.checks import operation_problems, rest_problems
 from gapsense.studies.identification.flux import coil, estimate
-from gapsense.studies.identification.operations import Operation, activities, at_rest, noise, operations, resolution
-from gapsense.studies.identification.record import Offset, Record, Vector
+from gapsense.studies.identification.operations import (
+    Operation,
+    activities,
+    at_rest,
+    hidden,
+    noise,
+    operations,
+    resolution,
+)
+from gapsense.studies.identification.record import Columns, Offset, Record, Vector
 from gapsense.studies.identification.rest import FEWEST, offset
+from gapsense.studies.identification.samples import clipping
+from gapsense.studies.inspection.drive import Carrier, Path, path
+from gapsense.studies.inspection.kinks import Kink, closing, opening
+from gapsense.studies.inspection.lag import Lag, lag
 
-STEADY = 0.05  # of the largest voltage: a voltage that changes less is held
-DIP = 6.0  # times the noise of the smoothed current: a current that falls by more while the voltage is held is a kink
-SMOOTHED = 0.04  # part of the rise of the current over which it is averaged
 LEVEL = 0.08  # width of a level of the voltage, relative to its range
 SHARE = 0.02  # part of the samples that make a level
 WHITE = 0.3  # correlation of neighbours from which noise is not white
@@ -41,34 +51,64 @@ class Pulse(NamedTuple):
     inductance: float  # of the nearest coil of constant inductance [H]
     bend: float  # of the flux linkage from that coil's, RMS, relative to its largest value
     rise: int  # samples in which the current rises to half of its peak
-    kink: float | None  # [s], where it falls though the voltage is held: something moves
+    closing: Kink | None  # where the current falls though the voltage is held: something moves
+    opening: Kink | None  # where the falling current falls faster again: it moves back
+
+    @property
+    def constant(self) -> float:
+        """Time constant of the coil [s]."""
+        return self.inductance / self.resistance
 
 
 class Facts(NamedTuple):
     """All of it."""
 
+    dt: float  # sampling period [s]
+    first: float  # time of the first sample [s]
     rest: int  # samples before the first operation
     signals: Mapping[str, Signal]
     levels: list[float]  # of the voltage [V]
     pulses: list[Pulse]
     incomplete: int  # operations without an end
+    path: Path
+    lag: Lag | None  # of the current behind the voltage
+    clipped: list[str]  # what is told of signals at the limits of their converters
+    unready: list[str]  # why no model can begin with the record
+    unfinished: list[str]  # why `identify` finds no operation in it
 
 
-def facts(record: Record, period: float | None = None) -> Facts:
+def facts(record: Record, period: float | None = None, may_clip: bool = False) -> Facts:
     """Facts of a record that has been read without its offsets."""
-    rest = at_rest(record)
-    found = operations(record, period)
-    raw = {
-        name: x + (record.offsets[name].value if name in record.offsets else 0.0)
-        for name, x in (("voltage", record.voltage), ("current", record.current))
-    }
+    rest, found = at_rest(record), operations(record, period)
+    raw = as_measured(record)
+    unready = [*rest_problems(record, record.name)]
+    switched = path(record, found)
     return Facts(
+        dt=record.dt,
+        first=float(record.times[0]),
         rest=rest,
         signals={name: signal(x, rest) for name, x in raw.items()},
         levels=levels(record.voltage),
-        pulses=pulses(record, found),
+        pulses=pulses(record, found, switched.carrier),
         incomplete=max(0, len(activities(record)) - len(found)),
+        path=switched,
+        lag=lag(record, found),
+        clipped=[] if may_clip else clipped(record, raw),
+        unready=unready,
+        unfinished=[] if unready else [*operation_problems(record, record.name, period)],
     )
+
+
+def as_measured(record: Record) -> dict[str, Vector]:
+    """Voltage and current with their offsets."""
+    signals = {"voltage": record.voltage, "current": record.current}
+    return {name: x + (record.offsets[name].value if name in record.offsets else 0.0) for name, x in signals.items()}
+
+
+def clipped(record: Record, raw: Mapping[str, Vector]) -> list[str]:
+    """What is told of signals at the limits of their converters."""
+    columns = Columns(record.name, record.rows, raw)
+    return [text for name in raw for text in clipping(columns, name)]
 
 
 def signal(x: Vector, rest: int) -> Signal:
@@ -91,16 +131,17 @@ def levels(voltage: Vector) -> list[float]:
     ordered, found = np.sort(voltage), list[float]()
     cuts = np.flatnonzero(np.diff(ordered) > width / 4.0) + 1
     for group in np.split(ordered, cuts):
-        if group.size > SHARE * voltage.size and np.ptp(group) < width:
+        if group.size > SHARE * voltage.size and np.ptp(group) <= width:
             found.append(float(np.median(group)))
     return found
 
 
-def pulses(record: Record, found: list[Operation]) -> list[Pulse]:
+def pulses(record: Record, found: list[Operation], switched: Carrier | None) -> list[Pulse]:
     """Each complete operation."""
     if not found:
         return []
     flux, made = estimate(record, found), []
+    sigma = max(noise(record.current), hidden(record.current))
     for operation, R in zip(found, flux.resistances.tolist()):
         i, lam = record.current[operation.inside], flux.flux_linkage[operation.inside]
         L, bend = coil(record, operation)
@@ -113,25 +154,8 @@ def pulses(record: Record, found: list[Operation]) -> list[Pulse]:
                 inductance=L,
                 bend=bend,
                 rise=int(np.argmax(i > 0.5 * i.max())),
-                kink=kink(record, operation),
+                closing=closing(record, operation, sigma, switched),
+                opening=opening(record, operation, sigma),
             )
         )
     return made
-
-
-def kink(record: Record, operation: Operation) -> float | None:
-    """Time at which the current begins to fall though the voltage is held, as it does when a mover lands."""
-    v, i = record.voltage[operation.inside], record.current[operation.inside]
-    begin = int(np.argmax(v > 0.5 * v.max()))
-    dropped = np.flatnonzero(np.abs(v[begin + 1 :] - v[begin + 1 : begin + 4].mean()) > STEADY * v.max())
-    end = begin + 1 + (int(dropped[0]) if dropped.size else v.size - begin - 1)
-    width = max(1, round(SMOOTHED * (end - begin)))
-    if end - begin < 4 * width:
-        return None
-    smooth = np.convolve(i[begin:end], np.ones(width) / width, mode="valid")
-    top = np.maximum.accumulate(smooth)
-    falls = np.flatnonzero(top - smooth > DIP * noise(record.current) / np.sqrt(width) + resolution(i) / 2.0)
-    if not falls.size:
-        return None
-    at = int(np.argmax(smooth[: falls[0] + 1]))
-    return float(record.times[operation.start + 1 + begin + at + width // 2])

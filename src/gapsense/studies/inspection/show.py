@@ -1,28 +1,54 @@
-"""Tables, sentences and a figure of what a record can give."""
+"""Tables and sentences on what a record can give."""
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FAINT, FIRST, SECOND, TRUE, line, stack, suited
 from gapsense.report.table import quantity, table
-from gapsense.studies.identification.flux import estimate
 from gapsense.studies.identification.record import Record
-from gapsense.studies.identification.rest import FEWEST
-from gapsense.studies.inspection.facts import WHITE, Facts, Signal
+from gapsense.studies.inspection.checklist import checklist
+from gapsense.studies.inspection.facts import Facts
+from gapsense.studies.inspection.kinks import Kink
+from gapsense.studies.inspection.remarks import remarks
 
 UNITS = {"voltage": "V", "current": "A"}
-FEW = 20  # samples in the rise of the current below which edges and motion are badly resolved
-COARSE = 200.0  # steps of the converter in the largest value, below which it is coarse
+MOST = 10  # operations that are listed
 
 
-def tables(record: Record, found: Facts) -> list[Table | str]:
-    """All facts, and what they mean for an identification."""
+def tables(record: Record, found: Facts, resistance: float | None = None) -> list[Table | str]:
+    """All facts, then what they mean."""
     t, n = record.times, record.times.size
-    what = f"{record.name}: {n} samples every {quantity(record.dt, 's')}, {quantity(float(t[-1] - t[0]), 's')} in all,"
-    return [signals(found), operations(record, found), f"{what} {found.rest} of them at rest first.", *remarks(found)]
+    what = (
+        f"{record.name}: {n} samples every {quantity(record.dt, 's')}, {quantity(float(t[-1] - t[0]), 's')} in all,"
+        f" {found.rest} of them at rest first. {voltage(found)}"
+    )
+    said = remarks(record, found, resistance)
+    listed = [operations(record, found)] if found.pulses else []
+    left = [f"{len(found.pulses) - MOST} more operations are not listed."] if len(found.pulses) > MOST else []
+    items = table("What it gives", ("", "given", "why, and what to change"), checklist(found, len(said)), texts=3)
+    return [what, *extra(record), signals(found), *listed, *left, scales(found), items, *said]
+
+
+def voltage(found: Facts) -> str:
+    """Where the voltage stays, and how the current falls."""
+    zero = 3.0 * found.signals["voltage"].noise
+    levels = [quantity(v if abs(v) > zero else 0.0, "V") for v in found.levels]
+    said = [f"The voltage stays at {', '.join(levels)}" if levels else "The voltage never stays where it is"]
+    if found.path.decay is not None:
+        said.append(f"the current falls at {quantity(found.path.decay if abs(found.path.decay) > zero else 0.0, 'V')}")
+    if found.path.source is not None:
+        said.append(f"the supply sags as behind {quantity(found.path.source, 'Ohm')}")
+    if found.path.carrier is not None:
+        said.append(f"it is switched, {100.0 * found.path.carrier.duty:.0f} % on")
+    return f"{'; '.join(said)}."
+
+
+def extra(record: Record) -> list[str]:
+    """What else was recorded."""
+    if record.position is None:
+        return []
+    ends = (quantity(float(f(record.position)), "m") for f in (min, max))
+    return [f"A position is recorded, {' to '.join(ends)}."]
 
 
 def signals(found: Facts) -> Table:
@@ -40,7 +66,7 @@ def signals(found: Facts) -> Table:
                 at_rest,
             )
         )
-    return table("Signals", ("", "range", "noise", "step of the converter", "at rest"), rows, texts=5)
+    return table("Signals", ("", "range", "noise", "step", "at rest"), rows, texts=5)
 
 
 def operations(record: Record, found: Facts) -> Table:
@@ -51,80 +77,31 @@ def operations(record: Record, found: Facts) -> Table:
             f"{1e3 * record.times[p.operation.stop]:.6g} ms",
             quantity(p.peak, "A"),
             quantity(p.resistance, "Ohm"),
-            quantity(p.flux_linkage, "Wb"),
-            f"{quantity(p.inductance, 'H')}, off by {100.0 * p.bend:.2g} %",
-            f"{p.rise} samples",
-            f"{1e3 * p.kink:.6g} ms" if p.kink is not None else "none",
+            *(("unknown",) * 2 if found.unready else (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))),
+            at(p.closing),
+            at(p.opening),
         )
-        for p in found.pulses
+        for p in found.pulses[:MOST]
     )
-    heads = ("from", "to", "largest current", "R, (23)", "largest flux linkage", "inductance", "half after", "kink")
+    heads = ("from", "to", "current", "R, (23)", "flux linkage", "L", "closes", "opens")
     return table("Complete operations", heads, rows, texts=0)
 
 
-def remarks(found: Facts) -> list[str]:
-    """What the record gives and what not, and what would help."""
-    zero = 3.0 * found.signals["voltage"].noise
-    levels = [quantity(v if abs(v) > zero else 0.0, "V") for v in found.levels]
-    said = [f"The voltage stays at {', '.join(levels)}." if levels else "The voltage never stays where it is."]
-    if found.rest < FEWEST:
-        said.append("No rest before the first operation: offsets stay unknown. Record some milliseconds before it.")
-    if not found.pulses:
-        said.append(
-            "No complete operation: resistance and flux linkage stay unknown. Record until the current has ended."
-        )
-    if found.incomplete:
-        said.append(f"{found.incomplete} more without an end: not used. Record until the current has ended.")
-    said += [text for name, s in found.signals.items() for text in of_signal(name, s)]
-    if found.pulses:
-        said += of_operations(found)
-    return said
+def at(kink: Kink | None) -> str:
+    """When a motion is seen to end."""
+    return "not seen" if kink is None else f"{1e3 * kink.end:.6g} ms"
 
 
-def of_signal(name: str, s: Signal) -> list[str]:
-    """What a signal lacks."""
-    said, largest = [], max(abs(s.smallest), abs(s.largest))
-    if s.step and largest < COARSE * s.step:
-        said.append(f"`{name}` has {largest / s.step:.0f} steps of its converter only. Choose a smaller range.")
-    if s.correlation > WHITE:
-        said.append(
-            f"The noise of `{name}` is not white (neighbours correlate by {s.correlation:.2f}): it is filtered, and"
-            " edges come late. Filter less, or sample slower."
-        )
-    return said
-
-
-def of_operations(found: Facts) -> list[str]:
-    """What operations give."""
-    said, count = [], len(found.pulses)
-    kinks = sum(p.kink is not None for p in found.pulses)
-    R = np.array([p.resistance for p in found.pulses])
-    said.append(f"Resistance {quantity(float(R.mean()), 'Ohm')}, from {count} operation{'s' if count > 1 else ''}.")
-    if min(p.rise for p in found.pulses) < FEW:
-        said.append("The current rises within few samples: motion is badly resolved. Sample faster.")
-    if kinks:
-        said.append(f"The current falls under a held voltage in {kinks} of {count}: something moves, and is seen.")
-    else:
-        said.append(
-            "The current falls nowhere under a held voltage: no motion is seen, and a model with one is not identified"
-            " for certain. Raise the voltage, hold it for longer, or move something."
-        )
-    return said
-
-
-def figure_of(record: Record, found: Facts) -> Figure:
-    """Voltage, current and flux linkage, with the operations."""
-    flux = np.zeros(record.times.size)
-    if found.pulses:
-        flux = estimate(record, [p.operation for p in found.pulses]).flux_linkage
-    panels = (("voltage", "V", record.voltage), ("current", "A", record.current), ("flux linkage", "Wb", flux))
-    scales = [suited(*panel) for panel in panels]
-    figure, axes = stack(record.name, [label for label, _ in scales], [1.0, 2.0, 1.0])
-    for axis, (_, scale), (_, _, x), color in zip(axes, scales, panels, (TRUE, TRUE, FIRST)):
-        line(axis, record.times, scale * x, color)
-    for axis in axes:
-        for p in found.pulses:
-            axis.axvline(1e3 * record.times[p.operation.start], color=FAINT, linewidth=0.8)
-            if p.kink is not None:
-                axis.axvline(1e3 * p.kink, color=SECOND, linewidth=0.8, linestyle="--")
-    return figure
+def scales(found: Facts) -> Table:
+    """What is fast, in samples."""
+    rows = [("edge of the voltage", found.path.edge)]
+    if found.path.carrier is not None:
+        rows.append(("period of the PWM", found.path.carrier.samples))
+    if found.pulses and not found.unready:
+        rows.append(("current to half of its largest", float(min(p.rise for p in found.pulses))))
+        rows.append(("time constant L/R", float(min(p.constant for p in found.pulses)) / found.dt))
+    for name, kinks in (("closing", [p.closing for p in found.pulses]), ("opening", [p.opening for p in found.pulses])):
+        if lengths := [kink.samples for kink in kinks if kink]:
+            rows.append((f"motion that is seen, {name}", float(min(lengths))))
+    cells = ((name, f"{n:.3g}", quantity(n * found.dt, "s")) for name, n in rows)
+    return table("Time scales", ("", "samples", "time"), cells)

@@ -1,0 +1,58 @@
+"""Records prepared for the fit of a coil: from the first operation on, with what their converters hide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gapsense.studies.identification.coil.forms import Scale
+from gapsense.studies.identification.flux import coil, estimate
+from gapsense.studies.identification.operations import noise, operations, resolution
+from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.residual import FLOOR, REST, noise_of
+
+OWN = 0.3 * FLOOR  # of the largest current: what the sampling leaves of a record without noise
+SIGNALS = ("voltage", "current")
+
+
+class Run(NamedTuple):
+    """One record from its first operation on."""
+
+    record: Record
+    first: int  # the last sample at rest
+    current: Vector  # measured [A]
+    voltages: Vector  # mean over the interval before each sample, and that of the sample (n, 2) [V]
+    noise: float  # of the current [A]
+    hidden: tuple[float, float]  # largest offset of voltage [V] and current [A] that the rest does not show
+
+
+def run(record: Record, period: float | None = None) -> Run:
+    """A record prepared."""
+    first = operations(record, period)[0].start
+    i = record.current[first:]
+    sigma = max(noise_of(record, first), OWN * float(np.abs(i).max()))
+    voltages = np.stack((record.applied[first:], record.voltage[first:]), axis=1)
+    voltage, current = (hidden(getattr(record, name), first) for name in SIGNALS)
+    return Run(record, first, i, voltages, sigma, (voltage, current))
+
+
+def hidden(x: Vector, first: int) -> float:
+    """Half a step of a converter whose noise at rest is less: the mean at rest then says little of other values."""
+    step = resolution(x)
+    spread = float(x[:first].std()) if first >= REST else noise(x)
+    is_coarse = np.isfinite(step) and spread < 0.5 * step and 0.5 * step > FLOOR * np.abs(x).max()
+    return 0.5 * step if is_coarse else 0.0
+
+
+def scale(records: Sequence[Record], period: float | None = None) -> Scale:
+    """What the records have without any model; the largest values of all of them."""
+    found = []
+    for record in records:
+        each = operations(record, period)
+        flux = estimate(record, each)
+        largest = (float(np.abs(x).max()) for x in (record.current, flux.flux_linkage))
+        found.append(Scale(float(np.median(flux.resistances)), abs(coil(record, each[0])[0]), *largest))
+    R, L, i, lam = np.array(found).T
+    return Scale(float(np.median(R)), float(np.median(L)), float(i.max()), float(lam.max()))
