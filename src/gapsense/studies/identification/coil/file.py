@@ -11,7 +11,7 @@ import numpy as np
 
 from gapsense.files import write_atomically
 from gapsense.studies.identification.coil.fit import POOR, Coil
-from gapsense.studies.identification.operations import hidden, noise
+from gapsense.studies.identification.noise import noises
 from gapsense.studies.identification.record import Record
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
@@ -75,9 +75,5 @@ def line(name: str, value: float, note: str) -> str:
 
 def tuning(records: Sequence[Record]) -> dict[str, float]:
     """What estimators know of the measurement: its noise, and the voltage that begins an operation."""
-    found = {
-        f"noise.{name}": max(max(noise(x), hidden(x)) for x in (getattr(record, name) for record in records))
-        for name in ("voltage", "current")
-    }
     largest = min(float(np.abs(record.voltage).max()) for record in records)
-    return {**found, "edge.voltage": EDGE * largest}
+    return {**noises(records), "edge.voltage": EDGE * largest}
