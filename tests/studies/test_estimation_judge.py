@@ -80,3 +80,10 @@ def test_estimator_that_does_not_take_the_sampling_is_left_out_with_a_word():
     assert any(text.startswith("Mhe, every 5 us: `window.longest`") for text in left_out)
     with pytest.raises(ValueError, match="every 5 us"):
         run.chosen("mhe", found, fast, GIVEN)
+
+
+def test_estimators_of_a_mover_are_left_out_for_a_coil():
+    coil = {"coil.resistance": 0.37, "prior.inductance": 3e-4, "noise.current": 2.0}
+    names, left_out = run.chosen(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
+    assert names == ["IntegralEstimator", "Semera"]
+    assert "BoundedUkf models a mover, of which the parameters of a coil tell nothing." in left_out[0]

@@ -58,11 +58,13 @@ def needed(component: Component) -> list[str]:
 
 def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
     """Why an estimator models another device than the one that `values` describe; None if it does not."""
-    has_core = "core.permeability" in (port.name for port in component.of("parameter"))
-    if "gap.law" not in values or not has_core or "core.permeability" in values:
-        return None
-    said = f"{component.name} models a pot magnet, not a valve with a gap law."
-    return f"{said} Name it with `--estimator` to run it all the same."
+    names = {port.name for port in component.of("parameter")}
+    said = ""
+    if "gap.law" in values and "core.permeability" in names - set(values):
+        said = f"{component.name} models a pot magnet, not a valve with a gap law."
+    elif "prior.inductance" in values and "mover.mass" in names and not {"gap.law", "mover.mass"} & set(values):
+        said = f"{component.name} models a mover, of which the parameters of a coil tell nothing."
+    return f"{said} Name it with `--estimator` to run it all the same." if said else None
 
 
 def unfit(component: Component, record: Record, values: Mapping[str, Value]) -> str | None:
