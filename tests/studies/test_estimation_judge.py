@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gapsense.fmi.components import components_folder
 from gapsense.studies.devices import VALVE
-from gapsense.studies.estimation import judge
+from gapsense.studies.estimation import judge, run
 from gapsense.studies.estimation.run import run_estimator
 from gapsense.studies.identification.file import PORTS
 from gapsense.studies.identification.model import simulate
@@ -68,3 +69,21 @@ def test_without_a_complete_operation_the_current_decides(fmus):
     cut = record(OTHER, on=2000, periods=1)
     (said,) = verdicts(fmus, cut, ["BoundedUkf"], GIVEN)
     assert "of the current unexplained" in said and "(21)" not in said
+
+
+def test_estimator_that_does_not_take_the_sampling_is_left_out_with_a_word():
+    fast = record(VALVE, periods=1)
+    fast = fast._replace(times=fast.times / 4.0)
+    found = run.estimators(components_folder())
+    names, left_out = run.chosen(None, found, fast, GIVEN)
+    assert "Semera" in names and "Mhe" not in names
+    assert any(text.startswith("Mhe, every 5 us: `window.longest`") for text in left_out)
+    with pytest.raises(ValueError, match="every 5 us"):
+        run.chosen("mhe", found, fast, GIVEN)
+
+
+def test_estimators_of_a_mover_are_left_out_for_a_coil():
+    coil = {"coil.resistance": 0.37, "prior.inductance": 3e-4, "noise.current": 2.0}
+    names, left_out = run.chosen(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
+    assert names == ["IntegralEstimator", "Semera"]
+    assert "BoundedUkf models a mover, of which the parameters of a coil tell nothing." in left_out[0]

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from valve_records import columns, write
+from valve_records import columns, record, write
 
 from gapsense.cosim import run
 from gapsense.problems import InputError
 from gapsense.studies.identification.checks import read_record
 from gapsense.studies.identification.operations import noise
 from gapsense.studies.identification.record import Reading
+from gapsense.studies.identification.rest import unipolar
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -220,3 +221,54 @@ def test_clipped_signal_is_taken_on_request(tmp_path):
     file = write(tmp_path / "c.csv", values)
     assert "--clipped" in problems(file)[0]
     assert read_record(file, Reading(may_clip=True)).current.max() == 0.3
+
+
+@pytest.mark.parametrize("form", ["{:.5e}", "{:.4e}", "{:.6f}"])
+def test_times_that_a_program_rounded_coarsely_are_taken_as_equal_steps(tmp_path, form):
+    step, n = 3.2e-7, 4000
+    k = np.arange(n)
+    times = [form.format(t) for t in (k * step + 0.0213).tolist()]
+    current = np.where((k > 500) & (k < 2500), 0.3, 0.0) + 1e-3 * np.random.default_rng(1).standard_normal(n)
+    rows = [f"{t},{12.0 * (i > 0.1)},{i:.6f}" for t, i in zip(times, current.tolist())]
+    file = tmp_path / "scope.csv"
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    record = read_record(file, needs="samples")
+    assert record.dt == pytest.approx(step, rel=2e-3)
+    assert np.all(np.diff(record.times) > 0.0)
+    assert len(record.remarks) == (form != "{:.5e}") and all("rounded" in text for text in record.remarks)
+    del rows[1000:1100]
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match="equal steps"):
+        read_record(file, needs="samples")
+
+
+@pytest.mark.parametrize("bits", [10, 12, 40])
+def test_unipolar_converter_is_noticed_and_no_other_is_taken_for_one(bits):
+    step, told = 0.8 / 2.0**bits, 0
+    for seed in range(16):
+        made = record(seed=seed, noise=(0.1, 3e-3))
+        measured = made._replace(current=step * np.round(made.current / step))
+        assert unipolar(measured) == ()
+        said = unipolar(measured._replace(current=np.maximum(measured.current, 0.0)))
+        told += any("`current` never falls below 0 at rest" in text for text in said)
+    assert told >= 9  # with 11 samples at rest; with more, all
+
+
+def test_record_without_noise_is_not_taken_for_unipolar():
+    assert unipolar(record()) == ()
+
+
+def test_current_without_a_voltage_is_told(tmp_path):
+    values = columns(seed=1)
+    file = write(tmp_path / "a.csv", {**values, "voltage": 0.0 * values["voltage"]})
+    with pytest.raises(InputError, match="`voltage` is the same throughout though current flows"):
+        read_record(file)
+
+
+def test_decimal_commas_between_commas_are_all_that_is_told(tmp_path):
+    file = tmp_path / "a.csv"
+    rows = [f"0,{k},1,5,0,2" for k in range(20)]
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_record(file)
+    assert all("6 cells found, 3 expected" in problem for problem in caught.value.problems)

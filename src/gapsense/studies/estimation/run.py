@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from gapsense.cosim.feed import feed
 from gapsense.files import write_atomically, write_columns
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
+from gapsense.fmi.values import problems
 from gapsense.studies.identification.record import UNITS, Record, Vector
 from gapsense.studies.identification.transfer import values_for
 from gapsense.tables import Value
@@ -70,11 +71,27 @@ def needed(component: Component) -> list[str]:
 
 def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
     """Why an estimator models another device than the one that `values` describe; None if it does not."""
-    has_core = "core.permeability" in (port.name for port in component.of("parameter"))
-    if "gap.law" not in values or not has_core or "core.permeability" in values:
-        return None
-    said = f"{component.name} models a pot magnet, not a valve with a gap law."
-    return f"{said} Name it with `--estimator` to run it all the same."
+    names = {port.name for port in component.of("parameter")}
+    said = ""
+    if "gap.law" in values and "core.permeability" in names - set(values):
+        said = f"{component.name} models a pot magnet, not a valve with a gap law."
+    elif "prior.inductance" in values and "mover.mass" in names and not {"gap.law", "mover.mass"} & set(values):
+        said = f"{component.name} models a mover, of which the parameters of a coil tell nothing."
+    return f"{said} Name it with `--estimator` to run it all the same." if said else None
+
+
+def unfit(component: Component, record: Record, values: Mapping[str, Value]) -> str | None:
+    """Why an estimator does not take the sampling period of a record; None if it does."""
+    names = [port.name for port in component.of("parameter")]
+    given = values_for(names, values)
+    before = problems(component, given)
+    wrong = [text for text in problems(component, given_time(names, given, record)) if text not in before]
+    return f"{component.name}, every {1e6 * record.dt:.4g} us: {wrong[0]}" if wrong else None
+
+
+def given_time(names: Collection[str], given: Mapping[str, Value], record: Record) -> dict[str, Value]:
+    """Values, with the sample time of a record where there is such a parameter."""
+    return {**given, **({"sample_time": record.dt} if "sample_time" in names else {})}
 
 
 def estimators(folder: Path) -> dict[str, Component]:
@@ -97,7 +114,8 @@ def chosen(
         raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(found)}.")
     reasons = {}
     for name in (plain[word] for word in asked):
-        reasons[name] = (None if wanted else foreign(found[name], values)) or missing(record, found, name)
+        component, lacks = found[name], missing(record, found, name)
+        reasons[name] = (None if wanted else foreign(component, values)) or lacks or unfit(component, record, values)
     refused = [reason for reason in reasons.values() if reason]
     if refused and (wanted or len(refused) == len(reasons)):
         raise ValueError("\n".join(refused))
@@ -119,7 +137,7 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     """An estimator over a record with all inputs that this has, with its sample time and those values that it has."""
     description = describe(fmu)
     names = [v.name for v in description.of("parameter")]
-    own = {**values_for(names, values), **({"sample_time": record.dt} if "sample_time" in names else {})}
+    own = given_time(names, values_for(names, values), record)
     signals = offered(record)
     inputs = {v.name: signals[v.name] for v in description.of("input") if v.name in signals}
     outputs = feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs)

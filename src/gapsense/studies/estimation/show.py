@@ -47,7 +47,8 @@ def measured_and_estimated(record: Record, estimates: Sequence[Estimate]) -> Fig
 def _scale(estimates: Sequence[Estimate], name: str) -> tuple[str, float]:
     """Label and factor of a quantity, by the values of most of the time."""
     usual = [np.percentile(e.outputs[name], SHOWN) for e in estimates if name in e.outputs]
-    return suited(name.replace("_", " "), QUANTITIES[name], *usual)
+    label, scale = suited(name.replace("_", " "), QUANTITIES[name], *usual)
+    return label.replace(" / ", "\n/ "), scale  # longer than its panel is high
 
 
 def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str, scale: float) -> None:

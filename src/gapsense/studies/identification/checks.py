@@ -14,7 +14,7 @@ from gapsense.studies.identification.operations import SIGMAS, SMALL, Operation,
 from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
 from gapsense.studies.identification.rest import unipolar, without_offsets
-from gapsense.studies.identification.samples import clipping, time_problems
+from gapsense.studies.identification.samples import clipping, evened, time_problems
 from gapsense.studies.identification.thin import shortened, thinned
 
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
@@ -77,8 +77,9 @@ def read_record(
     problems += _sample_problems(columns, how)
     if problems:
         raise InputError(problems)
+    columns, said = evened(columns)
     whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
-    record = without_offsets(whole)._replace(remarks=unipolar(whole))
+    record = without_offsets(whole)._replace(remarks=(*said, *unipolar(whole)))
     if needs != "samples":
         problems += rest_problems(record, path.name)
     if needs == "operations" and not problems:
@@ -152,8 +153,10 @@ def _slow(record: Record, file: str, start: int) -> Iterator[str]:
 
 
 def _reversed(record: Record, file: str, found: Sequence[Operation]) -> Iterator[str]:
-    """Voltage and current of opposite signs."""
-    if found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:
+    """Voltage and current of opposite signs, or no voltage."""
+    if found and not np.ptp(record.voltage):
+        yield f"{file}: `voltage` is the same throughout though current flows. Record the voltage at the coil."
+    elif found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:
         yield (
             f"{file}: voltage and current have opposite signs, so that the resistance would be {R:.3g} Ohm. One of the"
             " sensors is reversed: change the sign of a column."

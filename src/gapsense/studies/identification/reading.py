@@ -68,6 +68,9 @@ def other_separator(lines: Sequence[Line], how: Reading) -> str:
 
 def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str]) -> Columns:
     header = lines[0].cells if lines else []
+    if split := [*_too_long(file, lines[1:], len(header))][:SHOWN]:  # nothing is in its column then
+        problems += split
+        return Columns(file, np.array([], dtype=int), {})
     matches = [(k, match) for k, match in enumerate(map(HEADER.fullmatch, header)) if match]
     columns = {match[1].lower(): (k, match[2]) for k, match in matches}
     values: dict[str, Vector] = {}
@@ -85,7 +88,6 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
                 values[name] = _mean(values[name], written, len(lines) - 1)
         elif name in NEEDED or name in how.names:
             problems.append(_missing(file, name, column, list(columns)))
-    problems += [*_too_long(file, lines[1:], len(header))][:SHOWN]
     return Columns(file, np.array([line.number for line in lines[1:]], dtype=int), values)
 
 

@@ -11,7 +11,7 @@ MOST = 0.1  # of the largest value: more is no offset but a record that does not
 SIGNIFICANT = 4.0  # standard errors
 HALF = 0.75  # steps of a converter: half of one is the most that it hides
 LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
-CUT = 0.25  # part of the samples at rest that are the smallest one
+CUT, FEW = 0.25, 4  # part of the samples at rest that are the smallest one, and how many are no chance
 FEWEST = 8  # samples at rest that tell an offset
 
 
@@ -55,10 +55,16 @@ def remaining(record: Record) -> dict[str, float]:
 def unipolar(record: Record) -> tuple[str, ...]:
     """Sentences on signals whose noise ends at their smallest value, as behind a converter that knows no sign."""
     n = at_rest(record)
-    signals = {"voltage": record.voltage[:n], "current": record.current[:n]}
+    signals = {"voltage": record.voltage, "current": record.current}
     return tuple(
         f"`{name}` never falls below {x.min():.4g} at rest, though it is noisy: its converter seems to cut what is "
         "below, so that small values are too large. Shift its range."
         for name, x in signals.items()
-        if n >= FEWEST and np.ptp(x) > 2.5 * resolution(x) and np.mean(x == x.min()) > CUT
+        if n >= FEWEST and _is_cut(x[:n], resolution(x))
     )
+
+
+def _is_cut(x: Vector, step: float) -> bool:
+    """Whether a signal rises from its smallest value by more than steps of a converter, and falls back on it often."""
+    lowest = np.flatnonzero(x == x.min())
+    return bool(lowest.size > max(CUT * x.size, FEW) and np.ptp(x[: lowest[-1] + 1]) > 2.5 * step)
