@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from valve_records import write
 
 from gapsense.report.plot import panels, suited
 from gapsense.studies.identification.checks import read_record
@@ -16,6 +17,7 @@ from gapsense.studies.inspection.facts import facts, levels
 from gapsense.studies.inspection.figure import curve
 from gapsense.studies.inspection.remarks import of_resistances, remarks
 from gapsense.studies.measuring.bench import Drive, Instruments, measured
+from gapsense.studies.measuring.examples import GOOD
 
 RECORDS = Path(__file__).parent / "records"
 
@@ -130,6 +132,41 @@ def test_record_that_does_not_begin_at_rest_is_told_and_not_believed():
     _, _, items = bench(instruments={"start": 5e-3})
     assert items["`identify`"].answer == items["flux linkage"].answer == items["offsets, noise"].answer == "no"
     assert "record from rest" in items["`identify`"].why and items["resistance"].answer == "yes"
+
+
+def changed(**signals):
+    """A good record with other signals."""
+    columns = measured(*GOOD)
+    return to_record(columns._replace(values={**columns.values, **{n: f(columns.values) for n, f in signals.items()}}))
+
+
+def said_of(record):
+    found = facts(without_offsets(record))
+    return " ".join(remarks(record, found)), {item.what: item.answer for item in checklist(found, 0)}
+
+
+def test_columns_that_are_interchanged_and_single_samples_are_told():
+    said, _ = said_of(changed(voltage=lambda x: x["current"], current=lambda x: x["voltage"]))
+    assert "Are the columns interchanged?" in said
+    said, _ = said_of(changed(current=lambda x: np.where(x["time"] == x["time"][900], 3.0, x["current"])))
+    assert "row 902: `current` is 3 in this one sample only" in said
+    assert "one sample" not in said_of(changed())[0] and "jumps" not in said_of(changed())[0]
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0])
+def test_no_resistance_and_flux_linkage_of_a_reversed_or_missing_voltage(factor):
+    _, items = said_of(changed(voltage=lambda x: factor * x["voltage"]))
+    assert items["resistance"] == items["flux linkage"] == "no"
+
+
+def test_coil_knows_no_sign(tmp_path):
+    columns = measured(*GOOD).values
+    usual = read_record(write(tmp_path / "usual.csv", columns))
+    turned = read_record(
+        write(tmp_path / "turned.csv", {**columns, "voltage": -columns["voltage"], "current": -columns["current"]})
+    )
+    assert np.array_equal(turned.current, usual.current) and np.array_equal(turned.applied, usual.applied)
+    assert "the signs of both are changed" in turned.remarks[0] and usual.remarks == ()
 
 
 def test_long_record_is_drawn_with_few_points_and_its_extremes():

@@ -13,7 +13,7 @@ from gapsense.studies.identification.flux import estimate
 from gapsense.studies.identification.operations import SIGMAS, SMALL, Operation, noise, operations, starts
 from gapsense.studies.identification.reading import read_columns
 from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
-from gapsense.studies.identification.rest import unipolar, without_offsets
+from gapsense.studies.identification.rest import unipolar, upright, without_offsets
 from gapsense.studies.identification.samples import clipping, evened, time_problems
 from gapsense.studies.identification.thin import shortened, thinned
 
@@ -78,8 +78,8 @@ def read_record(
     if problems:
         raise InputError(problems)
     columns, said = evened(columns)
-    whole = to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention)
-    record = without_offsets(whole)._replace(remarks=(*said, *unipolar(whole)))
+    whole = upright(to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention))
+    record = without_offsets(whole)._replace(remarks=(*said, *whole.remarks, *unipolar(whole)))
     if needs != "samples":
         problems += rest_problems(record, path.name)
     if needs == "operations" and not problems:
@@ -103,6 +103,12 @@ def _largest_at_rest(record: Record) -> float:
     return SMALL["current"] * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
 
 
+def begins_at_rest(record: Record) -> bool:
+    """Whether no current flows before the first operation, of which there is one."""
+    found = starts(record)
+    return bool(found) and abs(float(record.current[: found[0] + 1].mean())) <= _largest_at_rest(record)
+
+
 def rest_problems(record: Record, file: str) -> Iterator[str]:
     """A record in which nothing operates, or whose first operation does not begin at rest."""
     found = starts(record)
@@ -111,7 +117,7 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
         return
     yield from _slow(record, file, found[0])
     i, limit = float(record.current[: found[0] + 1].mean()), _largest_at_rest(record)
-    if abs(i) > limit:
+    if not begins_at_rest(record):
         place = f"{file}, row {record.rows[0]} to {record.rows[found[0]]}"
         yield (
             f"{place}: `current` is {i:.4g} A before the first operation; at most {limit:.2g} A is expected. The flux "

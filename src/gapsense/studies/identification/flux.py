@@ -55,4 +55,5 @@ def coil(record: Record, operation: Operation) -> tuple[float, float]:
     both = np.stack((charge, i), axis=1)
     found = np.linalg.lstsq(both, volts, rcond=None)[0]
     L = float(found[1])
-    return L, float(np.sqrt(np.mean((volts - both @ found) ** 2)) / np.abs(L * i).max())
+    largest = float(np.abs(L * i).max())
+    return L, float(np.sqrt(np.mean((volts - both @ found) ** 2))) / largest if largest else 0.0

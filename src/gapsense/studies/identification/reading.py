@@ -10,27 +10,19 @@ import csv
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from gapsense.cosim.record import read_result
 from gapsense.fmi.tables import HEADER
 from gapsense.problems import listing, suggest
+from gapsense.studies.identification.heads import Line, from_heads, other_separator
 from gapsense.studies.identification.of_result import columns_of
 from gapsense.studies.identification.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
 from gapsense.units import factor
 
 DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken
 KELVIN = 273.15  # of 0 degC
-SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # that a file may have in place of a comma, and as a shell takes them
-
-
-class Line(NamedTuple):
-    """A line of a file with its number."""
-
-    number: int
-    cells: list[str]
 
 
 def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
@@ -47,27 +39,14 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
     except (UnicodeDecodeError, csv.Error) as error:
         problems.append(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.")
         return nothing
-    if other := other_separator(lines, how):
+    if other := other_separator(lines, how.separator):
         problems.append(f"{path.name}, row 1: {other}")
         return nothing
-    return _of_lines(path.name, lines, how, problems)
-
-
-def other_separator(lines: Sequence[Line], how: Reading) -> str:
-    """Sentence on a file whose cells are separated by something else than a comma, or nothing."""
-    if not lines or how.separator != "," or len(lines[0].cells) > 1:
-        return ""
-    found = next((s for s in SEPARATORS if s in lines[0].cells[0]), None)
-    if found is None:
-        return ""
-    has_commas = any(len(line.cells) > 1 for line in lines[1:])
-    more = " --decimal ," if has_commas else ""
-    word = "semicolons" if found == ";" else "tabs"
-    return f"the cells are separated by {word}; commas are expected. Add `--separator {SEPARATORS[found]}{more}`."
+    return _of_lines(path.name, from_heads(lines, how.decimal), how, problems)
 
 
 def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str]) -> Columns:
-    header = lines[0].cells if lines else []
+    header, head = lines[0].cells, f"{file}, row {lines[0].number}"
     if split := [*_too_long(file, lines[1:], len(header))][:SHOWN]:  # nothing is in its column then
         problems += split
         return Columns(file, np.array([], dtype=int), {})
@@ -78,16 +57,16 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
         column = how.names.get(name, name).lower()
         if column in columns:
             place, written = columns[column]
-            problems += _twice(file, column, [k + 1 for k, match in matches if match[1].lower() == column])
+            problems += _twice(head, column, [k + 1 for k, match in matches if match[1].lower() == column])
             cells = [(line.number, line.cells[place].strip() if place < len(line.cells) else "") for line in lines[1:]]
             if name == "temperature":
                 cells = [cell for cell in cells if cell[1]]
-            scale = _scale(file, place, column, DEGREES.get(written or "", written), unit, problems)
+            scale = _scale(head, place, column, DEGREES.get(written or "", written), unit, problems)
             values[name] = _numbers(file, column, cells, how.decimal, problems) * scale
             if name == "temperature":
                 values[name] = _mean(values[name], written, len(lines) - 1)
         elif name in NEEDED or name in how.names:
-            problems.append(_missing(file, name, column, list(columns)))
+            problems.append(_missing(head, name, column, list(columns)))
     return Columns(file, np.array([line.number for line in lines[1:]], dtype=int), values)
 
 
@@ -100,28 +79,28 @@ def _too_long(file: str, lines: Sequence[Line], width: int) -> Iterator[str]:
             )
 
 
-def _twice(file: str, column: str, places: list[int]) -> list[str]:
+def _twice(head: str, column: str, places: list[int]) -> list[str]:
     """That several columns have the name of one that is read, if so."""
     if len(places) == 1:
         return []
-    return [f"{file}, row 1: columns {' and '.join(map(str, places))} are both called `{column}`. Rename one."]
+    return [f"{head}: columns {' and '.join(map(str, places))} are both called `{column}`. Rename one."]
 
 
-def _missing(file: str, name: str, column: str, found: list[str]) -> str:
+def _missing(head: str, name: str, column: str, found: list[str]) -> str:
     unit = "" if UNITS[name] == "1" else f" [{UNITS[name]}]"
     if not any(found):
-        return f"{file}, row 1: the header names no columns. Write `time [s],voltage [V],current [A]` as the first row."
-    said = f"{file}, row 1: column `{column}` is missing; there are {listing(found)}. Add `{column}{unit}`"
+        return f"{head}: the header names no columns. Write `time [s],voltage [V],current [A]` as the first row."
+    said = f"{head}: column `{column}` is missing; there are {listing(found)}. Add `{column}{unit}`"
     return f"{said}." if name == "time" else f"{said}, or name the column that holds it with `--column {name}=NAME`."
 
 
-def _scale(file: str, place: int, column: str, written: str | None, unit: str, problems: list[str]) -> float:
+def _scale(head: str, place: int, column: str, written: str | None, unit: str, problems: list[str]) -> float:
     """Factor from the unit written in the header to the SI unit; 1 after noting a wrong one."""
     scale = factor(written or "", unit)
     if scale is None:
         found = "no unit" if written is None else f"unit `{written}`"
         problems.append(
-            f"{file}, row 1, column {place + 1}: `{column}` has {found}; `{unit}` is expected, also with a prefix "
+            f"{head}, column {place + 1}: `{column}` has {found}; `{unit}` is expected, also with a prefix "
             f"(`m{unit}`). Write `{column} [{unit}]`."
         )
     return 1.0 if scale is None else scale

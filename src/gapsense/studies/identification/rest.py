@@ -12,6 +12,7 @@ SIGNIFICANT = 4.0  # standard errors
 HALF = 0.75  # steps of a converter: half of one is the most that it hides
 LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
 CUT, FEW = 0.25, 4  # part of the samples at rest that are the smallest one, and how many are no chance
+ONE_WAY = 5.0  # times the largest positive current, from which a negative one is the current of the coil
 FEWEST = 8  # samples at rest that tell an offset
 
 
@@ -68,3 +69,13 @@ def _is_cut(x: Vector, step: float) -> bool:
     """Whether a signal rises from its smallest value by more than steps of a converter, and falls back on it often."""
     lowest = np.flatnonzero(x == x.min())
     return bool(lowest.size > max(CUT * x.size, FEW) and np.ptp(x[: lowest[-1] + 1]) > 2.5 * step)
+
+
+def upright(record: Record) -> Record:
+    """The record with its current the right way round: a coil knows no sign, but what is sought in records does."""
+    i = record.current
+    if -i.min() < ONE_WAY * max(float(i.max()), 0.0) or i.min() >= 0.0 or float(record.voltage @ i) <= 0.0:
+        return record
+    said = "voltage and current are negative; the signs of both are changed."
+    turned = record._replace(voltage=-record.voltage, current=-i, halves=-record.halves)
+    return turned._replace(remarks=(*record.remarks, said))

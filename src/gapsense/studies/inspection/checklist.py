@@ -42,7 +42,7 @@ def checklist(found: Facts, impaired: int) -> list[Item]:
 
 def offsets(found: Facts) -> Item:
     """Offsets and noise, from rest before the first operation."""
-    if found.unready:
+    if found.pulses and not found.is_from_rest:
         return Item("offsets, noise", NO, "it does not begin at rest, without current.")
     if found.rest < FEWEST:
         return Item("offsets, noise", NO, f"{found.rest} samples at rest first. Record {ENOUGH} of them or more.")
@@ -55,6 +55,10 @@ def resistance(found: Facts) -> Item:
     R = np.array([p.resistance for p in found.pulses])
     if not R.size:
         return Item("resistance", NO, f"no complete operation. {WHOLE}")
+    if R.mean() <= 0.0:
+        return Item(
+            "resistance", NO, "voltage and current have opposite signs, or there is no voltage: correct a column."
+        )
     spread = f", equal within {100.0 * float(np.ptp(R) / abs(R.mean())):.2g} %" if R.size > 1 else ""
     many = f"{R.size} operations" if R.size > 1 else "1 operation"
     is_sure = not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
@@ -63,7 +67,9 @@ def resistance(found: Facts) -> Item:
 
 def inductance(found: Facts) -> Item:
     """Flux linkage and inductance."""
-    if not found.pulses or found.unready:
+    if resistance(found).answer == NO:
+        return resistance(found)._replace(what="flux linkage")
+    if not found.is_from_rest:
         return Item("flux linkage", NO, f"an integral over a whole operation from rest on. {WHOLE}")
     largest, L = max(p.flux_linkage for p in found.pulses), np.median([p.inductance for p in found.pulses])
     bend = 100.0 * float(np.median([p.bend for p in found.pulses]))
@@ -131,9 +137,8 @@ def uses(found: Facts, motion: Item, impaired: int) -> list[Item]:
     whole = (NO, short(found.unfinished[0])) if found.unfinished else begun
     if motion.answer == NO:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
-    flowing = (
-        (CARE, "it does not begin at rest: nothing is right before the current has ended") if found.unready else ready
-    )
+    flowing = ready if found.is_from_rest else (CARE, "nothing is right before the current has ended once")
+    flowing = flowing if found.pulses or found.incomplete else begun
     named = zip(("`identify`", "`commission`", "`estimate`"), (whole, begun, flowing))
     return [Item(name, answer, why) for name, (answer, why) in named]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.checks import operation_problems, rest_problems
+from gapsense.studies.identification.checks import begins_at_rest, operation_problems, rest_problems
 from gapsense.studies.identification.flux import coil, estimate
 from gapsense.studies.identification.operations import (
     Operation,
@@ -54,11 +54,6 @@ class Pulse(NamedTuple):
     closing: Kink | None  # where the current falls though the voltage is held: something moves
     opening: Kink | None  # where the falling current falls faster again: it moves back
 
-    @property
-    def constant(self) -> float:
-        """Time constant of the coil [s]."""
-        return self.inductance / self.resistance
-
 
 class Facts(NamedTuple):
     """All of it."""
@@ -73,6 +68,7 @@ class Facts(NamedTuple):
     path: Path
     lag: Lag | None  # of the current behind the voltage
     clipped: list[str]  # what is told of signals at the limits of their converters
+    is_from_rest: bool  # no current flows before the first operation
     unready: list[str]  # why no model can begin with the record
     unfinished: list[str]  # why `identify` finds no operation in it
 
@@ -94,6 +90,7 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         path=switched,
         lag=lag(record, found),
         clipped=[] if may_clip else clipped(record, raw),
+        is_from_rest=begins_at_rest(record),
         unready=unready,
         unfinished=[] if unready else [*operation_problems(record, record.name, period)],
     )

@@ -82,7 +82,7 @@ def curve(axis: Any, times: Vector, x: Vector, color: str) -> None:
 def mark(axis: Any, record: Record, found: Facts, left: float, right: float) -> None:
     """Rest, beginnings of operations, and kinks, as far as they are in sight."""
     t = 1e3 * record.times
-    if not found.unready:
+    if found.is_from_rest:
         axis.axvspan(t[0], t[max(found.rest - 1, 0)], color=GRID, alpha=0.6, linewidth=0.0)
     here = [p for p in found.pulses if left < t[p.operation.stop] and t[p.operation.start] < right]
     for p in here if len(here) <= MOST else []:

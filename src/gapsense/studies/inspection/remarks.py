@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gapsense.report.table import quantity
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.record import SHOWN, Record, Vector
 from gapsense.studies.inspection.facts import WHITE, Facts, Signal
 
 FEW = 20  # samples in the rise of the current below which the place of an edge between two samples counts
@@ -17,6 +17,8 @@ UNSEEN = 4.0  # below which they are not seen
 BETWEEN = 0.75  # samples: an edge lies somewhere between two of them
 LATE, EARLY = 0.02, 0.05  # of the rise of the current, which eddy currents make begin earlier
 BLURRED = 2.0  # samples; an edge that takes more is filtered
+JUMP = 0.25  # of the range of a signal
+RARE = 5  # samples; more of them are no spikes
 DRIFT = 0.01  # of the resistance
 COPPER = 0.00393  # of its resistance, per kelvin
 SPREAD = 0.05  # of the resistance: no coil warms by so much between two operations
@@ -27,7 +29,13 @@ def remarks(record: Record, found: Facts, resistance: float | None = None) -> li
     """All of them; `resistance` is that of the coil as a meter tells it [Ohm]."""
     said = list(found.clipped)
     said += [text for name, s in found.signals.items() for text in of_signal(name, s)]
-    said += [*of_switching(record, found), *of_filters(found), *of_driver(found), *of_sampling(found)]
+    said += [
+        *of_jumps(record, found),
+        *of_switching(record, found),
+        *of_filters(found),
+        *of_driver(found),
+        *of_sampling(found),
+    ]
     return [*said, *of_resistances(found, resistance)]
 
 
@@ -41,6 +49,30 @@ def of_signal(name: str, s: Signal) -> Iterator[str]:
             f"The noise of `{name}` is not white (neighbours correlate by {s.correlation:.2f}): it is filtered, and"
             " edges come late. Filter less, or sample slower."
         )
+
+
+def of_jumps(record: Record, found: Facts) -> Iterator[str]:
+    """A current that jumps, and single samples that do."""
+    jump = {"voltage": JUMP * float(np.ptp(record.voltage)), "current": JUMP * float(np.ptp(record.current))}
+    steps = {name: float(np.abs(np.diff(getattr(record, name))).max()) for name in jump}
+    if steps["current"] > jump["current"] > 0.0 and steps["voltage"] < jump["voltage"]:
+        yield (
+            "The current jumps from one sample to the next, the voltage does not: no coil lets it. Are the columns"
+            " interchanged?"
+        )
+    for name in jump if found.path.carrier is None else ():
+        for k in spikes(getattr(record, name), jump[name])[:SHOWN]:
+            yield (
+                f"row {record.rows[k]}: `{name}` is {getattr(record, name)[k]:.4g} in this one sample only. Correct it,"
+                " or look for what disturbs."
+            )
+
+
+def spikes(x: Vector, least: float) -> list[int]:
+    """Single samples that are off both their neighbours by more than so much, if there are but a few."""
+    steps = np.diff(x)
+    found = np.flatnonzero((np.minimum(np.abs(steps[1:]), np.abs(steps[:-1])) > least) & (steps[1:] * steps[:-1] < 0.0))
+    return [int(k) + 1 for k in found] if found.size <= RARE else []
 
 
 def of_switching(record: Record, found: Facts) -> Iterator[str]:
@@ -98,8 +130,8 @@ def of_driver(found: Facts) -> Iterator[str]:
 def of_sampling(found: Facts) -> Iterator[str]:
     """Too few samples."""
     rise = min((p.rise for p in found.pulses), default=FEW)
-    if rise < FEW and not found.unready:
-        need = quantity(max(rise, 1) / FEW * found.dt, "s")
+    if 0 < rise < FEW and found.is_from_rest:
+        need = quantity(rise / FEW * found.dt, "s")
         yield (
             f"The current rises to half within {rise} samples: where an edge lies between two samples, and the motion,"
             f" are badly resolved. Sample every {need}, or in step with the drive."
@@ -117,13 +149,15 @@ def of_resistances(found: Facts, resistance: float | None) -> Iterator[str]:
                 f"The resistance changes by {100.0 * drift:.2g} % from the first operation to the last: as copper does"
                 f" in {drift / COPPER:.2g} K. Pause for longer, or record fewer operations."
             )
-    spread = float(np.ptp(R)) / abs(float(R.mean())) if R.size else 0.0
+    if not R.size or R.mean() <= 0.0:
+        return
+    spread = float(np.ptp(R) / R.mean())
     if spread > SPREAD:
         yield (
             f"The resistances of operations differ by {100.0 * spread:.2g} %: a voltage that is not the coil's, too few"
             " samples for PWM or a clamp, an offset, or operations that end before the current."
         )
-    off = float(R.mean()) / resistance - 1.0 if resistance and R.size else 0.0
+    off = float(R.mean()) / resistance - 1.0 if resistance else 0.0
     if resistance and abs(off) > OTHER:
         yield (
             f"The record's resistance is {quantity(float(R.mean()), 'Ohm')}, {100.0 * off:+.0f} %"

@@ -77,7 +77,11 @@ def operations(record: Record, found: Facts) -> Table:
             f"{1e3 * record.times[p.operation.stop]:.6g} ms",
             quantity(p.peak, "A"),
             quantity(p.resistance, "Ohm"),
-            *(("unknown",) * 2 if found.unready else (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))),
+            *(
+                ("unknown",) * 2
+                if not found.is_from_rest
+                else (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))
+            ),
             at(p.closing),
             at(p.opening),
         )
@@ -97,9 +101,10 @@ def scales(found: Facts) -> Table:
     rows = [("edge of the voltage", found.path.edge)]
     if found.path.carrier is not None:
         rows.append(("period of the PWM", found.path.carrier.samples))
-    if found.pulses and not found.unready:
+    if found.pulses and found.is_from_rest:
         rows.append(("current to half of its largest", float(min(p.rise for p in found.pulses))))
-        rows.append(("time constant L/R", float(min(p.constant for p in found.pulses)) / found.dt))
+        constants = [p.inductance / p.resistance for p in found.pulses if p.resistance > 0.0]
+        rows += [("time constant L/R", min(constants) / found.dt)] if constants else []
     for name, kinks in (("closing", [p.closing for p in found.pulses]), ("opening", [p.opening for p in found.pulses])):
         if lengths := [kink.samples for kink in kinks if kink]:
             rows.append((f"motion that is seen, {name}", float(min(lengths))))
