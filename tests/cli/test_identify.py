@@ -17,8 +17,8 @@ import pytest
 from gapsense.cosim import run
 from gapsense.files import read_columns
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.model import simulate
+from gapsense.studies.identification.valve.model import simulate
+from gapsense.studies.records.checks import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
 DT, REST, PERIODS, SAMPLES, ON = 50e-6, 10, 2, 320, 100

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gapsense.files import read_columns
-from gapsense.studies.identification.checks import read_record, reading
 from gapsense.studies.identification.coil.fit import identify
 from gapsense.studies.identification.transfer import read_values
+from gapsense.studies.records.checks import read_record, reading
 
 RECORDS = Path(__file__).parents[1] / "studies" / "records"
 TUBE, EMPTY = RECORDS / "tube-150-raw.csv", RECORDS / "empty-162-raw.csv"

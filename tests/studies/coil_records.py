@@ -6,8 +6,8 @@ import numpy as np
 
 from gapsense.studies.identification.coil.device import FAR, Parameters
 from gapsense.studies.identification.coil.problem import simulate
-from gapsense.studies.identification.record import Columns, Record, to_record
-from gapsense.studies.identification.rest import without_offsets
+from gapsense.studies.records.record import Columns, Record, to_record
+from gapsense.studies.records.rest import without_offsets
 
 DT, FINER = 20e-6, 4
 PLAIN = Parameters(DT, 2.0, 1.0 / 8e-3, 0.0, FAR, 0.0, 0.0, 1.0)

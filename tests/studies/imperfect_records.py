@@ -9,9 +9,9 @@ import numpy as np
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.records import flat
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.model import KERNEL, SEEN
-from gapsense.studies.identification.record import Columns, Record, to_record
-from gapsense.studies.identification.rest import without_offsets
+from gapsense.studies.identification.valve.model import KERNEL, SEEN
+from gapsense.studies.records.record import Columns, Record, to_record
+from gapsense.studies.records.rest import without_offsets
 
 PERIOD, ON = 16e-3, 5e-3  # s
 FINE = 8  # steps of the valve in a sample

@@ -12,7 +12,7 @@ import numpy as np
 from valve_records import DT, ON, PERIOD, REST
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.record import Columns, Record, to_record
+from gapsense.studies.records.record import Columns, Record, to_record
 
 FINE = 2.5e-6  # s
 MU_0 = 4e-7 * math.pi

@@ -12,7 +12,6 @@ from valve_records import record
 
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.checks import read_record
 from gapsense.studies.identification.choice import coil_of
 from gapsense.studies.identification.coil.evidence import effective
 from gapsense.studies.identification.coil.fit import identify
@@ -20,7 +19,8 @@ from gapsense.studies.identification.coil.forms import RICHEST
 from gapsense.studies.identification.coil.problem import Problem, currents, simulate
 from gapsense.studies.identification.coil.runs import hidden, run, scale
 from gapsense.studies.identification.coil.validation import validate
-from gapsense.studies.identification.conventions import CONVENTIONS
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.conventions import CONVENTIONS
 
 RECORDS = Path(__file__).parent / "records"
 CHANCE = 4.0  # standard errors

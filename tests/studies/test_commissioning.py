@@ -17,8 +17,8 @@ from gapsense.studies.commissioning import file, fit
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators import commissioned
 from gapsense.studies.estimators.parameters import CORE, blind, wrong
-from gapsense.studies.identification.record import Columns, to_record
 from gapsense.studies.identification.transfer import parameters_of, read_values
+from gapsense.studies.records.record import Columns, to_record
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"

@@ -9,9 +9,9 @@ from gapsense.fmi.components import components_folder
 from gapsense.studies.devices import VALVE
 from gapsense.studies.estimation import judge, run
 from gapsense.studies.estimation.run import run_estimator
-from gapsense.studies.identification.file import PORTS
-from gapsense.studies.identification.model import simulate
-from gapsense.studies.identification.record import Columns, to_record
+from gapsense.studies.identification.valve.file import PORTS
+from gapsense.studies.identification.valve.model import simulate
+from gapsense.studies.records.record import Columns, to_record
 
 DT, REST, PERIOD = 20e-6, 40, 1000
 GIVEN = {"gap.law": "linear", **{p.name: getattr(VALVE, p.field) for p in PORTS.values() if "gap" not in p.name}}

@@ -9,12 +9,12 @@ import pytest
 from valve_records import GUESS, record
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.errors import long_run, uncertainty
-from gapsense.studies.identification.fit import POOR, identify
-from gapsense.studies.identification.form import FITTED, Form
-from gapsense.studies.identification.many import currents
-from gapsense.studies.identification.minimise import Fit
-from gapsense.studies.identification.model import (
+from gapsense.studies.identification.valve.errors import long_run, uncertainty
+from gapsense.studies.identification.valve.fit import POOR, identify
+from gapsense.studies.identification.valve.form import FITTED, Form
+from gapsense.studies.identification.valve.many import currents
+from gapsense.studies.identification.valve.minimise import Fit
+from gapsense.studies.identification.valve.model import (
     balanced,
     cost,
     integrated,
@@ -24,8 +24,8 @@ from gapsense.studies.identification.model import (
     simulate,
     simulated,
 )
-from gapsense.studies.identification.search import search
-from gapsense.studies.identification.validation import validate
+from gapsense.studies.identification.valve.search import search
+from gapsense.studies.identification.valve.validation import validate
 
 
 def errors(result) -> np.ndarray:

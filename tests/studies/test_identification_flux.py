@@ -7,10 +7,10 @@ import pytest
 from valve_records import PERIOD, record
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.model import mean_resistance, prepare, simulate
-from gapsense.studies.identification.operations import edges, operations
-from gapsense.studies.identification.record import Columns, to_record
+from gapsense.studies.identification.valve.model import mean_resistance, prepare, simulate
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import edges, operations
+from gapsense.studies.records.record import Columns, to_record
 
 DT = 1e-4
 

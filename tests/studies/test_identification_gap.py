@@ -12,13 +12,13 @@ from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 from gapsense.studies.gap_law.laws import Law, reluctance, total
 from gapsense.studies.gap_law.motion import Samples, best, trials
-from gapsense.studies.identification.device import value
-from gapsense.studies.identification.fit import identify
-from gapsense.studies.identification.form import Form, shape
-from gapsense.studies.identification.forms import Sought
-from gapsense.studies.identification.gap import known, told
-from gapsense.studies.identification.many import responses
-from gapsense.studies.identification.model import prepare, simulated, weighted
+from gapsense.studies.identification.valve.device import value
+from gapsense.studies.identification.valve.fit import identify
+from gapsense.studies.identification.valve.form import Form, shape
+from gapsense.studies.identification.valve.forms import Sought
+from gapsense.studies.identification.valve.gap import known, told
+from gapsense.studies.identification.valve.many import responses
+from gapsense.studies.identification.valve.model import prepare, simulated, weighted
 
 TURNS, UPPER = 1200.0, 0.9e-3
 GRID = np.linspace(0.0, 1.1e-3, 56)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gapsense.problems import InputError
-from gapsense.studies.identification.reading import read_columns
-from gapsense.studies.identification.record import Reading
+from gapsense.studies.records.reading import read_columns
+from gapsense.studies.records.record import Reading
 
 ROWS = [f"{k},{12 if k > 3 else 0},{max(0, k - 4)}" for k in range(20)]
 HEAD = "time [ms],voltage [V],current [mA]"

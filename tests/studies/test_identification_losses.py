@@ -11,13 +11,13 @@ from valve_records import DT, GUESS, record
 
 from gapsense.actuators.solenoid_valve import GapLaw
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification import evidence, lossy_valve, model
-from gapsense.studies.identification.conventions import CONVENTIONS
-from gapsense.studies.identification.device import changed, value, valve, with_losses
-from gapsense.studies.identification.fit import identify
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.forms import Sought, plain
-from gapsense.studies.identification.many import currents
+from gapsense.studies.identification.valve import evidence, lossy_valve, model
+from gapsense.studies.identification.valve.device import changed, value, valve, with_losses
+from gapsense.studies.identification.valve.fit import identify
+from gapsense.studies.identification.valve.form import Form
+from gapsense.studies.identification.valve.forms import Sought, plain
+from gapsense.studies.identification.valve.many import currents
+from gapsense.studies.records.conventions import CONVENTIONS
 
 FRINGED = VALVE._replace(gap_law=GapLaw.fringing)
 CASES = {

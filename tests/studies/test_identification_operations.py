@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from valve_records import PERIOD, REST, columns, record, write
 
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.operations import operations, starts
-from gapsense.studies.identification.record import Columns, to_record
-from gapsense.studies.identification.rest import remaining
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import operations, starts
+from gapsense.studies.records.record import Columns, to_record
+from gapsense.studies.records.rest import remaining
 
 RECORDS = Path(__file__).parent / "records"
 L, R, DT = 20e-3, 10.0, 50e-6

@@ -11,10 +11,10 @@ from valve_records import columns, record, write
 
 from gapsense.cosim import run
 from gapsense.problems import InputError
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.operations import noise
-from gapsense.studies.identification.record import Reading
-from gapsense.studies.identification.rest import unipolar
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.operations import noise
+from gapsense.studies.records.record import Reading
+from gapsense.studies.records.rest import unipolar
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -7,14 +7,14 @@ import pytest
 from valve_records import DT, ON, PERIOD, record
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.conventions import CONVENTIONS
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.forms import EVERYTHING
-from gapsense.studies.identification.minimise import Fit
-from gapsense.studies.identification.model import prepare, simulate, simulated
-from gapsense.studies.identification.prepared import prepare as prepare_all
 from gapsense.studies.identification.residual import residual, verdict
-from gapsense.studies.identification.voltage import best_reading
+from gapsense.studies.identification.valve.form import Form
+from gapsense.studies.identification.valve.forms import EVERYTHING
+from gapsense.studies.identification.valve.minimise import Fit
+from gapsense.studies.identification.valve.model import prepare, simulate, simulated
+from gapsense.studies.identification.valve.prepared import prepare as prepare_all
+from gapsense.studies.identification.valve.voltage import best_reading
+from gapsense.studies.records.conventions import CONVENTIONS
 
 
 def left(measured, current):

@@ -8,11 +8,11 @@ from valve_records import record, write
 
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.operations import operations
 from gapsense.studies.identification.temperature import coefficient, given, impossible, notes, tables
-from gapsense.studies.identification.validation import validated
+from gapsense.studies.identification.valve.validation import validated
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import operations
 
 COPPER = 3.93e-3
 

@@ -7,12 +7,12 @@ import pytest
 import valve_records as records
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification import fit
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.operations import operations
-from gapsense.studies.identification.record import Columns, Record, to_record
-from gapsense.studies.identification.thin import LONG, MOST, averaged, shortened, thinned
+from gapsense.studies.identification.valve import fit
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import operations
+from gapsense.studies.records.record import Columns, Record, to_record
+from gapsense.studies.records.thin import LONG, MOST, averaged, shortened, thinned
 
 FINE = 1e-6
 

@@ -9,15 +9,15 @@ import pytest
 from valve_records import write
 
 from gapsense.report.plot import panels, suited
-from gapsense.studies.identification.checks import read_record
-from gapsense.studies.identification.record import to_record
-from gapsense.studies.identification.rest import without_offsets
 from gapsense.studies.inspection.checklist import checklist
 from gapsense.studies.inspection.facts import facts, levels
 from gapsense.studies.inspection.figure import curve
 from gapsense.studies.inspection.remarks import of_resistances, remarks
 from gapsense.studies.measuring.bench import Drive, Instruments, measured
 from gapsense.studies.measuring.examples import GOOD
+from gapsense.studies.records.checks import read_record
+from gapsense.studies.records.record import to_record
+from gapsense.studies.records.rest import without_offsets
 
 RECORDS = Path(__file__).parent / "records"
 

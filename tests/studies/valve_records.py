@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.model import simulate
-from gapsense.studies.identification.record import Columns, Record, to_record
+from gapsense.studies.identification.valve.model import simulate
+from gapsense.studies.records.record import Columns, Record, to_record
 
 DT = 50e-6
 ON, PERIOD, REST = 5e-3, 16e-3, 10  # s, s, samples before the first edge

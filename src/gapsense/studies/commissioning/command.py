@@ -27,8 +27,8 @@ def commission(
     """
     from gapsense.studies.commissioning import file, fit
     from gapsense.studies.commissioning.show import tables
-    from gapsense.studies.identification.checks import read_records, reading
     from gapsense.studies.identification.transfer import parameters_of, read_values
+    from gapsense.studies.records.checks import read_records, reading
 
     known, given = parameters_of("mhe", parameters), read_values([parameters])
     (record,) = read_records([data], reading(column, "trapezoid", separator, decimal, clipped), needs="rest")

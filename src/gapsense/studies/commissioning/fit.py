@@ -23,7 +23,7 @@ from gapsense.kernel import Kernel
 from gapsense.lanes import is_compiled, stepped
 from gapsense.records import flat
 from gapsense.studies.commissioning import device as simulated
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.record import Record, Vector
 from gapsense.workers import Progress
 
 DEVIATIONS = {  # of the logarithms: how wrong what is believed may be

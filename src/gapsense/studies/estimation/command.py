@@ -43,10 +43,10 @@ def estimate(
     from gapsense.report import plot
     from gapsense.studies.estimation import judge, run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
-    from gapsense.studies.identification.checks import read_records, reading
-    from gapsense.studies.identification.show import about
-    from gapsense.studies.identification.thin import thinned
     from gapsense.studies.identification.transfer import read_values, taken
+    from gapsense.studies.identification.valve.show import about
+    from gapsense.studies.records.checks import read_records, reading
+    from gapsense.studies.records.thin import thinned
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)

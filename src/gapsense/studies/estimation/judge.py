@@ -14,11 +14,11 @@ import numpy as np
 
 from gapsense.report.table import quantity
 from gapsense.studies.estimation.run import Estimate
-from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.flux import estimate as integral
-from gapsense.studies.identification.operations import operations
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import noise_of
+from gapsense.studies.records.flux import Flux
+from gapsense.studies.records.flux import estimate as integral
+from gapsense.studies.records.operations import operations
+from gapsense.studies.records.record import Record, Vector
 
 FAR = {
     "resistance": 0.1,

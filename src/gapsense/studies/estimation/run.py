@@ -12,8 +12,8 @@ from gapsense.files import write_atomically, write_columns
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
-from gapsense.studies.identification.record import UNITS, Record, Vector
 from gapsense.studies.identification.transfer import values_for
+from gapsense.studies.records.record import UNITS, Record, Vector
 from gapsense.tables import Value
 from gapsense.workers import Progress
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
-from gapsense.studies.identification.record import Record
+from gapsense.studies.records.record import Record
 
 QUANTITIES = {"position": "m", "flux_linkage": "Wb", "resistance": "Ohm", "inductance": "H"}  # of estimators
 COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")

@@ -19,7 +19,7 @@ from gapsense.studies.estimators.contenders import COMMISSIONED, MHE
 from gapsense.studies.estimators.core import SEED
 from gapsense.studies.estimators.parameters import DEVICES
 from gapsense.studies.estimators.scenario import set_file
-from gapsense.studies.identification.record import Columns, Record, to_record
+from gapsense.studies.records.record import Columns, Record, to_record
 
 ORIGIN = "python -m gapsense.studies.estimators.commissioned"
 

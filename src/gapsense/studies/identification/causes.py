@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.operations import SIGMAS, noise, true_runs
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.records.flux import trapezoid
+from gapsense.studies.records.operations import SIGMAS, noise, true_runs
+from gapsense.studies.records.record import Vector
 
 Matrix = npt.NDArray[np.float64]
 LEVEL = 0.01  # of the range of the current, by which its end is found

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.problems import InputError
-from gapsense.studies.identification import guess
 from gapsense.studies.identification.coil import fit
 from gapsense.studies.identification.coil.fit import Coil
-from gapsense.studies.identification.conventions import AUTO
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.valve import guess
+from gapsense.studies.records.conventions import AUTO
+from gapsense.studies.records.record import Record
 from gapsense.workers import Progress
 
 NEITHER = (

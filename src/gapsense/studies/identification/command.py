@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
-from gapsense.studies.identification.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.studies.records.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
-    from gapsense.studies.identification.file import Known
-    from gapsense.studies.identification.fit import Identified
-    from gapsense.studies.identification.gap import Gap
-    from gapsense.studies.identification.record import Record
+    from gapsense.studies.identification.valve.file import Known
+    from gapsense.studies.identification.valve.fit import Identified
+    from gapsense.studies.identification.valve.gap import Gap
+    from gapsense.studies.records.record import Record
 
 MODELS = (AUTO, "coil", "solenoid_valve")
 
@@ -62,10 +62,11 @@ def identify(
     the records do not identify.
     """
     from gapsense.report import plot
-    from gapsense.studies.identification import choice, file, fit, gap, temperature
-    from gapsense.studies.identification.checks import read_records, reading
+    from gapsense.studies.identification import choice, temperature
     from gapsense.studies.identification.options import sought
-    from gapsense.studies.identification.record import between
+    from gapsense.studies.identification.valve import file, fit, gap
+    from gapsense.studies.records.checks import read_records, reading
+    from gapsense.studies.records.record import between
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
@@ -100,9 +101,10 @@ def finish_valve(
 ) -> None:
     """Write and show a valve; ends the command."""
     from gapsense.report import plot
-    from gapsense.studies.identification import file, gap, temperature, validation
+    from gapsense.studies.identification import temperature
     from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.show import measured_and_identified, tables
+    from gapsense.studies.identification.valve import file, gap, validation
+    from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
@@ -129,7 +131,7 @@ def finish_coil(
     from gapsense.report import plot
     from gapsense.studies.identification.coil import file, validation
     from gapsense.studies.identification.coil import show as shown
-    from gapsense.studies.identification.record import between
+    from gapsense.studies.records.record import between
 
     kept = [between(record, result.convention) if result.convention else record for record in kept]
     checks = [validation.validate(result, record) for record in kept]

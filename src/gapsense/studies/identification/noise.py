@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gapsense.studies.identification.operations import hidden, noise, resolution, starts
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import REST, noise_of
+from gapsense.studies.records.operations import hidden, noise, resolution, starts
+from gapsense.studies.records.record import Record, Vector
 
 LEAST = 1e-3  # of the largest value: with less, an estimator takes what its model leaves for a fault
 COARSEST = 0.02  # step of a converter relative to the range; what is coarser are levels of the drive

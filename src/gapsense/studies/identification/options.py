@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gapsense.studies.identification.conventions import AUTO, FORMS, PLAIN
-from gapsense.studies.identification.file import PORTS, Known
-from gapsense.studies.identification.form import FITTED
-from gapsense.studies.identification.forms import LOSSES, SCALES, Sought
+from gapsense.studies.identification.valve.file import PORTS, Known
+from gapsense.studies.identification.valve.form import FITTED
+from gapsense.studies.identification.valve.forms import LOSSES, SCALES, Sought
+from gapsense.studies.records.conventions import AUTO, FORMS, PLAIN
 
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
 

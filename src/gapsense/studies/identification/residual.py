@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.model import JUMP, Trajectory
-from gapsense.studies.identification.operations import coarse, hidden, noise
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.valve.model import JUMP, Trajectory
+from gapsense.studies.records.operations import coarse, hidden, noise
+from gapsense.studies.records.record import Record, Vector
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4

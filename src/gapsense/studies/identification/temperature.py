@@ -14,9 +14,9 @@ import numpy as np
 from rich.table import Table
 
 from gapsense.report.table import quantity, table
-from gapsense.studies.identification.flux import Flux, trapezoid
-from gapsense.studies.identification.operations import hidden, noise
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.flux import Flux, trapezoid
+from gapsense.studies.records.operations import hidden, noise
+from gapsense.studies.records.record import Record, Vector
 
 REFERENCE = 20.0  # degC
 LEAST = 10.0  # K between the coldest and the hottest record

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.report.table import quantity
-from gapsense.studies.identification.rest import FEWEST
 from gapsense.studies.inspection.facts import Facts
 from gapsense.studies.inspection.kinks import Kink
+from gapsense.studies.records.rest import FEWEST
 
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise

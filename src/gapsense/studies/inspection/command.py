@@ -27,11 +27,11 @@ def inspect(
 ) -> None:
     """Tell what a record of voltage and current can give, before anything is fitted to it."""
     from gapsense.report import plot
-    from gapsense.studies.identification.checks import read_records, reading
-    from gapsense.studies.identification.show import about
+    from gapsense.studies.identification.valve.show import about
     from gapsense.studies.inspection.facts import facts
     from gapsense.studies.inspection.figure import figure_of
     from gapsense.studies.inspection.show import tables
+    from gapsense.studies.records.checks import read_records, reading
 
     if figure is not None:
         plot.check_file(figure)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.operations import Operation, Places, noise
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.operations import Operation, Places, noise
+from gapsense.studies.records.record import Record, Vector
 
 SWITCHED = 0.1  # of the range of the voltage, that it rises at once where it is switched
 OFTEN = 5  # times that the voltage rises in an operation that is switched

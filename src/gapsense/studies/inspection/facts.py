@@ -7,9 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.checks import begins_at_rest, operation_problems, rest_problems
-from gapsense.studies.identification.flux import coil, estimate
-from gapsense.studies.identification.operations import (
+from gapsense.studies.inspection.drive import Carrier, Path, path
+from gapsense.studies.inspection.kinks import Kink, closing, opening
+from gapsense.studies.inspection.lag import Lag, lag
+from gapsense.studies.records.checks import begins_at_rest, operation_problems, rest_problems
+from gapsense.studies.records.flux import coil, estimate
+from gapsense.studies.records.operations import (
     Operation,
     activities,
     at_rest,
@@ -18,12 +21,9 @@ from gapsense.studies.identification.operations import (
     operations,
     resolution,
 )
-from gapsense.studies.identification.record import Columns, Offset, Record, Vector
-from gapsense.studies.identification.rest import FEWEST, offset
-from gapsense.studies.identification.samples import clipping
-from gapsense.studies.inspection.drive import Carrier, Path, path
-from gapsense.studies.inspection.kinks import Kink, closing, opening
-from gapsense.studies.inspection.lag import Lag, lag
+from gapsense.studies.records.record import Columns, Offset, Record, Vector
+from gapsense.studies.records.rest import FEWEST, offset
+from gapsense.studies.records.samples import clipping
 
 LEVEL = 0.08  # width of a level of the voltage, relative to its range
 SHARE = 0.02  # part of the samples that make a level

@@ -11,9 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gapsense.report.plot import FAINT, FIRST, GRID, SECOND, THIRD, TRUE, panels, suited
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.inspection.facts import Facts
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.record import Record, Vector
 
 POINTS = 2000  # of a curve; more are drawn as the span of each of its parts
 BEFORE, AFTER = 0.05, 0.02  # of the length of an operation, that are shown beside it

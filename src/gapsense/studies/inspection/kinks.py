@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.operations import Operation, noise
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.inspection.drive import Carrier
+from gapsense.studies.records.operations import Operation, noise
+from gapsense.studies.records.record import Record, Vector
 
 STEADY = 0.05  # of the largest voltage: a voltage that changes less is held
 SIGMAS = 6.0  # times the noise of what is compared

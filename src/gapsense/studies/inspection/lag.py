@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.operations import Operation, noise
-from gapsense.studies.identification.record import Record
+from gapsense.studies.records.operations import Operation, noise
+from gapsense.studies.records.record import Record
 
 LOWEST, HIGHEST = 0.02, 0.5  # of the largest current, between which its beginning is extrapolated
 FEWEST = 5  # samples of it

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from gapsense.report.table import quantity
-from gapsense.studies.identification.record import SHOWN, Record, Vector
 from gapsense.studies.inspection.facts import WHITE, Facts, Signal
+from gapsense.studies.records.record import SHOWN, Record, Vector
 
 FEW = 20  # samples in the rise of the current below which the place of an edge between two samples counts
 COARSE = 200.0  # steps of the converter in the largest value, below which it is coarse

@@ -5,11 +5,11 @@ from __future__ import annotations
 from rich.table import Table
 
 from gapsense.report.table import quantity, table
-from gapsense.studies.identification.record import Record
 from gapsense.studies.inspection.checklist import checklist
 from gapsense.studies.inspection.facts import Facts
 from gapsense.studies.inspection.kinks import Kink
 from gapsense.studies.inspection.remarks import remarks
+from gapsense.studies.records.record import Record
 
 UNITS = {"voltage": "V", "current": "A"}
 MOST = 10  # operations that are listed

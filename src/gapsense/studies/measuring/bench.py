@@ -10,7 +10,7 @@ from gapsense.actuators import solenoid_valve
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.record import Columns, Vector
+from gapsense.studies.records.record import Columns, Vector
 
 FINE = 5e-6  # s; step of the device, and where edges may lie
 ENDED = 1e-5  # A; a clamp holds no smaller current

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification import fit
-from gapsense.studies.identification.conventions import CONVENTIONS
-from gapsense.studies.identification.record import Record, to_record
-from gapsense.studies.identification.rest import without_offsets
+from gapsense.studies.identification.valve import fit
 from gapsense.studies.measuring.bench import Drive, Instruments, measured
+from gapsense.studies.records.conventions import CONVENTIONS
+from gapsense.studies.records.record import Record, to_record
+from gapsense.studies.records.rest import without_offsets
 from gapsense.workers import Progress
 
 GOOD = Drive(rest=2.513e-3, period=16.0137e-3), Instruments(period=20e-6)  # edges anywhere between two samples

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gapsense.studies.identification.coil.problem import Minimum
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.records.record import Vector
 
 DIGITS, PERCENT = 1, 2  # of the criterion, and of what is left, that count; where both are the same the first is taken
 

@@ -12,10 +12,10 @@ from gapsense.studies.identification.coil.device import Parameters
 from gapsense.studies.identification.coil.forms import FORMS, RICHEST, Form
 from gapsense.studies.identification.coil.problem import Matrix, Minimum, Problem, minimum, simulate
 from gapsense.studies.identification.coil.runs import driving, run, scale
-from gapsense.studies.identification.errors import long_run
-from gapsense.studies.identification.model import Trajectory
-from gapsense.studies.identification.record import Record, between
 from gapsense.studies.identification.residual import Residual, residual
+from gapsense.studies.identification.valve.errors import long_run
+from gapsense.studies.identification.valve.model import Trajectory
+from gapsense.studies.records.record import Record, between
 from gapsense.workers import Progress
 
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good

@@ -16,7 +16,7 @@ from gapsense.studies.identification.coil import device
 from gapsense.studies.identification.coil.device import Outputs, Parameters
 from gapsense.studies.identification.coil.forms import Form, Scale, ranges, without_parts
 from gapsense.studies.identification.coil.runs import Run
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.records.record import Vector
 
 KERNEL = Kernel(device)
 STEP, LONGEST = 1e-5, 60  # of a difference quotient; Jacobians

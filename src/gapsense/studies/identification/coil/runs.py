@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.studies.identification.coil.forms import Scale
-from gapsense.studies.identification.flux import coil, estimate
-from gapsense.studies.identification.operations import noise, operations, resolution
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import FLOOR, REST, noise_of
+from gapsense.studies.records.flux import coil, estimate
+from gapsense.studies.records.operations import noise, operations, resolution
+from gapsense.studies.records.record import Record, Vector
 
 OWN = 0.3 * FLOOR  # of the largest current: what the sampling leaves of a record without noise
 COARSEST = 0.05  # half a step of a converter, of the largest value: more are the levels of a voltage that is commanded

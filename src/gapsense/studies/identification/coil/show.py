@@ -13,13 +13,13 @@ from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suite
 from gapsense.report.table import quantity, table
 from gapsense.studies.identification.coil.file import PORTS, values
 from gapsense.studies.identification.coil.fit import POOR, Coil
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.model import Trajectory
-from gapsense.studies.identification.operations import operations
-from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.residual import verdict
-from gapsense.studies.identification.show import TWO_SIDED, about, validation
-from gapsense.studies.identification.validation import Validation
+from gapsense.studies.identification.valve.model import Trajectory
+from gapsense.studies.identification.valve.show import TWO_SIDED, about, validation
+from gapsense.studies.identification.valve.validation import Validation
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import operations
+from gapsense.studies.records.record import Record
 
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
 SMALL = 0.01  # difference of resistances that a warm coil need not explain

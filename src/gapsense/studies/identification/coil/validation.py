@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gapsense.studies.identification.coil.fit import Coil, trajectory
-from gapsense.studies.identification.operations import starts
-from gapsense.studies.identification.record import Record
-from gapsense.studies.identification.validation import Validation
+from gapsense.studies.identification.valve.validation import Validation
+from gapsense.studies.records.operations import starts
+from gapsense.studies.records.record import Record
 
 
 def validate(result: Coil, record: Record) -> Validation:

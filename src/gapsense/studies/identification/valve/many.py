@@ -12,9 +12,9 @@ from gapsense.kernel import Kernel
 from gapsense.lanes import Array, Plan, over_runs, plan
 from gapsense.lanes.kernels import columns_of
 from gapsense.records import flat
-from gapsense.studies.identification.device import Device, kernel_of
-from gapsense.studies.identification.model import Experiment, Response, jumps, simulated
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.valve.device import Device, kernel_of
+from gapsense.studies.identification.valve.model import Experiment, Response, jumps, simulated
+from gapsense.studies.records.record import Vector
 
 RESISTANCE = "coil_resistance"  # the first parameter; it differs from interval to interval, not from run to run
 

@@ -11,13 +11,13 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
-from gapsense.studies.identification.file import PORTS, found
-from gapsense.studies.identification.fit import Identified
-from gapsense.studies.identification.form import BOUND, FACTOR
-from gapsense.studies.identification.model import Trajectory
-from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.residual import verdict
-from gapsense.studies.identification.validation import Validation
+from gapsense.studies.identification.valve.file import PORTS, found
+from gapsense.studies.identification.valve.fit import Identified
+from gapsense.studies.identification.valve.form import BOUND, FACTOR
+from gapsense.studies.identification.valve.model import Trajectory
+from gapsense.studies.identification.valve.validation import Validation
+from gapsense.studies.records.record import Record
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.operations import noise, resolution, true_runs
-from gapsense.studies.identification.record import SHOWN, Columns, Vector
+from gapsense.studies.records.operations import noise, resolution, true_runs
+from gapsense.studies.records.record import SHOWN, Columns, Vector
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative

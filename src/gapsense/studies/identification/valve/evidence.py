@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.form import FACTOR, FITTED, Form
-from gapsense.studies.identification.forms import Sought, larger
-from gapsense.studies.identification.many import currents
-from gapsense.studies.identification.minimise import Fit
-from gapsense.studies.identification.prepared import First
-from gapsense.studies.identification.record import Vector
 from gapsense.studies.identification.residual import is_small
+from gapsense.studies.identification.valve.form import FACTOR, FITTED, Form
+from gapsense.studies.identification.valve.forms import Sought, larger
+from gapsense.studies.identification.valve.many import currents
+from gapsense.studies.identification.valve.minimise import Fit
+from gapsense.studies.identification.valve.prepared import First
+from gapsense.studies.records.record import Vector
 
 ENOUGH = 6.0  # evidence from which a form is taken: "strong" by Kass and Raftery (1995)
 

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.records import flat
-from gapsense.studies.identification.device import Device, kernel_of, seen
-from gapsense.studies.identification.flux import Flux, estimate, trapezoid
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.operations import Operation, hidden, noise, operations
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.identification.valve.device import Device, kernel_of, seen
+from gapsense.studies.identification.valve.form import Form
+from gapsense.studies.records.flux import Flux, estimate, trapezoid
+from gapsense.studies.records.operations import Operation, hidden, noise, operations
+from gapsense.studies.records.record import Record, Vector
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise

@@ -23,17 +23,17 @@ from gapsense.studies.gap_law.eddy import remarks
 from gapsense.studies.gap_law.file import fields
 from gapsense.studies.gap_law.laws import Law, Vector, rows
 from gapsense.studies.gap_law.table import read_inductances
-from gapsense.studies.identification.device import value
-from gapsense.studies.identification.file import Known
-from gapsense.studies.identification.fit import Identified
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.form import shape
-from gapsense.studies.identification.forms import Sought
-from gapsense.studies.identification.model import Trajectory
-from gapsense.studies.identification.operations import hidden, noise, operations
-from gapsense.studies.identification.record import Record, between
 from gapsense.studies.identification.residual import EXPLAINED
 from gapsense.studies.identification.transfer import TABLE_UNITS
+from gapsense.studies.identification.valve.device import value
+from gapsense.studies.identification.valve.file import Known
+from gapsense.studies.identification.valve.fit import Identified
+from gapsense.studies.identification.valve.form import shape
+from gapsense.studies.identification.valve.forms import Sought
+from gapsense.studies.identification.valve.model import Trajectory
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import hidden, noise, operations
+from gapsense.studies.records.record import Record, between
 
 EXACT = 1e-3  # of the stroke: a position is no better, whatever its noise
 MOVES = 0.05  # of the stroke, that a position has to change

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from gapsense.actuators import solenoid_valve
 from gapsense.kernel import Kernel
-from gapsense.studies.identification import lossy_valve
+from gapsense.studies.identification.valve import lossy_valve
 
 Device: TypeAlias = "solenoid_valve.Parameters | lossy_valve.Parameters"
 KERNELS = {module.Parameters: Kernel(module) for module in (solenoid_valve, lossy_valve)}

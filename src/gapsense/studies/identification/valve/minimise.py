@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from gapsense.studies.identification import model
 from gapsense.studies.identification.causes import Matrix
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.many import responses
-from gapsense.studies.identification.model import Experiment, cost
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.form import Form
+from gapsense.studies.identification.valve.many import responses
+from gapsense.studies.identification.valve.model import Experiment, cost
+from gapsense.studies.records.record import Vector
 from gapsense.workers import Progress
 
 SPREAD = 1.5  # random starts lie within this factor of the first one

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.operations import Operation
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.operations import Operation
+from gapsense.studies.records.record import Record, Vector
 
 
 class Flux(NamedTuple):

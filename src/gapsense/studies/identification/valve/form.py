@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gapsense.studies.gap_law.laws import Law, rows
-from gapsense.studies.identification.device import Device, changed, value
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.valve.device import Device, changed, value
+from gapsense.studies.records.record import Vector
 
 FITTED = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
 BOUND = 5.0  # the result lies within this factor of the first guess

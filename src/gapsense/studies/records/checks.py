@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.problems import InputError
-from gapsense.studies.identification.conventions import AUTO, CONVENTIONS
-from gapsense.studies.identification.flux import estimate
-from gapsense.studies.identification.operations import SIGMAS, SMALL, Operation, noise, operations, starts
-from gapsense.studies.identification.reading import read_columns
-from gapsense.studies.identification.record import SHOWN, Columns, Reading, Record, to_record
-from gapsense.studies.identification.rest import unipolar, upright, without_offsets
-from gapsense.studies.identification.samples import clipping, evened, time_problems
-from gapsense.studies.identification.thin import shortened, thinned
+from gapsense.studies.records.conventions import AUTO, CONVENTIONS
+from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.operations import SIGMAS, SMALL, Operation, noise, operations, starts
+from gapsense.studies.records.reading import read_columns
+from gapsense.studies.records.record import SHOWN, Columns, Reading, Record, to_record
+from gapsense.studies.records.rest import unipolar, upright, without_offsets
+from gapsense.studies.records.samples import clipping, evened, time_problems
+from gapsense.studies.records.thin import shortened, thinned
 
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 

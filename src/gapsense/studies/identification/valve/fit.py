@@ -13,20 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification import model
-from gapsense.studies.identification.device import Device, changed, value
-from gapsense.studies.identification.errors import Uncertainty, doubts, uncertainty
-from gapsense.studies.identification.evidence import Trial, chosen
-from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.form import FACTOR, GUESSED, SHAPE, Form
-from gapsense.studies.identification.forms import EVERYTHING, Sought, plain
-from gapsense.studies.identification.minimise import Fit, Start
-from gapsense.studies.identification.model import Experiment, Trajectory, cost
-from gapsense.studies.identification.prepared import Prepared, prepare
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import Residual, residual
-from gapsense.studies.identification.search import search
-from gapsense.studies.identification.voltage import best_reading
+from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.device import Device, changed, value
+from gapsense.studies.identification.valve.errors import Uncertainty, doubts, uncertainty
+from gapsense.studies.identification.valve.evidence import Trial, chosen
+from gapsense.studies.identification.valve.form import FACTOR, GUESSED, SHAPE, Form
+from gapsense.studies.identification.valve.forms import EVERYTHING, Sought, plain
+from gapsense.studies.identification.valve.minimise import Fit, Start
+from gapsense.studies.identification.valve.model import Experiment, Trajectory, cost
+from gapsense.studies.identification.valve.prepared import Prepared, prepare
+from gapsense.studies.identification.valve.search import search
+from gapsense.studies.identification.valve.voltage import best_reading
+from gapsense.studies.records.flux import Flux
+from gapsense.studies.records.record import Record, Vector
 from gapsense.workers import Progress
 
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable

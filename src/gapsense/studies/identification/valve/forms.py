@@ -8,9 +8,9 @@ from typing import NamedTuple
 from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw
 from gapsense.studies.gap_law.laws import Law
-from gapsense.studies.identification.conventions import FORMS
-from gapsense.studies.identification.device import Device, changed, value, with_losses
-from gapsense.studies.identification.form import FITTED, Form
+from gapsense.studies.identification.valve.device import Device, changed, value, with_losses
+from gapsense.studies.identification.valve.form import FITTED, Form
+from gapsense.studies.records.conventions import FORMS
 
 EDDY = 0.01  # R g_e of a first guess
 HYSTERESIS = 0.05  # I_h of it, in currents lambda_sat R_iron0 / N^2

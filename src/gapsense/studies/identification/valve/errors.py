@@ -15,18 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification import misfit, model
 from gapsense.studies.identification.causes import CAUSES, Matrix
-from gapsense.studies.identification.device import Device
-from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import FACTOR, SHAPE, Form
-from gapsense.studies.identification.many import responses
-from gapsense.studies.identification.misfit import Share
-from gapsense.studies.identification.model import Experiment, Response
-from gapsense.studies.identification.operations import Operation
-from gapsense.studies.identification.record import Record, Vector
 from gapsense.studies.identification.residual import Residual
-from gapsense.studies.identification.rest import remaining
+from gapsense.studies.identification.valve import misfit, model
+from gapsense.studies.identification.valve.device import Device
+from gapsense.studies.identification.valve.form import FACTOR, SHAPE, Form
+from gapsense.studies.identification.valve.many import responses
+from gapsense.studies.identification.valve.misfit import Share
+from gapsense.studies.identification.valve.model import Experiment, Response
+from gapsense.studies.records.flux import trapezoid
+from gapsense.studies.records.operations import Operation
+from gapsense.studies.records.record import Record, Vector
+from gapsense.studies.records.rest import remaining
 
 STEP = 1e-5  # relative change of a parameter for a difference quotient
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapsense.studies.identification.operations import at_rest, hidden, noise, resolution
-from gapsense.studies.identification.record import Offset, Record, Vector
+from gapsense.studies.records.operations import at_rest, hidden, noise, resolution
+from gapsense.studies.records.record import Offset, Record, Vector
 
 MOST = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gapsense.studies.identification import model
-from gapsense.studies.identification.flux import Flux
-from gapsense.studies.identification.model import Experiment
-from gapsense.studies.identification.record import Record, between
+from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.model import Experiment
+from gapsense.studies.records.flux import Flux
+from gapsense.studies.records.record import Record, between
 
 
 class First(NamedTuple):

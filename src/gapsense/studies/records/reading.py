@@ -16,9 +16,9 @@ import numpy as np
 from gapsense.cosim.record import read_result
 from gapsense.fmi.tables import HEADER
 from gapsense.problems import listing, suggest
-from gapsense.studies.identification.heads import Line, from_heads, other_separator
-from gapsense.studies.identification.of_result import columns_of
-from gapsense.studies.identification.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
+from gapsense.studies.records.heads import Line, from_heads, other_separator
+from gapsense.studies.records.of_result import columns_of
+from gapsense.studies.records.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
 from gapsense.units import factor
 
 DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.record import Result
 from gapsense.problems import listing, suggest
-from gapsense.studies.identification.record import NEEDED, Columns, Vector
+from gapsense.studies.records.record import NEEDED, Columns, Vector
 
 # Where a result has its signals, best first.  The mean over the step knows an edge inside it, the value does not.
 SIGNALS = {

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.device import Device, changed, value
-from gapsense.studies.identification.model import Trajectory, simulate
-from gapsense.studies.identification.operations import starts
-from gapsense.studies.identification.record import Record
 from gapsense.studies.identification.temperature import Coefficient
+from gapsense.studies.identification.valve.device import Device, changed, value
+from gapsense.studies.identification.valve.model import Trajectory, simulate
+from gapsense.studies.records.operations import starts
+from gapsense.studies.records.record import Record
 
 
 class Validation(NamedTuple):

@@ -18,12 +18,12 @@ from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.fmi.values import ValuesError, fields
 from gapsense.problems import InputError
-from gapsense.studies.identification import lossy_valve
-from gapsense.studies.identification.device import value
-from gapsense.studies.identification.fit import Identified
-from gapsense.studies.identification.form import TABLE
-from gapsense.studies.identification.forms import LOSSES
 from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, parameters_of, read_values
+from gapsense.studies.identification.valve import lossy_valve
+from gapsense.studies.identification.valve.device import value
+from gapsense.studies.identification.valve.fit import Identified
+from gapsense.studies.identification.valve.form import TABLE
+from gapsense.studies.identification.valve.forms import LOSSES
 from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gapsense.studies.identification.evidence import Trial, is_quiet, larger_trial, trial
-from gapsense.studies.identification.forms import Sought, larger
-from gapsense.studies.identification.minimise import Fit
-from gapsense.studies.identification.prepared import First
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.valve.evidence import Trial, is_quiet, larger_trial, trial
+from gapsense.studies.identification.valve.forms import Sought, larger
+from gapsense.studies.identification.valve.minimise import Fit
+from gapsense.studies.identification.valve.prepared import First
+from gapsense.studies.records.record import Vector
 
 
 def best_reading(fit: Fit, ratios: Vector, readings: Sequence[list[First]], sought: Sought) -> tuple[int, Vector]:

@@ -14,11 +14,17 @@ import numpy as np
 from scipy.signal import lfilter
 
 from gapsense.studies.identification.causes import CAUSES, Matrix, Signals, changed
-from gapsense.studies.identification.flux import trapezoid
-from gapsense.studies.identification.form import Form
-from gapsense.studies.identification.many import responses
-from gapsense.studies.identification.model import Experiment, mean_resistance, pooled_resistance, weighted, with_factors
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.identification.valve.form import Form
+from gapsense.studies.identification.valve.many import responses
+from gapsense.studies.identification.valve.model import (
+    Experiment,
+    mean_resistance,
+    pooled_resistance,
+    weighted,
+    with_factors,
+)
+from gapsense.studies.records.flux import trapezoid
+from gapsense.studies.records.record import Vector
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapsense.studies.identification.operations import activities, operations
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.operations import activities, operations
+from gapsense.studies.records.record import Record, Vector
 
 LONG = 20_000  # samples; shorter records stay as they are
 RISE = 50  # samples in which the current rises to half of its peak: more add no information

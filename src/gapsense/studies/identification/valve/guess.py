@@ -9,10 +9,10 @@ import numpy as np
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
-from gapsense.studies.identification.flux import coil
-from gapsense.studies.identification.model import simulate
-from gapsense.studies.identification.operations import operations
-from gapsense.studies.identification.record import Record
+from gapsense.studies.identification.valve.model import simulate
+from gapsense.studies.records.flux import coil
+from gapsense.studies.records.operations import operations
+from gapsense.studies.records.record import Record
 
 FARTHEST = 10.0  # ratio of the inductances; the search stays within a factor of 5 of each parameter
 PROBE = 1e-6  # voltage [V] and time [s] that bring hardly any flux

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.record import Vector
+from gapsense.studies.records.record import Vector
 
 Matrix = npt.NDArray[np.float64]
 EXPANSION, CONTRACTION = 2.0, 0.5

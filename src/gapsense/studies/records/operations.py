@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.record import Record, Vector
+from gapsense.studies.records.record import Record, Vector
 
 Places = npt.NDArray[np.int_]
 
