@@ -13,6 +13,7 @@ from gapsense.studies.records.operations import SIGMAS, noise, true_runs
 from gapsense.studies.records.record import Vector
 
 Matrix = npt.NDArray[np.float64]
+ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
 LEVEL = 0.01  # of the range of the current, by which its end is found
 LONGEST = 50  # samples over which the noise of a current that ends is averaged
 
@@ -34,12 +35,13 @@ class Cause(NamedTuple):
     scale: Callable[[Signals], float]  # what is large
     change: Callable[[Signals, float], Signals]  # the signals of the model, if the cause has this value
     sentence: str  # what it is, before its value
+    is_positive: bool = False  # as resistances are
 
 
 def changed(s: Signals, values: Mapping[str, float]) -> Signals:
     """The signals that the model is to explain, if the causes have these values."""
     for name, value in values.items():
-        s = CAUSES[name].change(s, value)
+        s = {**CAUSES, **GAINS}[name].change(s, value)
     return s
 
 
@@ -75,9 +77,19 @@ def eddy(s: Signals, value: float) -> Signals:
     return s._replace(current=s.current - value * (s.halves.mean(axis=1) - s.resistance * trapezoid(s.current)))
 
 
+def less_current(s: Signals, value: float) -> Signals:
+    """The current is smaller by this part."""
+    return s._replace(current=s.current * (1.0 - value))
+
+
+def less_voltage(s: Signals, value: float) -> Signals:
+    """The voltage is smaller by this part."""
+    return s._replace(halves=s.halves * (1.0 - value))
+
+
 def is_on(s: Signals) -> npt.NDArray[np.bool_]:
     """Whether the voltage is on, in each half."""
-    return np.asarray(s.halves > 0.5 * s.halves.max())
+    return np.asarray(s.halves > ON * s.halves.max())
 
 
 def falls(s: Signals) -> Matrix:
@@ -86,7 +98,8 @@ def falls(s: Signals) -> Matrix:
     Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise.
     """
     level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
-    length = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 1.0, LONGEST)) if level else 1
+    half = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 0.0, LONGEST)) // 2 if level else 0
+    length = 2 * half + 1  # odd, or what is smooth would be early
     smooth = np.convolve(i, np.full(length, 1.0 / length), mode="same")
     edges = 0.5 * np.arange(on.size) - 1.0  # where the halves begin, in samples
     part = np.zeros(on.size)
@@ -111,11 +124,23 @@ def _amperes(s: Signals) -> float:
     return float(np.abs(s.current).max())
 
 
+def _ohms(s: Signals) -> float:
+    return s.resistance
+
+
+def _one(s: Signals) -> float:
+    return 1.0
+
+
 CAUSES: Mapping[str, Cause] = {
     "delay": Cause("s", 1e-2, lambda s: s.dt, delayed, "a current that is late, beside the voltage, by"),
     "offset": Cause("A", 1e-4, _amperes, offset, "an offset of the current of"),
     "shift": Cause("V", 1e-4, _volts, shifted, "an offset of the voltage of"),
-    "series": Cause("Ohm", 1e-4, lambda s: s.resistance, series, "a resistance in series while the voltage is on, of"),
-    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of"),
-    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with"),
+    "series": Cause("Ohm", 1e-4, _ohms, series, "a resistance in series while the voltage is on, of", True),
+    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of", True),
+    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", True),
+}
+GAINS = {  # scales of the instruments: other values of the parameters explain the same, so that no residual tells them
+    "current": Cause("1", 1e-4, _one, less_current, "a current that is too large by"),
+    "voltage": Cause("1", 1e-4, _one, less_voltage, "a voltage that is too large by"),
 }
