@@ -9,10 +9,11 @@ import numpy as np
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.records import flat
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.valve.model import KERNEL, SEEN
+from gapsense.studies.identification.valve.device import KERNELS, seen
 from gapsense.studies.records.record import Columns, Record, to_record
 from gapsense.studies.records.rest import without_offsets
 
+KERNEL = KERNELS[Parameters]
 PERIOD, ON = 16e-3, 5e-3  # s
 FINE = 8  # steps of the valve in a sample
 NOISE = {"voltage": 15e-3, "current": 1e-3}  # V, A
@@ -80,7 +81,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
         v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))
-        i = (c.eddy * v + SEEN(outputs)[0]) / shared
+        i = (c.eddy * v + seen(KERNEL)(outputs)[0]) / shared
         rows.append((wanted if c.duty < 1.0 and on else v, i))
     voltage, current = np.array(rows).T
     return voltage, current

@@ -10,7 +10,7 @@ current, and the variance of that sum follows from their autocovariance, tapered
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,34 +18,24 @@ import numpy.typing as npt
 from gapsense.studies.identification.causes import CAUSES, Matrix
 from gapsense.studies.identification.residual import Residual
 from gapsense.studies.identification.valve import misfit, model
-from gapsense.studies.identification.valve.device import Device
 from gapsense.studies.identification.valve.form import FACTOR, SHAPE, Form
+from gapsense.studies.identification.valve.influence import Influence, influences
+from gapsense.studies.identification.valve.linear import linear, scales
 from gapsense.studies.identification.valve.many import responses
 from gapsense.studies.identification.valve.misfit import Share
 from gapsense.studies.identification.valve.model import Experiment, Response
-from gapsense.studies.records.flux import trapezoid
-from gapsense.studies.records.operations import Operation
 from gapsense.studies.records.record import Record, Vector
 from gapsense.studies.records.rest import remaining
 
-STEP = 1e-5  # relative change of a parameter for a difference quotient
-NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
-
 
 class Uncertainty(NamedTuple):
-    """Of the fitted parameters, then of the resistance."""
+    """Of the fitted parameters, then of the resistance, then of the causes that are fitted."""
 
-    relative: Vector  # standard errors, relative to the values; infinite for a parameter without effect
-    correlation: Matrix  # of the errors
+    relative: Vector  # standard errors of parameters and resistance; infinite for a parameter without effect
+    correlation: Matrix  # of the errors of them all
     shape: Mapping[str, float]  # relative standard errors of the numbers of a gap law, see `Form`
-    shares: Mapping[str, Share]  # what each of the causes of `causes` has of the residual
-
-
-class Influence(NamedTuple):
-    """What each residual of an experiment does to each of some numbers."""
-
-    current: Matrix  # (numbers, samples)
-    position: Matrix | None  # likewise, where it is fitted
+    causes: Mapping[str, float]  # standard errors of fitted causes
+    shares: Mapping[str, Share]  # what each of the other causes has of the residual
 
 
 class Doubts(NamedTuple):
@@ -56,29 +46,51 @@ class Doubts(NamedTuple):
 
 
 def uncertainty(
-    form: Form, ratios: Vector, experiments: Sequence[Experiment], doubts: Doubts | None = None
+    form: Form,
+    ratios: Vector,
+    experiments: Sequence[Experiment],
+    doubts: Doubts | None = None,
+    fitted: Sequence[str] = (),
 ) -> Uncertainty:
-    """Standard errors at the minimum `ratios` of the cost."""
-    n, J, by = ratios.size, jacobian(form, ratios, experiments), misfit.slopes(form, ratios, experiments)
-    A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
-    left = by.residuals - J @ (A @ by.residuals)  # of the causes, by the parameters
-    rows = left.T / np.maximum((left**2).sum(axis=0), 1e-300)[:, None]
-    weights = _all_weights(form, ratios, experiments, np.vstack([A, rows]))
+    """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments."""
+    others, sizes = [c for c in CAUSES if c not in (*fitted, *known_to(form))], scales(experiments)
+    at, k = linear(form, ratios, experiments, fitted, others), ratios.size
+    weights = influences(form, ratios, experiments, at)
     models = [responses([form.at(ratios)], e)[0] for e in experiments]
     cov = np.sum([_by_noise(W, e, m) for W, e, m in zip(weights, experiments, models)], axis=0)
     r = np.concatenate([model.weighted(e, m) for e, m in zip(experiments, models)])
-    shares = misfit.shares(left, rows, r, np.sqrt(np.diag(cov)[n:-1]))
-    of_parameters = [*range(n), -1]
-    moved = np.vstack([-A @ by.residuals, by.resistance])
-    parts = [W.current[of_parameters] for W in weights]
-    cov = cov[np.ix_(of_parameters, of_parameters)] + _beyond_noise(parts, moved, shares, doubts or Doubts())
-    lost = _lost(J)
+    n = len(at.fitted.T)
+    shares = misfit.shares(at, r, {name: sizes[name] for name in others}, np.sqrt(np.diag(cov)[n:-1]))
+    own = [*range(n), -1]
+    parts = [W.current[own] for W in weights]
+    moved = dict(zip(others, (at.moved / [sizes[name] for name in others]).T))
+    cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts or Doubts())
+    return _told(cov, at.lost, form, k, {name: sizes[name] for name in fitted}, shares)
+
+
+def known_to(form: Form) -> tuple[str, ...]:
+    """Causes that the form has itself."""
+    return ("eddy",) if "core_eddy" in form.fitted else ()
+
+
+def _told(
+    cov: Matrix,
+    lost: npt.NDArray[np.bool_],
+    form: Form,
+    count: int,
+    sizes: Mapping[str, float],
+    shares: Mapping[str, Share],
+) -> Uncertainty:
+    """Errors from the covariance of parameters, `count`, fitted causes, and the resistance."""
+    order = [*range(count), len(cov) - 1, *range(count, len(cov) - 1)]
+    cov, lost = cov[np.ix_(order, order)], np.append(lost, False)[order]
     if FACTOR in form.fitted:  # it is one of the resistance
-        cov, lost = _joined(cov, lost, form.fitted.index(FACTOR))
+        cov, lost = _joined(cov, lost, form.fitted.index(FACTOR), count)
     cov, lost, shape = _without_shape(cov, lost, form)
     std: Vector = np.sqrt(np.diag(cov))
-    scale = np.where(std > 0.0, std, 1.0)
-    return Uncertainty(np.where(np.append(lost, False), np.inf, std), cov / np.outer(scale, scale), shape, shares)
+    scale, n = np.where(std > 0.0, std, 1.0), std.size - len(sizes)
+    causes = {name: float(s * size) for s, (name, size) in zip(std[n:], sizes.items())}
+    return Uncertainty(np.where(lost, np.inf, std)[:n], cov / np.outer(scale, scale), shape, causes, shares)
 
 
 def _by_noise(W: Influence, experiment: Experiment, at: Response) -> Matrix:
@@ -108,36 +120,27 @@ def doubts(records: Sequence[Record], residuals: Sequence[Residual]) -> Doubts:
     return Doubts(misfits, {cause: float(np.sqrt(np.mean(np.square(found)))) for cause, found in errors.items()})
 
 
-def _beyond_noise(weights: Sequence[Matrix], moved: Matrix, shares: Mapping[str, Share], doubts: Doubts) -> Matrix:
-    """Covariance that misfits, causes that the residual shows, and known doubts about causes add."""
-    cov = np.zeros((len(moved), len(moved)))
+def _beyond_noise(
+    weights: Sequence[Matrix], moved: Mapping[str, Vector], shares: Mapping[str, Share], doubts: Doubts
+) -> Matrix:
+    """Covariance that misfits, causes that the residual shows, and known doubts about causes add.
+
+    `moved` is what each cause does to what is fitted, by its value.
+    """
+    cov = np.zeros((len(weights[0]), len(weights[0])))
     for W, size in zip(weights, doubts.misfits):
         cov += misfit.spread(W, size) if size else 0.0
-    by_cause = dict(zip(CAUSES, moved.T))
-    shown = [share.value * by_cause[name] for name, share in shares.items() if share.is_significant]
-    for shift in (error * by_cause[name] for name, error in doubts.causes.items()):
+    shown = [share.value * moved[name] for name, share in shares.items() if share.is_significant]
+    for shift in (error * moved[name] for name, error in doubts.causes.items() if name in moved):
         cov += np.outer(shift, shift)
     return cov + misfit.largest([np.outer(shift, shift) for shift in shown]) if shown else cov
 
 
-def jacobian(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
-    """Derivatives of the weighted residuals, by central differences."""
-    steps = STEP * np.eye(ratios.size)
-    points = [form.at(ratios + side * step) for side in (1.0, -1.0) for step in steps]
-    found = np.concatenate([[model.weighted(e, m) for m in responses(points, e)] for e in experiments], axis=1)
-    return np.asarray((found[: ratios.size] - found[ratios.size :]).T / (2.0 * STEP))
-
-
-def _lost(J: Matrix) -> npt.NDArray[np.bool_]:
-    """Whether a parameter has no effect."""
-    _, sizes, directions = np.linalg.svd(J, full_matrices=False)
-    return np.asarray(np.abs(directions[sizes <= NEGLIGIBLE * sizes[0]]).max(axis=0, initial=0.0) > 0.1)
-
-
-def _joined(cov: Matrix, lost: npt.NDArray[np.bool_], k: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
-    """Covariance with a fitted factor in the resistance, which is the last."""
-    T = np.delete(np.eye(len(cov)), k, axis=0)
-    T[-1, k] = 1.0
+def _joined(cov: Matrix, lost: npt.NDArray[np.bool_], k: int, to: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
+    """Covariance with a fitted factor, at `k`, in the resistance, at `to`."""
+    T = np.eye(len(cov))
+    T[to, k] = 1.0
+    T = np.delete(T, k, axis=0)
     return T @ cov @ T.T, np.delete(lost, k)
 
 
@@ -152,54 +155,3 @@ def long_run(W: Matrix, r: Vector) -> Matrix:
         part = (1.0 - h / lags) * float(r[h:] @ r[:-h]) / r.size * (W[:, h:] @ W[:, :-h].T)
         cov = cov + part + part.T
     return cov
-
-
-def _all_weights(form: Form, ratios: Vector, experiments: Sequence[Experiment], A: Matrix) -> list[Influence]:
-    """Influence of each residual on what A makes of the weighted residuals, and on the resistance."""
-    ends = np.cumsum([e.size for e in experiments])
-    parts, total = np.split(A, ends[:-1], axis=1), sum(model.charge(e) for e in experiments)
-    return [_weights(form, ratios, e, part, total) for e, part in zip(experiments, parts)]
-
-
-def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Influence:
-    """The same of one experiment; the resistance is relative."""
-    n = experiment.current.size
-    c_i, c_lam = experiment.weights()
-    R, half = experiment.resistance, 0.5 * experiment.dt
-    later = np.cumsum(A[:, n : 2 * n][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
-    W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
-    pooled, at = np.zeros(n), responses([form.at(ratios)], experiment)[0]
-    for operation in experiment.operations:
-        share = np.zeros(n)
-        share[operation.start + 1 : operation.stop] = 1.0
-        share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(form.at(ratios), experiment, at, operation)
-        W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
-        pooled -= share / total
-    Z = None
-    if experiment.position is not None:
-        Z = np.vstack([-c_i * experiment.amperes * A[:, 2 * n :], np.zeros(n)])
-    return Influence(np.vstack([W, pooled]), Z)
-
-
-def _by_resistance(par: Device, experiment: Experiment, at: Response, operation: Operation) -> Vector:
-    """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
-    alone, cut = model.part(experiment, operation), slice(operation.start, operation.stop + 1)
-
-    def changed(factor: float) -> Vector:
-        R = experiment.resistance.copy()
-        R[operation.inside] *= factor
-        (found,) = responses([par], alone._replace(resistance=R[cut]))
-        whole = Response(*(_spliced(a, b, cut) for a, b in zip(at, found)))
-        return model.weighted(model.with_resistance(experiment, R), whole)
-
-    return (changed(1.0 + STEP) - changed(1.0 - STEP)) / (2.0 * STEP)
-
-
-def _spliced(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
-    """The samples, with a piece in its place."""
-    if whole is None:
-        return None
-    made = whole.copy()
-    made[at] = piece
-    return made

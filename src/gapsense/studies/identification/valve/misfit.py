@@ -7,28 +7,17 @@ correlation that a misfit of the size of the residual would need to move a param
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
-from gapsense.studies.identification.causes import CAUSES, Matrix, Signals, changed
-from gapsense.studies.identification.valve.form import Form
-from gapsense.studies.identification.valve.many import responses
-from gapsense.studies.identification.valve.model import (
-    Experiment,
-    mean_resistance,
-    pooled_resistance,
-    weighted,
-    with_factors,
-)
-from gapsense.studies.records.flux import trapezoid
+from gapsense.studies.identification.causes import Matrix
+from gapsense.studies.identification.valve.linear import Linear
 from gapsense.studies.records.record import Vector
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
-
-
 SIGNIFICANT = 4.0  # standard errors from which on a cause counts
 
 
@@ -43,13 +32,6 @@ class Share(NamedTuple):
     def is_significant(self) -> bool:
         """Whether the residual shows it."""
         return abs(self.value) > SIGNIFICANT * self.error
-
-
-class Slopes(NamedTuple):
-    """By the values of all causes."""
-
-    residuals: Matrix  # (residuals, causes)
-    resistance: Vector  # of its logarithm (causes,)
 
 
 def spread(W: Matrix, size: float) -> Matrix:
@@ -67,47 +49,15 @@ def largest(parts: Sequence[Matrix]) -> Matrix:
     return np.asarray(total * np.outer(scale, scale))
 
 
-def shares(left: Matrix, rows: Matrix, residuals: Vector, errors: Vector) -> dict[str, Share]:
-    """Of each cause: `left` is what it changes beside the parameters, `rows` gives its value from the residuals."""
-    values, total = -rows @ residuals, max(float(residuals @ residuals), 1e-300)
-    parts = (values**2 * (left**2).sum(axis=0) / total).tolist()
-    return {name: Share(*each) for name, *each in zip(CAUSES, values.tolist(), errors.tolist(), parts)}
+def shares(at: Linear, residuals: Vector, sizes: Mapping[str, float], errors: Vector) -> dict[str, Share]:
+    """Of each cause that is not fitted; `sizes` are their scales, `errors` those of values relative to them."""
+    values, total = -at.rows @ residuals, max(float(residuals @ residuals), 1e-300)
+    parts = (values**2 * (at.left**2).sum(axis=0) / total).tolist()
+    found = zip(sizes.items(), values.tolist(), errors.tolist(), parts)
+    return {name: Share(size * x, size * error, part) for (name, size), x, error, part in found}
 
 
 def _correlated(W: Matrix, length: float) -> Matrix:
     """Sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j."""
     before = W @ lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
     return np.asarray(before + before.T - W @ W.T)
-
-
-def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Slopes:
-    """How the causes change the weighted residuals, and the resistance of (23)."""
-    at = _at(form, ratios, experiments)
-    columns, logarithms = [], []
-    for name, cause in CAUSES.items():
-        value = cause.small * min(cause.scale(signals(e)) for e in experiments)
-        with_it = _at(form, ratios, [restored(e, {name: value}) for e in experiments])
-        columns.append((with_it[0] - at[0]) / value)
-        logarithms.append((with_it[1] - at[1]) / value)
-    return Slopes(np.array(columns).T, np.array(logarithms))
-
-
-def _at(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> tuple[Vector, float]:
-    r = np.concatenate([weighted(e, responses([form.at(ratios)], e)[0]) for e in experiments])
-    return r, float(np.log(pooled_resistance(experiments)))
-
-
-def signals(experiment: Experiment) -> Signals:
-    """Of an experiment."""
-    return Signals(experiment.halves, experiment.current, experiment.dt, mean_resistance(experiment))
-
-
-def restored(experiment: Experiment, values: dict[str, float]) -> Experiment:
-    """The experiment, if the causes have these values: with the resistances that (23) then gives."""
-    after = changed(signals(experiment), values)
-    new = experiment._replace(halves=after.halves, current=after.current)
-    return with_factors(new, [_ratio(new, o.inside) / _ratio(experiment, o.inside) for o in experiment.operations])
-
-
-def _ratio(experiment: Experiment, inside: slice) -> float:
-    return float(experiment.halves[inside].mean(axis=1).sum() / trapezoid(experiment.current)[inside].sum())
