@@ -7,7 +7,8 @@ OTHER = load_component(own("reluctance_actuator"))
 COMMON = {port.name: port for port in OTHER.ports}
 SIGNALS = ("voltage", "current", "position", "velocity", "flux_linkage", "force", "mode", "contact")
 GAP = ("gap.slope", "gap.fringing", "gap.window")
-MOVER = ("mover.mass", "spring.stiffness", "spring.rest", "damping", "stop.lower", "stop.upper", "initial.position")
+STOPS = ("stop.lower", "stop.upper", "stop.restitution")
+MOVER = ("mover.mass", "spring.stiffness", "spring.rest", "damping", *STOPS, "initial.position")
 
 COMPONENT = Component(
     name="PlayActuator",
@@ -19,6 +20,7 @@ COMPONENT = Component(
         *(COMMON[name] for name in SIGNALS),
         output("eddy_current", "A", "Part of the current that eddy currents need", nominal=1e-2),
         output("hysteresis_current", "A", "Part of the current that the play elements need", nominal=1e-2),
+        COMMON["impact_speed"],
         *(COMMON[name] for name in ("coil.resistance", "coil.turns")),
         fixed("core.reluctance", "1/H", "Reluctance of the core without flux", 2.01888e6, min=1e-9),
         fixed("core.saturation", "Wb", "Flux linkage of saturation", 24.71e-3, min=1e-12),

@@ -35,6 +35,7 @@ COMPONENT = Component(
         output("stored_energy", "J", "Magnetic, potential and kinetic energy", nominal=0.01),
         output("supplied_energy", "J", "Integral of voltage times current since the start", nominal=0.1),
         output("created_energy", "J", "What the printed orientation creates out of nothing, since the start"),
+        output("impact_speed", "m/s", "Hardest impact since the armature last left its rest", nominal=0.5),
         choice(
             "orientation", "Gap under the upper stop, or above the lower one as in the paper", ("consistent", "printed")
         ),
@@ -47,6 +48,7 @@ COMPONENT = Component(
         fixed("mover.mass", "kg", "Mass of the armature m", 0.34, min=1e-9),
         parameter("gravity", "m/s2", "Gravity g", 9.81, min=1e-9),
         fixed("stop.upper", "m", "Position of the upper stop s_max; [HEKF] prints 0.5 mm", 0.2e-3, min=1e-9),
+        fixed("stop.restitution", "1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95),
         parameter("current.on", "A", "Least current for a lift i_on", 0.1, min=1e-9),
         parameter("current.off", "A", "Current below which it drops i_off", 0.02, min=1e-9),
         fixed("initial.position", "m", "Position at the start", 0.0, min=0.0),

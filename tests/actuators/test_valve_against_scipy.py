@@ -9,6 +9,7 @@ from gapsense.studies.devices import VALVE
 
 MU_0 = 4e-7 * np.pi
 TIME = 1e-7  # contact and release [s]
+SLOWEST, START = 1e-3, 1e-9  # rebound at least [m/s]; its first Euler step [s]
 
 
 class Oracle:
@@ -77,7 +78,11 @@ class Oracle:
                     events.append((t, mode, after))
                     mode = after
                     if mode != 2:
-                        y[1:] = (p.stop_lower if mode == 1 else p.stop_upper) / self.scale[1], 0.0
+                        back = -p.stop_restitution * y[2]
+                        is_back = abs(back) * self.scale[2] >= SLOWEST
+                        y[1:] = (p.stop_lower if mode == 1 else p.stop_upper) / self.scale[1], back if is_back else 0.0
+                        if is_back:  # a little on, for a guard must not begin at its zero
+                            mode, y, t = 2, y + self.rates(t, y, u, 2) * START, t + START
         return found, np.array(modes), events
 
 
@@ -108,3 +113,16 @@ def test_valve_equals_dop853(kernel, square, run, par, period, cycles, flux_tole
     before = [state.mode for state, _ in run(kernel, par, segments, instants - TIME)]
     after = [state.mode for state, _ in run(kernel, par, segments, instants + TIME)]
     assert (before, after) == ([e[1] for e in events], [e[2] for e in events])
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.7])
+def test_bouncing_valve_equals_dop853(kernel, square, run, restitution):
+    par, segments = VALVE._replace(stop_restitution=restitution), square(20e-3, 1)
+    times = np.arange(401) * 50e-6
+    expected, modes, events = Oracle(par).run(segments, times)
+    assert [e[2] for e in events if e[1] == 2].count(1) > 4  # impacts on the lower stop
+    found = run(kernel, par, segments, times)
+    states = np.array([state[:3] for state, _ in found], dtype=float)
+    assert np.abs(states - expected).max(axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=2e-5)
+    assert np.abs(states - expected)[:, 1].max() < 2e-9
+    assert [outputs.mode for _, outputs in found] == modes.tolist()

@@ -62,7 +62,7 @@ CONDITIONS = {
     "noise of 1 %": Condition(noise=4.0),
     "noise of 3 %": Condition(noise=12.0),
     "100 us": Condition(dt=100e-6),
-    "clamp of 40 V": Condition(clamp=40.0),
+    "clamp of 40 V": Condition(clamp=40.0, told="drop|voltage"),
     "drops, recorded": Condition(series=2.0, diode=0.8),
     "drops, only the command": Condition(**DROPS, told="drop|series"),
     "the same, `--driver series=2,drop=0.8`": Condition(**DROPS, driver="series=2,drop=0.8"),

@@ -14,6 +14,7 @@ from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.choice import coil_of
 from gapsense.studies.identification.coil.evidence import effective
+from gapsense.studies.identification.coil.file import tuning
 from gapsense.studies.identification.coil.fit import identify
 from gapsense.studies.identification.coil.forms import RICHEST
 from gapsense.studies.identification.coil.problem import Problem, currents, simulate
@@ -52,6 +53,18 @@ def test_what_the_converter_of_the_voltage_hides_is_within_half_a_step():
     for name in ("tube-150-raw", "empty-162-raw"):
         (voltage, current), *_ = measured(name).offsets
         assert 0.2 < voltage < 1.0 and current == 0.0
+
+
+@pytest.mark.parametrize("name", ["tube-150-raw", "empty-162-raw"])
+def test_what_the_converter_of_the_voltage_may_hide_is_in_the_error_of_the_resistance(name):
+    coil = measured(name)
+    assert coil.balanced is not None and tuning(coil)["prior.resistance"] == coil.balanced
+    assert abs(np.log(coil.balanced / coil.parameters.resistance)) < coil.errors["resistance"]
+
+
+def test_sound_converter_hides_nothing():
+    coil = identify([coil_record()])
+    assert coil.balanced is None and "prior.resistance" not in tuning(coil)
 
 
 def test_iron_is_seen_when_the_coil_without_it_predicts_the_other_record():

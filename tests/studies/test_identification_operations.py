@@ -61,6 +61,13 @@ def test_voltage_of_two_levels_tells_the_edge_though_their_distance_is_its_small
     assert np.unique(one.voltage).size == 2 and [o.start for o in operations(one)] == [99]
 
 
+def test_current_of_a_mover_that_goes_back_later_is_no_operation():
+    two = coil([(12.0, 100, 600)] * 2, noise=(5e-3, 5e-4))
+    bump = 0.03 * two.current.max() * np.exp(-(((np.arange(two.times.size) - 500.0) / 12.0) ** 2))
+    assert operations(two._replace(current=two.current + bump)) == operations(two)
+    assert len(operations(two)) == 2
+
+
 def test_record_that_ends_while_current_flows_has_one_operation_less():
     assert len(operations(coil([(12.0, 200, 800)] * 3, tail=0.15))) == 2
     assert operations(coil([(12.0, 200, 800)], tail=0.15)) == []

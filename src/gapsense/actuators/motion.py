@@ -1,8 +1,9 @@
 """Mover between two stops, as the hybrid automaton of [SEMERA] Fig. 2.
 
-Mode 1 rests on the stop of the smallest gap, mode 2 moves, mode 3 rests on the stop of the largest gap.  An impact
-takes all the velocity.  A stop is left when the net force points inward: a guard on the position would chatter.  Dry
-friction has to be overcome for that; a moving mover has all of it but at speeds of the order of `CREEP`.
+Mode 1 rests on the stop of the smallest gap, mode 2 moves, mode 3 rests on the stop of the largest gap.  After an
+impact the mover goes back with a part of its speed, the coefficient of restitution, until it would hardly rise any
+more; without one it stays at once.  A stop is left when the net force points inward: a guard on the position would
+chatter.  Dry friction has to be overcome for that; a moving mover has all of it but at speeds of the order of `CREEP`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from gapsense.trace import fabs, square, where
 
 CLOSED, MOVING, OPEN = 1.0, 2.0, 3.0
 CREEP = 2e-3  # speed at which half of the dry friction acts [m/s]
+SLOWEST = 1e-3  # rebound at least, or the mover stays: it would rise by a nanometre or so [m/s]
 
 
 class Mover(NamedTuple):
@@ -26,6 +28,14 @@ class Mover(NamedTuple):
     lower: Scalar  # h_min [m]
     upper: Scalar  # h_max [m]
     friction: Scalar = 0.0  # dry [N]
+    restitution: Scalar = 0.0  # speed after an impact over that before it
+
+
+class Contact(NamedTuple):
+    """How mover and stops meet."""
+
+    mode: Scalar
+    impact: Scalar  # speed of the hardest impact since the mover last left its rest [m/s]
 
 
 def spring_force(h: Scalar, mover: Mover) -> Scalar:
@@ -39,7 +49,7 @@ def drag(v: Scalar, mover: Mover) -> Scalar:
 
 
 def kinetic_energy(v: Scalar, mover: Mover) -> Scalar:
-    """Energy that an impact turns into heat [J]."""
+    """Energy of the motion [J]."""
     return 0.5 * mover.mass * square(v)
 
 
@@ -66,3 +76,31 @@ def resting_mode(h: Scalar, mover: Mover) -> Scalar:
 def leaving(mode: Scalar, net_force: Scalar, friction: Scalar = 0.0) -> Scalar:
     """Mode after the release guard: moving if the net force points inward, by more than the friction."""
     return where(inward(mode, net_force) > friction, MOVING, mode)
+
+
+def rebound(v: Scalar, restitution: Scalar) -> Scalar:
+    """Velocity after an impact at `v` [m/s]; 0 where the mover stays."""
+    after = -restitution * v
+    return where(fabs(after) < SLOWEST, 0.0, after)
+
+
+def landed(v: Scalar, is_below: Scalar, net_force: Scalar, before: Contact, mover: Mover) -> Contact:
+    """Contact after an impact at `v`, on a stop where the mover at rest has this net force."""
+    at_rest = leaving(where(is_below, CLOSED, OPEN), net_force, mover.friction)
+    return Contact(where(rebound(v, mover.restitution) == 0.0, at_rest, MOVING), hardest(v, before.impact))
+
+
+def hardest(v: Scalar, before: Scalar) -> Scalar:
+    """Speed of the hardest of the impacts `before` and one at `v` [m/s]."""
+    speed = fabs(v)
+    return where(speed > before, speed, before)
+
+
+def impact_loss(v: Scalar, mover: Mover) -> Scalar:
+    """Energy that an impact at `v` turns into heat [J]."""
+    return kinetic_energy(v, mover) - kinetic_energy(rebound(v, mover.restitution), mover)
+
+
+def released(is_released: Scalar, contact: Contact) -> Contact:
+    """Contact of a mover that rested, or leaves its rest now."""
+    return Contact(where(is_released, MOVING, contact.mode), where(is_released, 0.0, contact.impact))

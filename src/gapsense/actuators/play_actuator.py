@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import Circuit
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.linalg import total, vector
 from gapsense.records import Array, Scalar, Vector
@@ -48,6 +48,7 @@ class Parameters(NamedTuple):
     damping: Scalar  # [N s/m]
     stop_lower: Scalar  # [m]
     stop_upper: Scalar  # [m]
+    stop_restitution: Scalar  # speed after an impact over that before it [1]
     initial_position: Scalar  # [m]
     micro_step: Scalar  # longest step of the integrator [s]
 
@@ -67,7 +68,7 @@ class State(NamedTuple):
 
     at: Continuous
     elements: Annotated[Array, Vector(3)]  # flux linkage by which each element is stretched [Wb]
-    mode: Scalar  # 1: smallest gap, 2: moving, 3: largest gap
+    contact: Contact
 
 
 class Inputs(NamedTuple):
@@ -90,6 +91,7 @@ class Outputs(NamedTuple):
     contact: Scalar  # 1 on a stop, else 0
     eddy_current: Scalar  # part of the current
     hysteresis_current: Scalar  # part of the current
+    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
 
 
 class Actuator(NamedTuple):
@@ -108,7 +110,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = _actuator(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
-    state = State(Continuous(0.0, 0.0, 0.0, h, 0.0), vector([0.0] * len(ELEMENTS)), mode)
+    state = State(Continuous(0.0, 0.0, 0.0, h, 0.0), vector([0.0] * len(ELEMENTS)), Contact(mode, 0.0))
     return state, _outputs(state, act)
 
 
@@ -135,22 +137,30 @@ def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
         core_reluctance=par.core_reluctance,
         core_saturation=par.core_saturation,
     )
-    mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
+    mover = Mover(
+        mass=par.mover_mass,
+        stiffness=par.spring_stiffness,
+        rest=par.spring_rest,
+        damping=par.damping,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+        restitution=par.stop_restitution,
+    )
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
     return Actuator(par, inputs.voltage, circuit, mover, equal_parts(inputs.dt, par.micro_step), open_reluctance)
 
 
 def _micro_step(
-    act: Actuator, left: Scalar, at: Continuous, elements: Array, mode: Scalar
+    act: Actuator, left: Scalar, at: Continuous, elements: Array, contact: Contact
 ) -> tuple[tuple[Any, ...], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
     dt = _limited(act, next_part(left, act.micro_step), at.flux_linkage)
-    rates, margin = partial(_rates, act, at.flux_linkage, elements, mode), partial(_margin, act, mode)
+    rates, margin = partial(_rates, act, at.flux_linkage, elements, contact.mode), partial(_margin, act, contact.mode)
     dt, new, _, ends = rk4_until(rates, at, dt, margin)
     stretched = _stretched(act, elements, new.flux_linkage - at.flux_linkage)
-    new, mode = cond(ends, lambda: _switched(act, new, mode), lambda: (new, mode))
+    new, contact = cond(ends, lambda: _switched(act, new, contact), lambda: (new, contact))
     left = left - dt
-    return (left, new, stretched, mode), not_(left > 0.0)
+    return (left, new, stretched, contact), not_(left > 0.0)
 
 
 def _limited(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
@@ -186,13 +196,15 @@ def _margin(act: Actuator, mode: Scalar, y: Continuous) -> Scalar:
     return where(mode == MOVING, clearance, -motion.inward(mode, _net_force(act, y)))
 
 
-def _switched(act: Actuator, y: Continuous, mode: Scalar) -> tuple[Continuous, Scalar]:
+def _switched(act: Actuator, y: Continuous, contact: Contact) -> tuple[Continuous, Contact]:
     """Landed, if it moved; released, if it rested."""
-    mover = act.mover
+    mover, is_moving = act.mover, contact.mode == MOVING
     is_below = y.position < 0.5 * (mover.lower + mover.upper)
-    landed = y._replace(position=where(is_below, mover.lower, mover.upper), velocity=0.0)
-    after = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, landed))
-    return landed, where(mode == MOVING, after, MOVING)
+    back = where(is_moving, motion.rebound(y.velocity, mover.restitution), 0.0)
+    at = y._replace(position=where(is_below, mover.lower, mover.upper), velocity=back)
+    landed = motion.landed(y.velocity, is_below, _net_force(act, at), contact, mover)
+    free = motion.released(True, contact)
+    return at, Contact(*(where(is_moving, a, b) for a, b in zip(landed, free)))
 
 
 def _stretched(act: Actuator, elements: Array, change: Scalar) -> Array:
@@ -229,8 +241,9 @@ def _outputs(state: State, act: Actuator) -> Outputs:
         velocity=at.velocity,
         flux_linkage=at.flux_linkage,
         force=magnetics.force(at.flux_linkage, slope, act.circuit),
-        mode=state.mode,
-        contact=where(state.mode == MOVING, 0.0, 1.0),
+        mode=state.contact.mode,
+        contact=where(state.contact.mode == MOVING, 0.0, 1.0),
         eddy_current=at.fast + at.slow,
         hysteresis_current=_hysteresis(act, state.elements),
+        impact_speed=state.contact.impact,
     )

@@ -8,8 +8,9 @@ Modes: 0 on the lower stop, 1 lifting, 2 in contact with the upper stop, 3 the s
     1 -> 0  s = 0: a lift that failed                     4 -> 3  s = s_max: pulled back below i_on
     4 -> 1  |i| >= i_on and the net force points up: energised again while falling
 
-Current and position go on through all of them, an impact takes the velocity.  The four transitions at the end are not
-in print, nor are the conditions on the net force; the printed end of contact, di/dt = 0, cannot work.
+Current and position go on through all of them.  An impact takes the velocity, or leaves the part of it that the
+coefficient of restitution tells.  The four transitions at the end are not in print, nor are the conditions on the net
+force; the printed end of contact, di/dt = 0, cannot work.
 
 Integrated in flux linkage: lambda' = u - R i with i = lambda (K2 + K3 gap) / K5.  With (14) the force is then
 K4 (lambda / K5)^2 wherever the armature is.  Orientation `printed` has gap = s: the force points to where the
@@ -21,6 +22,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, NamedTuple
 
+from gapsense.actuators.motion import Contact, hardest, rebound
 from gapsense.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.records import Choice, Scalar
 from gapsense.trace import clip, cond, fabs, loop, not_, square, where
@@ -50,6 +52,7 @@ class Parameters(NamedTuple):
     mover_mass: Scalar  # m [kg]
     gravity: Scalar  # g [m/s^2]
     stop_upper: Scalar  # s_max [m]
+    stop_restitution: Scalar  # speed after an impact over that before it [1]
     current_on: Scalar  # i_on [A]
     current_off: Scalar  # i_off [A]
     initial_position: Scalar  # s [m]
@@ -66,6 +69,7 @@ class State(NamedTuple):
     dissipated_energy: Scalar  # copper and impacts, since the start [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
     created_energy: Scalar  # by the printed orientation, out of nothing, since the start [J]
+    impact_speed: Scalar  # of the hardest impact since the armature last left its rest [m/s]
 
 
 class Inputs(NamedTuple):
@@ -91,6 +95,7 @@ class Outputs(NamedTuple):
     stored_energy: Scalar  # magnetic, potential and kinetic
     supplied_energy: Scalar
     created_energy: Scalar
+    impact_speed: Scalar  # of the hardest impact since the armature last left its rest
 
 
 class Magnet(NamedTuple):
@@ -106,6 +111,7 @@ class Magnet(NamedTuple):
     m: Scalar
     g: Scalar
     s_max: Scalar
+    restitution: Scalar
     i_on: Scalar
     i_off: Scalar
     is_printed: Scalar
@@ -132,7 +138,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, between the stops."""
     s = clip(par.initial_position, 0.0, par.stop_upper)
     mode = where(s <= 0.0, LOWER, where(s >= par.stop_upper, UPPER, FALLING))
-    state = State(0.0, s, 0.0, mode, 0.0, 0.0, 0.0)
+    state = State(0.0, s, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
     return state, _outputs(state, _magnet(inputs, par))
 
 
@@ -144,15 +150,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     mag = _magnet(inputs, par)
     at = Moving(state.flux_linkage, state.position, state.velocity)
     sums = Sums(state.dissipated_energy, 0.0, state.created_energy)
-    _, at, mode, sums = loop(MICRO_STEPS, partial(_micro_step, mag), (inputs.dt, at, state.mode, sums))
+    start = (inputs.dt, at, Contact(state.mode, state.impact_speed), sums)
+    _, at, contact, sums = loop(MICRO_STEPS, partial(_micro_step, mag), start)
     state = State(
         flux_linkage=at.lam,
         position=at.s,
         velocity=at.v,
-        mode=mode,
+        mode=contact.mode,
         dissipated_energy=sums.heat,
         supplied_energy=state.supplied_energy + inputs.voltage * sums.charge,
         created_energy=sums.created,
+        impact_speed=contact.impact,
     )
     return state, _outputs(state, mag)
 
@@ -172,6 +180,7 @@ def _magnet(inputs: Inputs, par: Parameters) -> Magnet:
         m=par.mover_mass,
         g=par.gravity,
         s_max=par.stop_upper,
+        restitution=par.stop_restitution,
         i_on=par.current_on,
         i_off=par.current_off,
         is_printed=par.orientation == Orientation.printed,
@@ -180,15 +189,17 @@ def _magnet(inputs: Inputs, par: Parameters) -> Magnet:
 
 
 def _micro_step(
-    mag: Magnet, left: Scalar, at: Moving, mode: Scalar, sums: Sums
-) -> tuple[tuple[Scalar, Moving, Scalar, Sums], Scalar]:
+    mag: Magnet, left: Scalar, at: Moving, contact: Contact, sums: Sums
+) -> tuple[tuple[Scalar, Moving, Contact, Sums], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
     dt = next_part(left, mag.micro_step)
-    mode = where(left > 0.0, _contact(mag, at.lam, mode), mode)
-    is_moving = (mode == LIFTING) | (mode == FALLING)
-    dt, at, mode, part = cond(is_moving, lambda: _move(mag, dt, at, mode, is_moving), lambda: _rest(mag, dt, at, mode))
+    mode = where(left > 0.0, _contact(mag, at.lam, contact.mode), contact.mode)
+    contact, is_moving = Contact(mode, contact.impact), (mode == LIFTING) | (mode == FALLING)
+    dt, at, contact, part = cond(
+        is_moving, lambda: _move(mag, dt, at, contact, is_moving), lambda: _rest(mag, dt, at, contact)
+    )
     left = left - dt
-    return (left, at, mode, Sums(*(a + b for a, b in zip(sums, part)))), not_(left > 0.0)
+    return (left, at, contact, Sums(*(a + b for a, b in zip(sums, part)))), not_(left > 0.0)
 
 
 def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:
@@ -197,9 +208,11 @@ def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:
     return where((mode == CONTACT) | (mode == UPPER), where(is_sustained, CONTACT, UPPER), mode)
 
 
-def _move(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar, is_moving: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
+def _move(
+    mag: Magnet, dt: Scalar, at: Moving, contact: Contact, is_moving: Scalar
+) -> tuple[Scalar, Moving, Contact, Sums]:
     """Step of the moving armature, up to an impact or until it is energised again."""
-    is_lifting, R = mode == LIFTING, _resistance(mag, mode)
+    is_lifting, R = contact.mode == LIFTING, _resistance(mag, contact.mode)
 
     def margin(y: Moving) -> Scalar:
         clearance = least(y.s, mag.s_max - y.s) / mag.s_max
@@ -207,16 +220,19 @@ def _move(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar, is_moving: Scalar) 
 
     dt, (lam, s, v), (heat, charge, work), _ = rk4_until(partial(_rates, mag, R), at, dt, margin, is_moving)
     is_below, is_above = s < 0.0, s > mag.s_max
-    is_landed = is_below | is_above
+    is_landed, back = is_below | is_above, rebound(v, mag.restitution)
     flying = where(is_lifting | (_lift(mag, lam, s) > 0.0), LIFTING, FALLING)
-    mode = where(is_below, LOWER, where(is_above, where(is_lifting, CONTACT, UPPER), flying))
-    heat = heat + where(is_landed, _kinetic_energy(v, mag), 0.0)
+    resting = where(is_below, LOWER, where(is_lifting, CONTACT, UPPER))
+    heat = heat + where(is_landed, _kinetic_energy(v, mag) - _kinetic_energy(back, mag), 0.0)
     created = where(mag.is_printed, 2.0 * work, 0.0)
-    return dt, Moving(lam, clip(s, 0.0, mag.s_max), where(is_landed, 0.0, v)), mode, Sums(heat, charge, created)
+    impact = where(is_landed, hardest(v, contact.impact), contact.impact)
+    contact = Contact(where(is_landed & (back == 0.0), resting, flying), impact)
+    return dt, Moving(lam, clip(s, 0.0, mag.s_max), where(is_landed, back, v)), contact, Sums(heat, charge, created)
 
 
-def _rest(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Moving, Scalar, Sums]:
+def _rest(mag: Magnet, dt: Scalar, at: Moving, contact: Contact) -> tuple[Scalar, Moving, Contact, Sums]:
     """Step on a stop, of the flux only, up to the release if there is one."""
+    mode = contact.mode
     R, is_lower, is_upper = _resistance(mag, mode), mode == LOWER, mode == UPPER
 
     def margin(y: tuple[Scalar]) -> Scalar:
@@ -226,7 +242,8 @@ def _rest(mag: Magnet, dt: Scalar, at: Moving, mode: Scalar) -> tuple[Scalar, Mo
     rate = partial(_resting_rates, mag, R, at.s)
     dt, (lam,), (heat, charge), is_released = rk4_until(rate, (at.lam,), dt, margin)
     mode = where(is_released, where(is_lower, LIFTING, FALLING), mode)
-    return dt, Moving(lam, at.s, 0.0), mode, Sums(heat, charge, 0.0)
+    contact = Contact(mode, where(is_released, 0.0, contact.impact))
+    return dt, Moving(lam, at.s, 0.0), contact, Sums(heat, charge, 0.0)
 
 
 def _rates(mag: Magnet, R: Scalar, y: Moving) -> tuple[Moving, tuple[Scalar, ...]]:
@@ -289,4 +306,5 @@ def _outputs(state: State, mag: Magnet) -> Outputs:
         stored_energy=0.5 * lam * i + _kinetic_energy(v, mag) + mag.m * mag.g * s,
         supplied_energy=state.supplied_energy,
         created_energy=state.created_energy,
+        impact_speed=state.impact_speed,
     )

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import Gap, SmoothGap
-from gapsense.actuators.motion import MOVING, Mover
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
@@ -62,6 +62,7 @@ class Parameters(NamedTuple):
     friction: Scalar  # dry [N]
     stop_lower: Scalar  # z_min [m]
     stop_upper: Scalar  # z_max [m]
+    stop_restitution: Scalar  # speed after an impact over that before it [1]
     initial_position: Scalar  # [m]
     micro_step: Scalar  # longest step of the integrator [s]
 
@@ -78,6 +79,7 @@ class State(NamedTuple):
     eddy_energy: Scalar  # lost to eddy currents since the start [J]
     wall_work: Scalar  # done on the walls since the start, lost or stored [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
+    impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
 
 
 class Inputs(NamedTuple):
@@ -106,6 +108,7 @@ class Outputs(NamedTuple):
     hysteresis_energy: Scalar  # part of it
     stored_energy: Scalar  # magnetic, elastic and kinetic
     supplied_energy: Scalar
+    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -113,7 +116,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover), par.friction)
-    state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
+    state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0)
     return state, _outputs(state, act, gap_at(act, h))
 
 
@@ -124,19 +127,20 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     act = make_actuator(inputs, par)
     at = Moving(state.flux, state.effective_field, state.position, state.velocity)
-    start = (inputs.dt, at, gap_at(act, at.h), state.mode, Losses(state.heat, 0.0, 0.0))
-    _, at, gap, mode, losses = loop(MICRO_STEPS, partial(micro_step, act), start)
+    start = (inputs.dt, at, gap_at(act, at.h), Contact(state.mode, state.impact_speed), Losses(state.heat, 0.0, 0.0))
+    _, at, gap, contact, losses = loop(MICRO_STEPS, partial(micro_step, act), start)
     charge = (inputs.voltage * inputs.dt - act.turns * (at.flux - state.flux)) / act.resistance  # (1), integrated
     state = State(
         flux=at.flux,
         effective_field=hysteresis.settled(at.flux, at.H_e, act.core),
         position=at.h,
         velocity=at.v,
-        mode=mode,
+        mode=contact.mode,
         heat=losses.heat,
         eddy_energy=state.eddy_energy + act.eddy * losses.eddy,
         wall_work=state.wall_work + where(act.core.is_hysteretic, act.core.volume, 0.0) * losses.work,
         supplied_energy=state.supplied_energy + inputs.voltage * charge,
+        impact_speed=contact.impact,
     )
     return state, _outputs(state, act, gap)
 
@@ -202,6 +206,7 @@ def _mover(par: Parameters) -> Mover:
         lower=par.stop_lower,
         upper=par.stop_upper,
         friction=par.friction,
+        restitution=par.stop_restitution,
     )
 
 
@@ -229,6 +234,7 @@ def _outputs(state: State, act: Actuator, gap: Gap) -> Outputs:
         hysteresis_energy=lost,
         stored_energy=0.5 * square(flux) * gap.reluctance + stored + mechanical,
         supplied_energy=state.supplied_energy,
+        impact_speed=state.impact_speed,
     )
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
 from gapsense.actuators.magnetics import Gap, LocalGap, SmoothGap
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.integrate import crossing, least, next_part, rk4
 from gapsense.records import Scalar
 from gapsense.trace import cond, fabs, not_, where
@@ -89,28 +89,29 @@ class Step(NamedTuple):
 
     length: Scalar
     at: Moving
-    mode: Scalar
+    contact: Contact
     losses: Losses
 
 
 def micro_step(
-    act: Actuator, left: Scalar, at: Moving, gap: Gap, mode: Scalar, losses: Losses
-) -> tuple[tuple[Scalar, Moving, Gap, Scalar, Losses], Scalar]:
+    act: Actuator, left: Scalar, at: Moving, gap: Gap, contact: Contact, losses: Losses
+) -> tuple[tuple[Scalar, Moving, Gap, Contact, Losses], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
     circuit = circuit_at(act, gap, at.flux, at.H_e)
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(circuit.electric.flux_rate < 0.0, -1.0, 1.0), 0.0)
     switches = Switches(direction, hysteresis.moving_walls(direction, circuit.electric.excess))
     dt = _limited(act, next_part(left, act.micro_step), circuit, switches.walls)
-    is_moving = mode == MOVING
+    is_moving = contact.mode == MOVING
 
     def move() -> tuple[Step, Gap]:
-        done = _move(act, circuit, switches, dt, at, is_moving)
+        done = _move(act, circuit, switches, dt, at, contact, is_moving)
         return done, gap_at(act, done.at.h)
 
-    done, gap = cond(is_moving, move, lambda: (_rest(act, circuit, switches, dt, at, mode), gap))
+    done, gap = cond(is_moving, move, lambda: (_rest(act, circuit, switches, dt, at, contact), gap))
     left = left - done.length
-    return (left, done.at, gap, done.mode, Losses(*(a + b for a, b in zip(losses, done.losses)))), not_(left > 0.0)
+    losses = Losses(*(a + b for a, b in zip(losses, done.losses)))
+    return (left, done.at, gap, done.contact, losses), not_(left > 0.0)
 
 
 def gap_at(act: Actuator, h: Scalar) -> Gap:
@@ -182,7 +183,9 @@ def _switch(act: Actuator, switches: Switches, watched: Electric) -> tuple[Scala
     return turning, thawing
 
 
-def _move(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, is_moving: Scalar) -> Step:
+def _move(
+    act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, contact: Contact, is_moving: Scalar
+) -> Step:
     """Step of the moving mover, up to the first contact or switch if there is one."""
     mover = act.mover
     first = _rates_from(act, switches.walls, at, circuit)
@@ -202,12 +205,12 @@ def _move(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
 
         length = crossing(value, dt, margin(at, first[2]), margin(y, watched))
         then, losses, _ = after(length)
-        return _stopped(act, Step(length, then, MOVING, losses))
+        return _stopped(act, Step(length, then, contact, losses))
 
     turning, thawing = _switch(act, switches, watched)
     is_beyond = (y.h < mover.lower) | (y.h > mover.upper) | (turning < 0.0) | (thawing < 0.0)
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & is_beyond, shorter, lambda: Step(dt, y, MOVING, losses))
+    return cond(is_moving & is_beyond, shorter, lambda: Step(dt, y, contact, losses))
 
 
 def _stopped(act: Actuator, done: Step) -> Step:
@@ -217,21 +220,21 @@ def _stopped(act: Actuator, done: Step) -> Step:
     stop = where(is_below, mover.lower, mover.upper)
 
     def land() -> Step:
-        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(act, at.flux, stop), mover.friction)
-        losses = done.losses._replace(heat=done.losses.heat + motion.kinetic_energy(at.v, mover))
-        return Step(done.length, at._replace(h=stop, v=0.0), mode, losses)
+        contact = motion.landed(at.v, is_below, _net_force(act, at.flux, stop), done.contact, mover)
+        losses = done.losses._replace(heat=done.losses.heat + motion.impact_loss(at.v, mover))
+        return Step(done.length, at._replace(h=stop, v=motion.rebound(at.v, mover.restitution)), contact, losses)
 
     return cond(is_below | (at.h > mover.upper), land, lambda: done)
 
 
-def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, mode: Scalar) -> Step:
+def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, contact: Contact) -> Step:
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
     spring, start = motion.spring_force(at.h, act.mover), Resting(at.flux, at.H_e)
     first = _magnetic_rates(act, switches.walls, circuit.electric)
     after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.gap.reluctance), start, first=first)
 
     def hold(flux: Scalar) -> Scalar:
-        return act.mover.friction - motion.inward(mode, magnetics.flux_force(flux, circuit.gap.slope) + spring)
+        return act.mover.friction - motion.inward(contact.mode, magnetics.flux_force(flux, circuit.gap.slope) + spring)
 
     def margin(y: Resting, watched: Electric) -> Scalar:
         return least(hold(y.flux), least(*_switch(act, switches, watched)))
@@ -245,11 +248,11 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
 
         length = crossing(value, dt, margin(start, first[2]), margin(y, watched))
         then, losses, _ = after(length)
-        return Step(length, _at_rest(then, at.h), where(hold(then.flux) < 0.0, MOVING, mode), losses)
+        return Step(length, _at_rest(then, at.h), motion.released(hold(then.flux) < 0.0, contact), losses)
 
     turning, thawing = _switch(act, switches, watched)
     is_beyond = (hold(y.flux) < 0.0) | (turning < 0.0) | (thawing < 0.0)
-    return cond(is_beyond, shorter, lambda: Step(dt, _at_rest(y, at.h), mode, losses))
+    return cond(is_beyond, shorter, lambda: Step(dt, _at_rest(y, at.h), contact, losses))
 
 
 def _at_rest(core: Resting, h: Scalar) -> Moving:

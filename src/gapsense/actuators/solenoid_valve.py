@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
-from gapsense.actuators.motion import MOVING, Mover
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Rest, Sums, Valve, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
@@ -47,6 +47,7 @@ class Parameters(NamedTuple):
     damping: Scalar  # c [N s/m]
     stop_lower: Scalar  # h_min [m]
     stop_upper: Scalar  # h_max [m]
+    stop_restitution: Scalar  # speed after an impact over that before it [1]
     initial_position: Scalar  # [m]
     micro_step: Scalar  # longest step of the integrator [s]
 
@@ -60,6 +61,7 @@ class State(NamedTuple):
     mode: Scalar  # 1: smallest gap, 2: moving, 3: largest gap
     dissipated_energy: Scalar  # copper, damping and impacts, since the start [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
+    impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
 
 
 class Inputs(NamedTuple):
@@ -84,6 +86,7 @@ class Outputs(NamedTuple):
     dissipated_energy: Scalar
     stored_energy: Scalar  # magnetic, elastic and kinetic
     supplied_energy: Scalar
+    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -91,7 +94,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     valve = _valve(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, valve.mover), motion.spring_force(h, valve.mover))
-    state = State(0.0, h, 0.0, mode, 0.0, 0.0)
+    state = State(0.0, h, 0.0, mode, 0.0, 0.0, 0.0)
     return state, _outputs(state, valve, gap_at(valve, h))
 
 
@@ -102,15 +105,22 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """
     valve = _valve(inputs, par)
     at, sums = Moving(state.flux_linkage, state.position, state.velocity), Sums(state.dissipated_energy, 0.0)
-    start = (Rest(inputs.dt, float(MICRO_STEPS)), at, gap_at(valve, at.h), state.mode, sums)
-    _, at, gap, mode, sums = loop(MICRO_STEPS, partial(micro_step, valve), start)
+    start = (
+        Rest(inputs.dt, float(MICRO_STEPS)),
+        at,
+        gap_at(valve, at.h),
+        Contact(state.mode, state.impact_speed),
+        sums,
+    )
+    _, at, gap, contact, sums = loop(MICRO_STEPS, partial(micro_step, valve), start)
     state = State(
         flux_linkage=at.lam,
         position=at.h,
         velocity=at.v,
-        mode=mode,
+        mode=contact.mode,
         dissipated_energy=sums.losses,
         supplied_energy=state.supplied_energy + inputs.voltage * sums.charge,
+        impact_speed=contact.impact,
     )
     return state, _outputs(state, valve, gap)
 
@@ -130,18 +140,29 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
         core_reluctance=par.core_reluctance,
         core_saturation=par.core_saturation,
     )
-    mover = Mover(par.mover_mass, par.spring_stiffness, par.spring_rest, par.damping, par.stop_lower, par.stop_upper)
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
     micro_step = equal_parts(inputs.dt, par.micro_step)
     return Valve(
         resistance=par.coil_resistance,
         voltage=inputs.voltage,
         circuit=circuit,
-        mover=mover,
+        mover=_mover(par),
         micro_step=micro_step,
         finest=micro_step / REFINEMENT,
         open_square=open_reluctance * par.core_reluctance,
         rate_scale=par.core_reluctance * square(par.coil_turns),
+    )
+
+
+def _mover(par: Parameters) -> Mover:
+    return Mover(
+        mass=par.mover_mass,
+        stiffness=par.spring_stiffness,
+        rest=par.spring_rest,
+        damping=par.damping,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+        restitution=par.stop_restitution,
     )
 
 
@@ -162,4 +183,5 @@ def _outputs(state: State, valve: Valve, gap: Gap) -> Outputs:
         dissipated_energy=state.dissipated_energy,
         stored_energy=magnetics.energy(lam, gap.reluctance, c) + mechanical,
         supplied_energy=state.supplied_energy,
+        impact_speed=state.impact_speed,
     )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import Circuit, Gap
-from gapsense.actuators.motion import CLOSED, MOVING, OPEN, Mover
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.integrate import crossing, least, next_part, rk4, rk4_until
 from gapsense.records import Scalar
 from gapsense.trace import cond, loop, not_, square, where
@@ -50,7 +50,7 @@ class Step(NamedTuple):
 
     length: Scalar
     at: Moving
-    mode: Scalar
+    contact: Contact
     part: Sums
 
 
@@ -69,21 +69,21 @@ class Rest(NamedTuple):
 
 
 def micro_step(
-    valve: Valve, left: Rest, at: Moving, gap: Gap, mode: Scalar, sums: Sums
-) -> tuple[tuple[Rest, Moving, Gap, Scalar, Sums], Scalar]:
+    valve: Valve, left: Rest, at: Moving, gap: Gap, contact: Contact, sums: Sums
+) -> tuple[tuple[Rest, Moving, Gap, Contact, Sums], Scalar]:
     """One step of the loop, or all equal ones."""
-    limit, is_moving = _limit(valve, at.lam), mode == MOVING
+    limit, is_moving = _limit(valve, at.lam), contact.mode == MOVING
     dt = _limited(valve, left.time, limit)
 
     def move() -> tuple[Step, Gap]:
-        done = _move(valve, gap, dt, at, is_moving)
+        done = _move(valve, gap, dt, at, contact, is_moving)
         return done, gap_at(valve, done.at.h)
 
-    done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, mode), gap))
+    done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, contact), gap))
     left, sums = _less(left, done), _added(sums, done.part)
-    is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.mode == mode)
+    is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.contact.mode == contact.mode)
     left, sums = cond(is_settled, lambda: _repeated(valve, limit, done, left, sums), lambda: (left, sums))
-    return (left, done.at, gap, done.mode, sums), not_(_goes_on(left))
+    return (left, done.at, gap, done.contact, sums), not_(_goes_on(left))
 
 
 def _repeated(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) -> tuple[Rest, Sums]:
@@ -134,7 +134,7 @@ def _limited(valve: Valve, left: Scalar, limit: Limit) -> Scalar:
     return where(limit.rate * dt > FINENESS * valve.rate_scale, least(dt, limit.longest), dt)
 
 
-def _move(valve: Valve, gap: Gap, dt: Scalar, at: Moving, is_moving: Scalar) -> Step:
+def _move(valve: Valve, gap: Gap, dt: Scalar, at: Moving, contact: Contact, is_moving: Scalar) -> Step:
     """Step of the moving mover, up to the contact if there is one."""
     mover, first = valve.mover, _rates_in(gap, valve, at)
     after = partial(rk4, partial(_moving_rates, valve), at, first=first)
@@ -149,24 +149,26 @@ def _move(valve: Valve, gap: Gap, dt: Scalar, at: Moving, is_moving: Scalar) -> 
         length = crossing(distance, dt, *ends)
         then, sums = after(length)
         stop = where(is_below, mover.lower, mover.upper)
-        mode = motion.leaving(where(is_below, CLOSED, OPEN), _net_force(valve, then.lam, stop))
-        losses = sums.losses + motion.kinetic_energy(then.v, mover)
-        return Step(length, Moving(then.lam, stop, 0.0), mode, Sums(losses, sums.charge))
+        now = motion.landed(then.v, is_below, _net_force(valve, then.lam, stop), contact, mover)
+        losses = sums.losses + motion.impact_loss(then.v, mover)
+        return Step(
+            length, Moving(then.lam, stop, motion.rebound(then.v, mover.restitution)), now, Sums(losses, sums.charge)
+        )
 
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: Step(dt, y, MOVING, sums))
+    return cond(is_moving & (is_below | (y.h > mover.upper)), land, lambda: Step(dt, y, contact, sums))
 
 
-def _rest(valve: Valve, gap: Gap, dt: Scalar, at: Moving, mode: Scalar) -> Step:
+def _rest(valve: Valve, gap: Gap, dt: Scalar, at: Moving, contact: Contact) -> Step:
     """Step on a stop, of the flux only, up to the release if there is one."""
     spring = motion.spring_force(at.h, valve.mover)
 
     def margin(y: tuple[Scalar]) -> Scalar:
-        return -motion.inward(mode, magnetics.force(y[0], gap.slope, valve.circuit) + spring)
+        return -motion.inward(contact.mode, magnetics.force(y[0], gap.slope, valve.circuit) + spring)
 
     rate = partial(_resting_rates, valve, gap.reluctance)
     dt, (lam,), sums, is_released = rk4_until(rate, (at.lam,), dt, margin)
-    return Step(dt, Moving(lam, at.h, 0.0), where(is_released, MOVING, mode), sums)
+    return Step(dt, Moving(lam, at.h, 0.0), motion.released(is_released, contact), sums)
 
 
 def _moving_rates(valve: Valve, y: Moving) -> tuple[Moving, Sums]:

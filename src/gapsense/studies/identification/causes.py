@@ -41,7 +41,7 @@ class Cause(NamedTuple):
 def changed(s: Signals, values: Mapping[str, float]) -> Signals:
     """The signals that the model is to explain, if the causes have these values."""
     for name, value in values.items():
-        s = {**CAUSES, **GAINS}[name].change(s, value)
+        s = {**CAUSES, **HIDDEN}[name].change(s, value)
     return s
 
 
@@ -87,15 +87,30 @@ def less_voltage(s: Signals, value: float) -> Signals:
     return s._replace(halves=s.halves * (1.0 - value))
 
 
+def tail(s: Signals, value: float) -> Signals:
+    """A drop of so many volts ends later, by as much as its end is uncertain."""
+    return s._replace(halves=s.halves - value * (falls(s, 1.0) - falls(s)))
+
+
+def drift(s: Signals, value: float) -> Signals:
+    """The resistance grows by this part while current flows."""
+    grown = np.zeros(s.current.size)
+    for first, last in true_runs(np.abs(s.current) > LEVEL * float(np.ptp(s.current))):
+        grown[first:last] = np.linspace(-0.5, 0.5, last - first)
+    lost = value * s.resistance * trapezoid(grown * s.current)
+    return s._replace(halves=s.halves - lost[:, None])
+
+
 def is_on(s: Signals) -> npt.NDArray[np.bool_]:
     """Whether the voltage is on, in each half."""
     return np.asarray(s.halves > ON * s.halves.max())
 
 
-def falls(s: Signals) -> Matrix:
+def falls(s: Signals, later: float = 0.0) -> Matrix:
     """How much of each half the current falls in, from where the voltage is off to where nothing flows any more.
 
-    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise.
+    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise; it may
+    be taken `later`, in times that this line needs.
     """
     level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
     half = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 0.0, LONGEST)) // 2 if level else 0
@@ -105,7 +120,7 @@ def falls(s: Signals) -> Matrix:
     part = np.zeros(on.size)
     for first, last in true_runs(smooth > 2.0 * level):
         below = np.flatnonzero(smooth[last:] <= level)
-        end = last + 2.0 * float(below[0]) if below.size else float(i.size)
+        end = last + (2.0 + later) * float(below[0]) if below.size else float(i.size)
         begin = first + float(np.argmax(on[first:last].any(axis=1)))
         part = np.maximum(part, np.where(edges >= begin, np.clip(2.0 * (end - edges), 0.0, 1.0), 0.0))
     return np.where(on, 0.0, part.reshape(-1, 2))
@@ -140,7 +155,9 @@ CAUSES: Mapping[str, Cause] = {
     "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of", True),
     "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", True),
 }
-GAINS = {  # scales of the instruments: other values of the parameters explain the same, so that no residual tells them
+HIDDEN = {  # what no residual need show: other values of the parameters explain much the same
     "current": Cause("1", 1e-4, _one, less_current, "a current that is too large by"),
     "voltage": Cause("1", 1e-4, _one, less_voltage, "a voltage that is too large by"),
+    "tail": Cause("V", 1e-4, _volts, tail, "a drop that ends later, of"),
+    "drift": Cause("1", 1e-4, _one, drift, "a resistance that grows during an operation, by"),
 }

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.records.operations import Operation
+from gapsense.studies.records.operations import Operation, operations
 from gapsense.studies.records.record import Record, Vector
 
 
@@ -43,6 +43,11 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     rates = applied - per_sample * means
     rates[: found[0].start + 1] = 0.0
     return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates))
+
+
+def mean_resistance(*records: Record) -> float:
+    """Mean resistance by (23) of all operations of some records [Ohm]."""
+    return float(np.mean(np.concatenate([estimate(record, operations(record)).resistances for record in records])))
 
 
 def coil(record: Record, operation: Operation) -> tuple[float, float]:

@@ -87,10 +87,15 @@ def activities(record: Record) -> list[tuple[int, int]]:
     pause = PAUSE * max((end - begin for begin, end in runs), default=0)
     joined: list[tuple[int, int]] = []
     for begin, end in runs:
-        if joined and begin - joined[-1][1] < pause:
+        if joined and (begin - joined[-1][1] < pause or _is_moved(record.voltage, joined[-1][1], begin, end)):
             begin = joined.pop()[0]
         joined.append((begin, end))
     return joined
+
+
+def _is_moved(v: Vector, ended: int, begin: int, end: int) -> bool:
+    """Whether the voltage rests from the end of an activity to that of the next: a mover that goes back makes that."""
+    return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= leaves(v, "voltage")))
 
 
 def true_runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -70,7 +70,7 @@ def soft_landing(
     check(actuator, trajectory, step)
     par = actuator._replace(micro_step=step)
     fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
-    state = State(0.0, 0.0, actuator.stop_upper, 0.0, OPEN, 0.0, 0.0, 0.0, 0.0)
+    state = State(0.0, 0.0, actuator.stop_upper, 0.0, OPEN, 0.0, 0.0, 0.0, 0.0, 0.0)
     found = []
     for k in range(cycles):
         cycle, state = _cycle(fixed, trajectory, state, _after(progress, PARTS * k, PARTS * cycles))

@@ -79,7 +79,7 @@ def move(run: Setup, state: State, m: Motion) -> tuple[Cycle, State]:
             f"{run.highest} V. Make its duration longer than {m.duration} s, or `highest_voltage` higher."
         )
     flux, H_e, mode = float(cycle.flux[-1]), float(cycle.effective_field[-1]), CLOSED if m.last < m.first else OPEN
-    return cycle, State(flux, H_e, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
+    return cycle, State(flux, H_e, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def parts(cycle: Cycle) -> list[Any]:

@@ -77,9 +77,10 @@ def line(name: str, value: float, note: str) -> str:
 def tuning(result: Coil) -> dict[str, float]:
     """What estimators know of the coil and of the measurement; the first deviations are for the coil of another day."""
     volts, amperes = ([getattr(record, name) for record in result.records] for name in ("voltage", "current"))
-    R, R_error = float(result.parameters.resistance), result.errors.get("resistance", 1.0)
+    R, R_error = result.balanced or float(result.parameters.resistance), result.errors.get("resistance", 1.0)
     return {
-        "prior.resistance_std": R * max(CERTAIN["resistance"], R_error),
+        **({"prior.resistance": R} if result.balanced else {}),
+        "prior.resistance_std": R * max(CERTAIN["resistance"], 0.0 if result.balanced else R_error),
         "prior.inductance_std": result.inductance * max(CERTAIN["inductance"], result.inductance_error),
         **noises(result.records),
         "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),

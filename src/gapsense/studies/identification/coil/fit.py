@@ -16,6 +16,7 @@ from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.valve.errors import long_run
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.prepared import without_causes
+from gapsense.studies.records.flux import mean_resistance
 from gapsense.studies.records.record import Record
 from gapsense.workers import Progress
 
@@ -44,6 +45,7 @@ class Coil(NamedTuple):
     tried: list[Tried]
     convention: str  # the voltage between samples, see `record.halves`
     records: Sequence[Record]  # with that voltage
+    balanced: float | None  # (23), of the voltage as it was read, if its converter may hide an offset [Ohm]
 
     @property
     def errors(self) -> dict[str, float]:
@@ -138,11 +140,12 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
     par, offsets = m.problem.parameters(m.point, runs[0]), [m.problem.offset(m.point, k) for k in range(len(runs))]
     models = [trajectory(par, r.record, r.first, *offset) for r, offset in zip(runs, offsets)]
     _, against = evidence.best([c.minimum for c in found])
+    balanced = mean_resistance(*(r.record for r in runs)) if m.problem.offsets else None
     return Coil(
         parameters=par,
         form=m.problem.form,
         names=[name for name, at_limit in zip(names, is_held) if not at_limit],
-        covariance=covariance(m),
+        covariance=covariance(m) + unbalanced(m, balanced),
         held=[name for name, at_limit in zip(names, is_held) if at_limit],
         offsets=offsets,
         models=models,
@@ -150,6 +153,7 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
         tried=[Tried(c.minimum.problem.form, c.minimum.rms, more) for c, more in zip(found, against)],
         convention=chosen.convention,
         records=[r.record for r in runs],
+        balanced=balanced,
     )
 
 
@@ -162,6 +166,14 @@ def covariance(m: Minimum) -> Matrix:
     cov = np.sum([long_run(W, r) for W, r in parts], axis=0)
     count = int(is_free[: len(m.problem.form.names)].sum())
     return np.asarray(cov[:count, :count])
+
+
+def unbalanced(m: Minimum, balanced: float | None) -> Matrix:
+    """What hidden offsets add to the variance of the resistance, which (23) takes in another way than the fit."""
+    free = [name for name, is_held in zip(m.problem.form.names, m.held) if not is_held]
+    R = m.problem.parameters(m.point, m.problem.runs[0]).resistance
+    off = float(np.log(balanced / R)) if balanced else 0.0
+    return np.diag(np.array([off**2 if name == "resistance" else 0.0 for name in free]))
 
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:

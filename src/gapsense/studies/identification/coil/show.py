@@ -17,7 +17,7 @@ from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.show import TWO_SIDED, about, validation
 from gapsense.studies.identification.valve.validation import Validation
-from gapsense.studies.records.flux import estimate
+from gapsense.studies.records.flux import mean_resistance
 from gapsense.studies.records.operations import operations
 from gapsense.studies.records.record import Record
 
@@ -81,14 +81,7 @@ def remarks(result: Coil) -> list[str]:
         said.insert(0, "No motion: a coil whose core stays where it is explains the current; no motion to identify.")
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
-    for record, offset in zip(result.records, result.offsets):
-        for name, unit, value in zip(("voltage", "current"), "VA", offset):
-            if value:
-                said.append(
-                    f"{record.name}: `{name}` is {quantity(-value, unit)} off while the coil works, which the steps of"
-                    " its converter hide at rest; the model allows for it, `gapsense estimate` with"
-                    f" `--offset {name}={-value:.4g}`."
-                )
+    said += hidden(result)
     said += [
         f"`{PORTS[name].name}` is not identified: it ends at a limit of the search and is held there."
         for name in result.held
@@ -100,22 +93,34 @@ def remarks(result: Coil) -> list[str]:
     ]
 
 
+def hidden(result: Coil) -> list[str]:
+    """Offsets that show only while the coil works."""
+    said = [
+        f"{record.name}: `{name}` is {quantity(-value, unit)} off while the coil works, which the steps of its"
+        " converter hide at rest; the model allows for it."
+        for record, offset in zip(result.records, result.offsets)
+        for name, unit, value in zip(("voltage", "current"), "VA", offset)
+        if value
+    ]
+    if result.balanced:
+        said.append(
+            "The steps of a converter may hide an offset. Estimators, which read its voltage as it is, begin with"
+            f" {quantity(result.balanced, 'Ohm')} (`prior.resistance`), with which the flux linkage ends at zero, (23)."
+        )
+    return said
+
+
 def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
     """Records kept for the validation whose resistance differs."""
-    said, R = [], float(np.median([resistance(record) for record in result.records]))
+    said, R = [], float(np.median([mean_resistance(record) for record in result.records]))
     for check in checks:
-        other = resistance(check.record) if operations(check.record) else R
+        other = mean_resistance(check.record) if operations(check.record) else R
         if abs(other / R - 1.0) > SMALL:
             said.append(
                 f"{check.record.name}: its resistance by (23) is {quantity(other, 'Ohm')},"
                 f" {100.0 * (other / R - 1.0):+.1f} % beside the records fitted: a coil that is warmer or colder."
             )
     return said
-
-
-def resistance(record: Record) -> float:
-    """Mean resistance by (23) [Ohm]."""
-    return float(np.mean(estimate(record, operations(record)).resistances))
 
 
 def measured_and_identified(result: Coil, checks: Sequence[Validation]) -> Figure:

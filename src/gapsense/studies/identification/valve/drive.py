@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.report.table import quantity
-from gapsense.studies.identification.causes import GAINS
 from gapsense.studies.identification.valve.evidence import ENOUGH, Trial, chosen, evidence, is_quiet, relative
 from gapsense.studies.identification.valve.form import FACTOR
 from gapsense.studies.identification.valve.forms import Sought
@@ -23,7 +22,7 @@ from gapsense.studies.identification.valve.prepared import Prepared
 from gapsense.studies.records.record import Vector
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
-PERCENT = {name: "PERCENT" for name in GAINS}
+PERCENT = {"voltage": "PERCENT", "current": "PERCENT"}
 WARMEST, COPPER = 0.3, 3.9e-3  # of the resistance, relative to the one that is known; its change by degree
 ROUNDS = 6
 CLOSE = 0.05  # standard errors of a step that ends the search

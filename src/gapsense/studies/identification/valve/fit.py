@@ -162,6 +162,7 @@ def begun(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
     """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
     firsts = [first.experiment for first in prepared.firsts]
     found = fit.multi_start(firsts, method.starts, method.seed, method.progress) if method.starts else []
+    found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
     ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
     if method.conventions:
         readings = [prepare(prepared.raw, prepared.period, name) for name in method.conventions]
@@ -209,7 +210,7 @@ def _identified(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str
     return Identified(
         parameters=par,
         form=form,
-        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared.records, left, accuracy), causes),
+        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared, left, accuracy), causes),
         cost=cost(model.residuals(form, ratios, experiments)),
         starts=beginning.starts,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),

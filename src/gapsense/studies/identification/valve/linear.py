@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.causes import CAUSES, GAINS, Matrix, Signals, changed
+from gapsense.studies.identification.causes import CAUSES, HIDDEN, Matrix, Signals, changed
 from gapsense.studies.identification.valve.form import Form
 from gapsense.studies.identification.valve.many import responses
 from gapsense.studies.identification.valve.model import (
@@ -24,7 +24,7 @@ from gapsense.studies.records.record import Vector
 STEP = 1e-5  # relative change of a parameter for a difference quotient
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
-EVERY = {**CAUSES, **GAINS}
+EVERY = {**CAUSES, **HIDDEN}
 
 
 class Slopes(NamedTuple):
