@@ -24,11 +24,7 @@ from gapsense.studies.records.record import Record
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
-WHAT = {
-    "series": "series: resistance while the voltage is on",
-    "drop": "drop: while the current falls",
-    "delay": "delay: of the current beside the voltage",
-}
+WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
