@@ -14,7 +14,9 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 
 CLAMP = 0.1  # of the largest voltage, against the current, from which it is clamped
-LINE = 4  # samples of a falling current through which a line is drawn
+LINE = 4  # samples of a falling current through which a line is drawn, and of the rest after it
+STEPS = np.arange(1.0 - LINE, 1.0)
+CLEAR = 8.0  # times by which it falls in a sample more than noise or bend hide
 
 
 def halves(v: Vector, i: Vector, convention: str) -> Vector:
@@ -36,8 +38,15 @@ def ends(v: Vector, i: Vector) -> Iterator[tuple[int, float]]:
     """Samples before which a clamp ends with the current, and after which part of the interval it does."""
     sign = float(np.sign(i[int(np.argmax(np.abs(i)))]))
     is_clamped = sign * v < -CLAMP * np.abs(v).max()
-    for k in np.flatnonzero(is_clamped[LINE - 1 : -LINE] & ~is_clamped[LINE : -LINE + 1]) + LINE:
-        before, after = sign * i[k - LINE : k], sign * i[k : k + LINE]
-        slope, last = np.polyfit(np.arange(1.0 - LINE, 1.0), before - np.median(after), 1)
-        if is_clamped[k - LINE : k].all() and last > 0.0 and np.ptp(after) < -slope:
-            yield int(k), min(float(last / -slope), 1.0)
+    last = np.flatnonzero(is_clamped[LINE - 1 : -LINE] & ~is_clamped[LINE : 1 - LINE]) + LINE
+    for k in last.tolist():
+        if is_clamped[k - LINE : k].all() and (part := _end(sign * i[k - LINE : k + LINE])) is not None:
+            yield k, part
+
+
+def _end(i: Vector) -> float | None:
+    """Where a falling current is zero, after the first half of some samples; None if noise or its bend hides it."""
+    before, after = i[:LINE] - np.median(i[LINE:]), i[LINE:]
+    slope, last = np.polyfit(STEPS, before, 1)
+    hidden = max(float(np.ptp(after)), float(np.ptp(before - slope * STEPS)))
+    return min(float(last / -slope), 1.0) if last > 0.0 and -slope > CLEAR * hidden else None

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.records.halves import Vector, halves
+from gapsense.studies.records.halves import halves
+
+Vector = npt.NDArray[np.float64]
 
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
 NEEDED = ("time", "voltage", "current")
