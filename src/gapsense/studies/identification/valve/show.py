@@ -14,7 +14,7 @@ from gapsense.report.table import quantity, table
 from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.file import PORTS, found
 from gapsense.studies.identification.valve.fit import Identified
-from gapsense.studies.identification.valve.form import BOUND, FACTOR
+from gapsense.studies.identification.valve.form import FACTOR
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.validation import Validation
 from gapsense.studies.records.record import Record
@@ -116,7 +116,8 @@ def remarks(result: Identified) -> list[str]:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     for name in result.at_bounds:
         said.append(
-            f"`{PORTS[name].name}` ends at a limit of the search, {BOUND:g} times its first guess: give a better one."
+            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess:"
+            " give a better one."
         )
     for name in result.held:
         value = quantity(found(result, name), PORTS[name].unit)
