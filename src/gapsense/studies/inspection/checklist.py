@@ -9,7 +9,7 @@ import numpy as np
 from gapsense.report.table import quantity
 from gapsense.studies.inspection.facts import Facts
 from gapsense.studies.inspection.kinks import Kink
-from gapsense.studies.records.rest import FEWEST
+from gapsense.studies.records.rest import FEWEST, MOST
 
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise
@@ -68,8 +68,9 @@ def resistance(found: Facts) -> Item:
 
 
 def is_shifted(found: Facts) -> bool:
-    """Whether a current stays where it is before the first operation, as that of a sensor does, but no coil's."""
-    return not found.is_from_rest and found.rest >= FEWEST
+    """Whether a current stays where it is without a voltage, as that of a sensor does, but no coil's."""
+    v = found.signals["voltage"]
+    return not found.is_from_rest and v.offset is not None and abs(v.offset.value) < MOST * v.largest
 
 
 def is_wrong(found: Facts) -> bool:
