@@ -2,15 +2,17 @@
 
 from gapsense.fmi.ports import Component, choice, fixed, input_, output, parameter, table
 
+WAVEFORMS = ("square", "step", "table", "pwm", "profile", "soft_landing", "bridge")
+
 COMPONENT = Component(
     name="DriveVoltage",
-    description="Drive voltage: square wave, step, table from a CSV file, PWM, pulse profile, or soft landing",
+    description="Drive voltage: square wave, step, table from a CSV file, PWM, pulse profile, soft landing, bridge",
     kernel="gapsense.drive.drive_voltage",
     resources=("voltage.csv", "soft_landing.csv"),
     rising=(("pwm.low", "pwm.high"),),
     ports=(
         input_("enable", "1", "0.5 or less: both outputs are 0 V", start=1.0),
-        input_("reference", "V", "Mean voltage that the PWM gives, held during the step", nominal=30.0),
+        input_("reference", "V", "Mean voltage that PWM or bridge gives, held during the step", nominal=30.0),
         output(
             "voltage",
             "V",
@@ -19,7 +21,9 @@ COMPONENT = Component(
             feedthrough=("enable", "reference"),
         ),
         output("voltage_mean", "V", "Mean over the step, exact", nominal=30.0, feedthrough=("enable", "reference")),
-        choice("waveform", "What is generated", ("square", "step", "table", "pwm", "profile", "soft_landing")),
+        choice(
+            "waveform", "What is generated", ("square", "step", "table", "pwm", "profile", "soft_landing", "bridge")
+        ),
         parameter("square.amplitude", "V", "Height above square.low", 30.0),
         parameter("square.low", "V", "Low level, also before the delay", 0.0),
         fixed("square.period", "s", "Period", 20e-3, min=1e-9),
@@ -53,5 +57,9 @@ COMPONENT = Component(
         ),
         fixed("soft_landing.period", "s", "Period of the cycles", 20e-3, min=0.0),
         fixed("soft_landing.repeat_from", "s", "Start of the cycle that repeats, as table.repeat_from", 20e-3),
+        choice("bridge.kind", "Bridge: both directions, or one and zero", ("full", "half")),
+        parameter("bridge.supply", "V", "Bridge: largest voltage", 30.0, min=1e-9),
+        fixed("bridge.frequency", "Hz", "Bridge: carrier from time 0; 0: steady during the step", 20e3, min=0.0),
+        fixed("bridge.levels", "1", "Bridge: steps of the mean between 0 and the supply; 0: any", 0.0, min=0.0),
     ),
 )

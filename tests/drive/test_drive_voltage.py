@@ -12,6 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gapsense.drive import drive_voltage as drive
+from gapsense.drive.bridge import Kind
 from gapsense.drive.drive_voltage import Inputs, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
 from gapsense.kernel import Kernel
@@ -51,6 +52,10 @@ BASE = Parameters(
     soft_landing_file_integral=running_integral(CYCLES, CYCLE_VOLTAGES),
     soft_landing_period=6e-3,
     soft_landing_repeat_from=4e-3,
+    bridge_kind=Kind.full,
+    bridge_supply=20.0,
+    bridge_frequency=2e3,
+    bridge_levels=0.0,
 )
 WAVEFORMS = {
     "square": Waveform.square,
@@ -59,6 +64,7 @@ WAVEFORMS = {
     "pwm": Waveform.pwm,
     "profile": Waveform.profile,
     "cycles": Waveform.soft_landing,
+    "bridge": Waveform.bridge,
 }
 REFERENCE = 12.0  # V, duty 0.7 of the PWM
 
@@ -107,6 +113,9 @@ def exact_integral(t, par):
         low, high, period = Fraction(par.pwm_low), Fraction(par.pwm_high), 1 / Fraction(par.pwm_frequency)
         duty = min(max((Fraction(REFERENCE) - low) / (high - low), Fraction(0)), Fraction(1))
         return low * t + (high - low) * period * wave_integral(t / period, duty)
+    if par.waveform == Waveform.bridge:
+        rail, period = Fraction(par.bridge_supply), 1 / Fraction(par.bridge_frequency)
+        return rail * period * wave_integral(t / period, Fraction(REFERENCE) / rail)
     low, period, duty = Fraction(par.square_low), Fraction(par.square_period), Fraction(par.square_duty)
     p = max((t - Fraction(par.square_delay)) / period, 0)
     return low * t + Fraction(par.square_amplitude) * period * wave_integral(p, duty)
@@ -146,6 +155,8 @@ def edges(par, stop):
         return [par.profile_delay + t for t in ends]
     if par.waveform == Waveform.pwm:
         period, duty, delay = 1.0 / par.pwm_frequency, 0.7, 0.0
+    elif par.waveform == Waveform.bridge:
+        period, duty, delay = 1.0 / par.bridge_frequency, REFERENCE / par.bridge_supply, 0.0
     else:
         period, duty, delay = par.square_period, par.square_duty, par.square_delay
     return [t for n in range(int(stop / period) + 2) for t in (delay + n * period, delay + (n + duty) * period)]
@@ -286,6 +297,30 @@ def test_pwm_carrier_starts_high_at_time_zero():
     voltages, means = run([0.0, 1e-4, 7e-4, 8e-4, 1e-3, 1.1e-3], BASE._replace(waveform=Waveform.pwm))
     assert [*voltages] == [-30.0, 30.0, 30.0, -30.0, -30.0, 30.0]
     assert [*means[1:]] == [30.0, 30.0, -30.0, -30.0, 30.0]
+
+
+@pytest.mark.parametrize(("kind", "least"), [(Kind.full, -20.0), (Kind.half, 0.0)], ids=["full", "half"])
+@pytest.mark.parametrize("frequency", [0.0, 2e3])
+@given(reference=st.floats(-100.0, 100.0))
+def test_bridge_gives_its_reference_within_its_supply_over_whole_periods(kind, least, frequency, reference):
+    par = BASE._replace(waveform=Waveform.bridge, bridge_kind=kind, bridge_frequency=frequency)
+    voltages, means = run([0.25e-3, 4.25e-3], par, reference)
+    assert means[1] == pytest.approx(min(max(reference, least), 20.0), abs=1e-9)
+    assert voltages[1] in (0.0, -20.0, 20.0) or frequency == 0.0
+
+
+@given(reference=st.floats(-30.0, 30.0), levels=st.integers(1, 4096))
+def test_mean_of_a_bridge_with_levels_is_the_nearest_one(reference, levels):
+    par = BASE._replace(waveform=Waveform.bridge, bridge_frequency=0.0, bridge_levels=float(levels))
+    _, means = run([0.0, 1e-3], par, reference)
+    assert abs(means[1] - min(max(reference, -20.0), 20.0)) <= 0.5 * 20.0 / levels * (1.0 + 1e-9)
+    assert means[1] / 20.0 * levels == pytest.approx(round(means[1] / 20.0 * levels), abs=1e-9)
+
+
+def test_pulses_of_a_full_bridge_point_one_way():
+    par = BASE._replace(waveform=Waveform.bridge)
+    voltages, _ = run([k * 25e-6 + 1e-6 for k in range(40)], par, -5.0)
+    assert {*voltages[1:].tolist()} == {0.0, -20.0}
 
 
 def test_table_holds_its_ends_and_takes_jumps_in_its_first_and_last_row():

@@ -1,4 +1,4 @@
-"""Drive voltage: square wave, step, table, PWM, pulse profile, soft landing; edges anywhere in a communication step.
+"""Drive voltage: square wave, step, table, PWM, pulse profile, soft landing, bridge; edges anywhere in a step.
 
 `voltage` is the value at the end of the step, and on an edge the value just before it; `voltage_mean` is the exact mean
 over the step, so that an actuator driven by it gets the volt-seconds of an edge inside the step.
@@ -12,18 +12,17 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.drive.bridge import Bridge, Kind, wave
 from gapsense.drive.curve import Curve, positive, tabulated
-from gapsense.drive.pulses import Pulse, levels, pulsed
+from gapsense.drive.pulses import ALWAYS, Pulse, Wave, levels, pulsed
 from gapsense.records import Array, Choice, Scalar, Table, flat, record
 from gapsense.trace import clip, cond, fabs, not_, where
-
-ALWAYS = -1e30  # phase at which a wave without a beginning begins
 
 
 class Waveform(Choice):
     """What is generated."""
 
-    square, step, table, pwm, profile, soft_landing = range(6)
+    square, step, table, pwm, profile, soft_landing, bridge = range(7)
 
 
 class Parameters(NamedTuple):
@@ -57,6 +56,10 @@ class Parameters(NamedTuple):
     soft_landing_file_integral: Annotated[Array, Table()]  # [V s]
     soft_landing_period: Scalar  # [s]
     soft_landing_repeat_from: Scalar  # [s]
+    bridge_kind: Annotated[Scalar, Kind]
+    bridge_supply: Scalar  # positive [V]
+    bridge_frequency: Scalar  # of the carrier, 0 for a steady voltage [Hz]
+    bridge_levels: Scalar  # of the mean between zero and the supply, 0 for any [1]
 
 
 class State(NamedTuple):
@@ -71,7 +74,7 @@ class Inputs(NamedTuple):
     time: Scalar  # end of the step [s]
     dt: Scalar  # its length, 0 at the start [s]
     enable: Scalar  # 0.5 or below: both outputs are 0 V
-    reference: Scalar  # mean voltage that the PWM is to give [V]
+    reference: Scalar  # mean voltage that the PWM or the bridge is to give [V]
 
 
 class Outputs(NamedTuple):
@@ -106,25 +109,23 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return State(inputs.time), Outputs(where(is_on, voltage, 0.0), where(is_on, mean, 0.0))
 
 
-class Wave(NamedTuple):
-    """Two levels [V], and when the voltage is at the upper one."""
-
-    low: Scalar
-    high: Scalar
-    pulse: Pulse
-
-
 def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Square wave, step or PWM; a step is a pulse that stays high, and its period only sets the scale of the phase."""
+    """Square wave, step, PWM or bridge; a step is a pulse that stays high: its period only sets the scale of phases."""
     pulse = Pulse(par.square_period, par.square_duty, par.square_delay, first=0.0)
     square = Wave(par.square_low, par.square_low + par.square_amplitude, pulse)
     edge = Wave(par.step_initial, par.step_final, Pulse(positive(inputs.dt), 1.0, par.step_time, first=0.0))
     duty = clip((inputs.reference - par.pwm_low) / positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
     pwm = Wave(par.pwm_low, par.pwm_high, Pulse(1.0 / par.pwm_frequency, duty, delay=0.0, first=ALWAYS))
-    is_pwm, is_step = par.waveform == Waveform.pwm, par.waveform == Waveform.step
-    waves = zip(flat(pwm), flat(edge), flat(square))
-    wave = record(Wave, (where(is_pwm, p, where(is_step, e, s)) for p, e, s in waves))
-    return levels(wave.low, wave.high, *pulsed(inputs.time, inputs.dt, tolerance, wave.pulse))
+    output = wave(inputs.reference, Bridge(par.bridge_kind, par.bridge_supply, par.bridge_frequency, par.bridge_levels))
+    chosen = _either(par.waveform == Waveform.step, edge, square)
+    chosen = _either(par.waveform == Waveform.pwm, pwm, chosen)
+    chosen = _either(par.waveform == Waveform.bridge, output, chosen)
+    return levels(chosen.low, chosen.high, *pulsed(inputs.time, inputs.dt, tolerance, chosen.pulse))
+
+
+def _either(condition: Scalar, a: Wave, b: Wave) -> Wave:
+    chosen: Wave = record(Wave, (where(condition, x, y) for x, y in zip(flat(a), flat(b))))
+    return chosen
 
 
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:

@@ -8,6 +8,8 @@ from gapsense.drive.curve import positive
 from gapsense.records import Scalar
 from gapsense.trace import fabs, floor, where
 
+ALWAYS = -1e30  # phase at which a wave without a beginning begins
+
 
 class Pulse(NamedTuple):
     """High for `duty` of each period from `delay` on; low before phase `first`."""
@@ -16,6 +18,14 @@ class Pulse(NamedTuple):
     duty: Scalar
     delay: Scalar
     first: Scalar
+
+
+class Wave(NamedTuple):
+    """Two levels [V], and when the voltage is at the upper one."""
+
+    low: Scalar
+    high: Scalar
+    pulse: Pulse
 
 
 def levels(low: Scalar, high: Scalar, is_high: Scalar, fraction: Scalar) -> tuple[Scalar, Scalar]:

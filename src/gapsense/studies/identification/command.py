@@ -26,6 +26,9 @@ def identify(
         list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
     ],
     model: Annotated[str, typer.Option(help=f"What was measured: {', '.join(MODELS)}")] = AUTO,
+    commission: Annotated[
+        bool, typer.Option("--commission", help="All parameters of `Mhe`: the command `gapsense commission`")
+    ] = False,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("valve.toml"),
     parameters: Annotated[
         Path | None, typer.Option(help="Known parameters and first guesses", show_default="[SEMERA] Table I")
@@ -62,8 +65,9 @@ def identify(
     the records do not identify.
     """
     from gapsense.report import plot
+    from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import choice, temperature
-    from gapsense.studies.identification.options import sought
+    from gapsense.studies.identification.options import believed, sought
     from gapsense.studies.identification.valve import file, fit
     from gapsense.studies.identification.valve.gap import known as gap
     from gapsense.studies.identification.valve.gap.result import kept as with_law
@@ -74,9 +78,12 @@ def identify(
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
     if figure is not None:
         plot.check_file(figure)
+    how = reading(column, voltage, separator, decimal, clipped)
+    if commission:
+        others = (model, period, temperatures, forms, hold, inductance)
+        commissioned(data, how, believed(parameters, others), to, validate or [], figure)
     known = file.read_known(parameters)
     seeking = sought(forms, hold or [], known)
-    how = reading(column, voltage, separator, decimal, clipped)
     records = temperature.given(temperatures, read_records(data, how, period))
     kept = read_records(validate or [], how, needs="rest")
     conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()

@@ -106,7 +106,7 @@ def _spread(is_true: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return np.asarray(np.convolve(is_true, np.ones(3), mode="same") > 0.0)
 
 
-def verdict(found: Residual, current: str, allowed: str) -> str:
+def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, str] = CAUSES) -> str:
     """Whether the model explains the record; `current` and `allowed` are the residual and its limit as text."""
     if found.is_explained:
         return f"{found.record}: the model explains the current to {current}, which is noise."
@@ -114,5 +114,5 @@ def verdict(found: Residual, current: str, allowed: str) -> str:
         f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
         f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
         f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; the usual cause is"
-        f" {CAUSES[found.worst]}."
+        f" {causes[found.worst]}."
     )

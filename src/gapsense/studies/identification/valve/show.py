@@ -136,11 +136,18 @@ def measured_and_identified(result: Identified, records: Sequence[Record], check
     """Measured and simulated current of the records used, then of those kept for the validation."""
     firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
     runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
-    runs += [(c.record, c.model, c.first, "validation") for c in checks]
+    return measured_and_model("Measured and identified", runs, checks)
+
+
+def measured_and_model(
+    title: str, fitted: Sequence[tuple[Record, Trajectory, int, str]], checks: Sequence[Validation]
+) -> Figure:
+    """Records, models that begin at a sample, what they were for; then the validation."""
+    runs = [*fitted, *((c.record, c.model, c.first, "validation") for c in checks)]
     scale = suited("current", "A", *(record.current for record, *_ in runs))
     errors = suited("error", "A", *(record.current[first:] - model.current for record, model, first, _ in runs))
     labels = ["voltage / V", scale[0], errors[0], "position\n/ mm"]
-    figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
+    figure, axes = stack(title, labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
     for k, run in enumerate(runs):
         _panels(axes[4 * k : 4 * k + 4], *run, scale[1], errors[1])
     return figure
