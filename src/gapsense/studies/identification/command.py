@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
     from gapsense.studies.identification.valve.file import Known
     from gapsense.studies.identification.valve.fit import Identified
-    from gapsense.studies.identification.valve.gap import Gap
+    from gapsense.studies.identification.valve.gap.start import Gap
     from gapsense.studies.records.record import Record
 
 MODELS = (AUTO, "coil", "solenoid_valve")
@@ -68,7 +68,9 @@ def identify(
     from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import choice, temperature
     from gapsense.studies.identification.options import believed, sought
-    from gapsense.studies.identification.valve import file, fit, gap
+    from gapsense.studies.identification.valve import file, fit
+    from gapsense.studies.identification.valve.gap import known as gap
+    from gapsense.studies.identification.valve.gap.result import kept as with_law
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.record import between
 
@@ -93,7 +95,7 @@ def identify(
     with bar("identifying") as progress:
         result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more)
     kept = [between(record, result.convention or voltage) for record in kept]
-    finish_valve(result, start, gap.kept(known, result, to), kept, to, data, figure, told)
+    finish_valve(result, start, with_law(known, result, to), kept, to, data, figure, told)
 
 
 def finish_valve(
@@ -110,14 +112,15 @@ def finish_valve(
     from gapsense.report import plot
     from gapsense.studies.identification import temperature
     from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.valve import file, gap, validation
+    from gapsense.studies.identification.valve import file, validation
+    from gapsense.studies.identification.valve.gap.result import told as of_gap
     from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
     checks = validation.validated(result.parameters, kept, coefficient)
     file.write_identified(to, result, known, data, noises(records), temperature.notes(R, coefficient))
-    show(*start.told, *tables(result, records, checks), *gap.told(result, records))
+    show(*start.told, *tables(result, records, checks), *of_gap(result, records))
     show(*temperature.tables(records, R, coefficient), *told)
     written(to)
     if figure is not None:
