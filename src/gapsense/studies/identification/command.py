@@ -81,9 +81,7 @@ def identify(
     from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import choice, temperature
     from gapsense.studies.identification.options import believed, sought
-    from gapsense.studies.identification.valve import drive, file, fit
-    from gapsense.studies.identification.valve.gap import known as gap
-    from gapsense.studies.identification.valve.gap.result import kept as with_law
+    from gapsense.studies.identification.valve import drive, file, fit, known_gap
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.record import between
 
@@ -106,11 +104,11 @@ def identify(
     if coil is not None:
         kept = [record._replace(drive=drive_at.values) for record in kept]
         finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
-    start = gap.known(known.parameters, records, seeking, inductance, conventions, period)
+    start = known_gap.known(known.parameters, records, seeking, inductance, conventions, period)
     with bar("identifying") as progress:
         result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, drive_at)
     kept = [between(record._replace(drive=result.drive), result.convention or voltage) for record in kept]
-    finish_valve(result, start, with_law(known, result, to), kept, to, data, figure, told)
+    finish_valve(result, start, known, kept, to, data, figure, told)
 
 
 def finish_valve(
@@ -128,15 +126,15 @@ def finish_valve(
     from gapsense.studies.identification import temperature
     from gapsense.studies.identification.noise import noises
     from gapsense.studies.identification.valve import drive, file, validation
-    from gapsense.studies.identification.valve.gap.result import told as of_gap
+    from gapsense.studies.identification.valve.gap import result as gap
     from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
     checks = validation.validated(result.parameters, kept, coefficient)
     notes = [*drive.notes(result.drive), *temperature.notes(R, coefficient)]
-    file.write_identified(to, result, known, data, noises(records), notes)
-    show(*start.told, *tables(result, records, checks), *of_gap(result, records))
+    file.write_identified(to, result, gap.kept(known, result, to), data, noises(records), notes)
+    show(*start.told, *tables(result, records, checks), *gap.told(result, records))
     doubts = drive.doubtful(R, known.resistance)
     show(*temperature.tables(records, R, coefficient), *told, *doubts)
     written(to)
