@@ -13,7 +13,8 @@ from gapsense.cosim import run
 from gapsense.estimators.mhe_model import device
 from gapsense.files import write_columns
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.commissioning import file, fit
+from gapsense.studies.commissioning import file, fit, problem
+from gapsense.studies.commissioning.drive import drive
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators import commissioned
 from gapsense.studies.estimators.parameters import CORE, blind, wrong
@@ -34,7 +35,13 @@ def columns(par=TRUE, samples=2100):
     k = np.arange(samples)
     voltage = np.where((k >= 50) & ((k - 50) % 1000 < 500), 30.0, 0.0)
     noise = NOISE * np.random.default_rng(1).standard_normal(samples)
-    return {"time": DT * k, "voltage": voltage, "current": fit.simulate(par, voltage.tolist()).current + noise}
+    return {"time": DT * k, "voltage": voltage, "current": simulated(par, voltage)[:, 0] + noise}
+
+
+def simulated(par, voltage):
+    """Current, flux linkage and position of the model; edges lie half-way between samples."""
+    means = 0.5 * (voltage + np.append(0.0, voltage[:-1]))
+    return problem.run(par._replace(sample_time=DT), means.tolist())
 
 
 def record(**options):
@@ -44,28 +51,32 @@ def record(**options):
 
 @pytest.fixture(scope="module")
 def found():
-    return fit.commission(record(), BELIEVED)
+    return fit.commission([record()], BELIEVED)
 
 
 def test_a_record_of_the_model_gives_its_parameters_back(found):
     """From beliefs that are wrong by up to 5 % and guesses of the losses; errors are what the standard errors say."""
-    assert set(found.names) == set(fit.DEVIATIONS)
+    assert set(found.names) == set(problem.DEVIATIONS)
     right = fit.bent(TRUE)._replace(gap_factor=TRUE.gap_slope / BELIEVED.gap_slope)
     off = np.array([np.log(getattr(found.parameters, name) / getattr(right, name)) for name in found.names])
     assert np.all(np.abs(off) < 3.0 * np.array([*found.errors.values()])), dict(zip(found.names, off))
     assert abs(found.parameters.coil_resistance / right.coil_resistance - 1.0) < 1e-3
     assert found.misfit < 1.0
-    moved = found.model.position - fit.simulate(TRUE, columns()["voltage"].tolist()).position
-    assert np.sqrt(np.mean(moved**2)) < 6e-6
-    before = fit.simulate(BELIEVED, columns()["voltage"].tolist()).position - found.model.position
-    assert np.sqrt(np.mean(before**2)) > 30e-6
+    first, voltage = found.drives[0].first, columns()["voltage"]
+    true, believed = (simulated(par, voltage)[first:, 2] for par in (TRUE, BELIEVED))
+    assert np.sqrt(np.mean((found.model.position - true) ** 2)) < 6e-6
+    assert np.sqrt(np.mean((found.model.position - believed) ** 2)) > 30e-6
 
 
 def test_derivatives_of_the_cost_are_its_slopes():
-    problem = fit.problem(record(samples=600), fit.bent(BELIEVED), [*fit.DEVIATIONS])
-    J, logs = problem.jacobian(np.zeros(13)), 1e-4 * np.random.default_rng(2).standard_normal(13)
-    change = problem.residuals(logs) - problem.residuals(np.zeros(13))
-    assert np.linalg.norm(change - J @ logs) < 0.02 * np.linalg.norm(change)
+    """By logarithms, by what the places of the edges share and by each of them; of two records together."""
+    par = fit.bent(BELIEVED)
+    drives = [drive(record(samples=n), par) for n in (600, 400)]
+    p = problem.Problem(par, [*problem.DEVIATIONS], drives)
+    x, by = np.zeros(p.deviations.size), 1e-4 * np.random.default_rng(2).standard_normal(p.deviations.size)
+    assert x.size == 13 + 1 + 2 + 1 + 1
+    before, after = p.residuals([x, x + by])
+    assert np.linalg.norm(after - before - p.jacobian(x) @ by) < 0.02 * np.linalg.norm(after - before)
 
 
 def test_bend_of_the_core_changes_no_device():
@@ -78,15 +89,16 @@ def test_bend_of_the_core_changes_no_device():
 def test_what_is_zero_stays_zero_and_a_table_has_a_factor_only():
     gap = {"gap.law": "table", "gap.file": str(ROOT / "fmus" / "mhe" / "fringing_29.csv")}
     par = kernel_parameters(own("mhe"), {**read_values([SETS / "mhe.toml"]), **gap, "damping": 0.0})
-    names = [name for name in fit.DEVIATIONS if fit.is_fitted(fit.bent(par), name)]
-    assert set(fit.DEVIATIONS) - set(names) == {"gap_fringing", "damping"}
+    names = [name for name in problem.DEVIATIONS if fit.is_fitted(fit.bent(par), name)]
+    assert set(problem.DEVIATIONS) - set(names) == {"gap_fringing", "damping"}
 
 
 def test_the_parameter_set_is_what_was_found(found, tmp_path):
     given = read_values([SETS / "mhe.toml"])
     written = file.write(tmp_path / "new" / "mine.toml", found, given, "test")
     read = parameters_of("mhe", written)
-    assert fit.simulate(read, columns()["voltage"].tolist()).position == pytest.approx(found.model.position, abs=1e-9)
+    (model,) = (problem.simulate(read, d, at) for d, at in zip(found.drives, found.places))
+    assert model.position == pytest.approx(found.model.position, abs=1e-9)
     assert read.gap_factor == 1.0 and read.gap_slope == pytest.approx(
         BELIEVED.gap_slope * found.parameters.gap_factor, rel=1e-7
     )
@@ -109,14 +121,19 @@ def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
 
 
 def test_parameters_of_the_benchmark_are_what_a_record_gives(fmus):
-    """The plant is another model, with Jiles-Atherton hysteresis; its position is not used."""
+    """The plant is another model, with Jiles-Atherton hysteresis; its position is not used.
+
+    The shipped set was found with edges in the middle of their intervals, where they are; now their places are sought,
+    which leave less of the turnover: that of hysteresis looks like an edge that is late.
+    """
     shipped = parameters_of("mhe", SETS / "mhe_commissioned.toml")
     result = commissioned.of_scenario(FOLDER)
-    for name in fit.DEVIATIONS:
+    for name in problem.DEVIATIONS:
         if not name.startswith("gap"):
-            assert getattr(result.parameters, name) == pytest.approx(getattr(shipped, name), rel=5e-3), name
+            allowed = 0.7 if name == "core_turnover" else result.errors[name]
+            assert getattr(result.parameters, name) == pytest.approx(getattr(shipped, name), rel=allowed), name
     truth = run(FOLDER, seed_shift=commissioned.SEED)["actuator.position"]
-    assert np.sqrt(np.mean((result.model.position - truth) ** 2)) < 4e-6
+    assert np.sqrt(np.mean((result.model.position - truth[result.drives[0].first :]) ** 2)) < 4e-6
     assert result.parameters.core_eddy == pytest.approx(CORE.eddy, rel=0.1)
     assert result.parameters.coil_resistance == pytest.approx(RTS_VALVE.coil_resistance, rel=1e-3)
 
@@ -136,7 +153,7 @@ def test_the_command_writes_a_parameter_set_and_says_how_certain_it_is(tmp_path)
     saved(tmp_path / "record.csv", columns(samples=1100))
     done = commission(tmp_path, "--out", str(tmp_path / "mine.toml"))
     assert done.exit_code == 0, done.output
-    for words in ("coil.resistance", "standard", "as it was believed", "the model explains the currents"):
+    for words in ("coil.resistance", "standard", "as it was believed", "the model explains the current"):
         assert words in done.output, done.output
     assert parameters_of("mhe", tmp_path / "mine.toml").core_eddy == pytest.approx(TRUE.core_eddy, rel=0.3)
 

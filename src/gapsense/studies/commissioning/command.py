@@ -1,39 +1,69 @@
-"""The command that finds all parameters of `Mhe` from one record."""
+"""The command that finds all parameters of `Mhe` from records; `gapsense identify --commission` is the same."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense.studies.records.conventions import AUTO, CONVENTIONS
+
+if TYPE_CHECKING:
+    from gapsense.studies.records.record import Reading
 
 
 @command("commission")
 def commission(
-    data: Annotated[Path, typer.Argument(help="CSV file: time [s], voltage [V], current [A]", show_default=False)],
+    data: Annotated[
+        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
+    ],
     parameters: Annotated[Path, typer.Option(help="What is believed of the device, for `Mhe`", show_default=False)],
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("commissioned.toml"),
+    validate: Annotated[
+        list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
+    voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
     clipped: Clipped = False,
 ) -> None:
-    """Find all parameters of a reluctance actuator, core losses included, from one record from rest on.
+    """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
 
     Known are the stops and, within a few percent, the gap law, the spring, the mass and the core. Prints values and
-    standard errors.
+    standard errors; exit code 1 where the model does not explain the records.
     """
-    from gapsense.studies.commissioning import file, fit
-    from gapsense.studies.commissioning.show import tables
-    from gapsense.studies.identification.transfer import parameters_of, read_values
-    from gapsense.studies.records.checks import read_records, reading
+    from gapsense.studies.records.checks import reading
 
+    how = reading(column, voltage, separator, decimal, clipped)
+    commissioned(data, how, parameters, to, validate or [], figure)
+
+
+def commissioned(
+    data: Sequence[Path], how: Reading, parameters: Path, to: Path, validate: Sequence[Path], figure: Path | None
+) -> None:
+    """Read, fit, write and show; ends the command."""
+    from gapsense.report import plot
+    from gapsense.studies.commissioning import file, fit, validation
+    from gapsense.studies.commissioning import show as shown
+    from gapsense.studies.identification.transfer import parameters_of, read_values
+    from gapsense.studies.records.checks import read_records
+
+    if figure is not None:
+        plot.check_file(figure)
     known, given = parameters_of("mhe", parameters), read_values([parameters])
-    (record,) = read_records([data], reading(column, "trapezoid", separator, decimal, clipped), needs="rest")
+    records, kept = (read_records(files, how, needs="rest") for files in (data, validate))
     with bar("commissioning") as progress:
-        result = fit.commission(record, known, progress)
-    file.write(to, result, given, f"gapsense commission {data.name} --parameters {parameters.name}")
-    show(*tables(result, known))
+        result = fit.commission(records, known, progress)
+    names = " ".join(path.name for path in data)
+    file.write(to, result, given, f"gapsense commission {names} --parameters {parameters.name}")
+    checks = validation.validated(result.parameters, kept)
+    show(*shown.tables(result, known, checks))
     written(to)
+    if figure is not None:
+        written(plot.save(shown.figure(result, checks), figure))
+    raise typer.Exit(0 if result.is_explained else FAILED)

@@ -1,4 +1,8 @@
-"""The model of `Mhe` from rest on, as a kernel: what the current of a device would be."""
+"""The model of `Mhe` from rest on, as a kernel: what the current of a device would be.
+
+A sampling period may be several steps, each with the mean of the voltage in it, so that an edge has its place and a
+coarse record does not make the model coarse.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +21,14 @@ __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 class Inputs(NamedTuple):
     """What drives it."""
 
-    voltage: Scalar  # of the sample [V]
+    voltage: Scalar  # mean over the step [V]
 
 
 class Outputs(NamedTuple):
     """What it does."""
 
     current: Scalar
+    flux_linkage: Scalar
     position: Scalar
 
 
@@ -31,11 +36,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Without flux, on the stop to which the spring pushes."""
     d = device(par)
     at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, inputs.voltage, model(par, d))
-    return at, Outputs(0.0, at.position)
+    return at, Outputs(0.0, at.flux_linkage, at.position)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """The next sample."""
-    m = model(par, device(par))
-    at = advance(state, inputs.voltage, m)
-    return at, Outputs(current(at, 0.5 * (state.voltage + inputs.voltage), m), at.position)
+    """The next step."""
+    m, u = model(par, device(par)), inputs.voltage
+    at = advance(state._replace(voltage=u), u, m)
+    return at, Outputs(current(at, u, m), at.flux_linkage, at.position)

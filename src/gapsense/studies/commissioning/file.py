@@ -12,11 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from gapsense.estimators.mhe import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.files import write_atomically
 from gapsense.fmi.components import load_component, own
 from gapsense.parameters import is_file
-from gapsense.studies.commissioning.fit import Commissioned, Matrix
+from gapsense.studies.commissioning.fit import Commissioned
+from gapsense.studies.commissioning.problem import Matrix
+from gapsense.studies.identification.noise import LEAST as LEAST_NOISE
+from gapsense.studies.identification.noise import noises
 from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("mhe")).of("parameter")}
@@ -29,6 +33,7 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
+NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
 
@@ -38,8 +43,14 @@ def found(result: Commissioned) -> dict[str, float]:
     if par.gap_law == GapLaw.fringing:
         law, factor = ["gap_reluctance", "gap_slope"], par.gap_factor
         par = par._replace(**{name: getattr(par, name) * factor for name in law}, gap_factor=1.0)
-    fields = ["sample_time", *law, "gap_factor", *result.names]
-    return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **priors(result)}
+    fields = [*law, "gap_factor", *result.names]
+    return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
+
+
+def noise(result: Commissioned) -> dict[str, float]:
+    """That of the records, as `identify` writes it."""
+    currents = [max(d.noise, LEAST_NOISE * float(np.abs(d.current).max())) for d in result.drives]
+    return {**noises([d.record for d in result.drives]), "noise.current": float(f"{max(currents):.3g}")}
 
 
 def priors(result: Commissioned) -> dict[str, float]:
@@ -53,6 +64,20 @@ def priors(result: Commissioned) -> dict[str, float]:
     return {name: max(stds[field], LEAST) for name, field in LEARNT.items() if field in stds}
 
 
+def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
+    """What was given, with what was found; without a sampling period of the estimators that of the records."""
+    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found(result)}
+
+
+def device(par: Parameters) -> dict[str, Value]:
+    """All that is known of the device, for the other estimators have other defaults."""
+    law = GapLaw(int(par.gap_law))
+    groups = ("coil_", "mover_", "spring_", "damping", "stop_", "core_", *(("gap_",) if law == GapLaw.fringing else ()))
+    fields = [field for field in PORTS if field and field.startswith(groups) and field not in NOT_NUMBERS]
+    values: dict[str, Value] = {PORTS[field].name: float(getattr(par, field)) for field in fields}
+    return {**values, "gap.law": law.name}
+
+
 def write(file: Path, result: Commissioned, given: Mapping[str, Value], origin: str) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
     names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
@@ -63,7 +88,7 @@ def write(file: Path, result: Commissioned, given: Mapping[str, Value], origin: 
         f"source = {json.dumps(origin)}",
         "",
         "[values]",
-        *(line(name, value, file, errors.get(name)) for name, value in {**given, **found(result)}.items()),
+        *(line(name, value, file, errors.get(name)) for name, value in complete(result, given).items()),
     ]
     write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
     return file

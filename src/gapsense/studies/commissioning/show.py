@@ -2,28 +2,73 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.estimators.mhe import Parameters
 from gapsense.report.table import quantity, table
+from gapsense.studies.commissioning.drive import SLOWEST
 from gapsense.studies.commissioning.file import PORTS
-from gapsense.studies.commissioning.fit import DEVIATIONS, Commissioned, bent
+from gapsense.studies.commissioning.fit import Commissioned, bent
+from gapsense.studies.commissioning.problem import DEVIATIONS
+from gapsense.studies.commissioning.verdict import CAUSES
+from gapsense.studies.identification.residual import verdict
+from gapsense.studies.identification.valve.show import about, measured_and_model, validation
+from gapsense.studies.identification.valve.validation import Validation
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
+FAR = 3.0  # of the same deviations from what was believed
+MOVES = 0.01  # of the stroke
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
-def tables(result: Commissioned, known: Parameters) -> list[Table | str]:
-    """Values and standard errors, then what the misfit says."""
+def tables(result: Commissioned, known: Parameters, checks: Sequence[Validation] = ()) -> list[Table | str]:
+    """Values and standard errors, then what the residuals and the misfit say."""
     before, rows = bent(known), []
     for field, error in result.errors.items():
-        port, note = PORTS[field], "" if error < BELIEVED * DEVIATIONS[field] else "as it was believed"
+        port, note = PORTS[field], "as it was believed" if error >= BELIEVED * DEVIATIONS[field] else ""
         values = (quantity(float(getattr(par, field)), port.unit) for par in (before, result.parameters))
         rows.append((port.name, *values, f"{100.0 * error:.2g} %", note))
-    said = f"Misfit {result.misfit:.2g}: "
-    well = (
-        "the model explains the currents."
-        if result.misfit < known.health_limit
-        else ("the model does not explain the currents. Is the record from rest on, are stops and gap law right?")
-    )
-    return [table("Parameters", HEADS, rows), said + well]
+    records = [*(drive.record for drive in result.drives), *(check.record for check in checks)]
+    return [
+        table("Parameters", HEADS, rows),
+        *([validation(checks)] if checks else []),
+        *remarks(result, before),
+        *(text for record in records for text in about(record)),
+    ]
+
+
+def remarks(result: Commissioned, before: Parameters) -> list[str]:
+    """Sentences: how well the model explains the records, and what these do not tell."""
+    said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
+    said += [
+        f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
+        " is a guess. Values and standard errors are not to be relied on: sample faster or, through a filter, the mean."
+        for d in result.drives
+        if d.is_too_fast
+    ]
+    well = "" if result.misfit < before.health_limit else ", of which less than 1 is usual: the model is another one"
+    said.append(f"Misfit {result.misfit:.2g}{well}.")
+    stroke = before.stop_upper - before.stop_lower
+    if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
+        said.append("The mover does not leave its stop: mass, spring and damping stay as they were believed.")
+    if held := [PORTS[name].name for name in DEVIATIONS if name not in result.names]:
+        said.append(f"Held, for they are 0 or in a file: {', '.join(held)}.")
+    for name in result.names:
+        factor = float(getattr(result.parameters, name) / getattr(before, name))
+        if abs(math.log(factor)) > FAR * DEVIATIONS[name]:
+            said.append(
+                f"`{PORTS[name].name}` is {factor:.2g} times what was believed, much farther off than it should be:"
+                " check what was given, or the voltage."
+            )
+    return said
+
+
+def figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
+    """Measured currents and those of the model, and its positions."""
+    runs = [(drive.record, model, drive.first, "fit") for drive, model in zip(result.drives, result.models)]
+    return measured_and_model("Measured and commissioned", runs, checks)

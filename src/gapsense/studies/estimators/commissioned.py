@@ -34,7 +34,7 @@ def write(folder: Path) -> None:
 def of_scenario(folder: Path, variant: str | None = None) -> Commissioned:
     """Commissioning from a run of the scenario."""
     known = kernel_parameters(own("mhe"), load(folder, variant).components[MHE.component].values)
-    return commission(measured(run(folder, variant, seed_shift=SEED)), known)
+    return commission([measured(run(folder, variant, seed_shift=SEED))], known)
 
 
 def measured(result: Result) -> Record:

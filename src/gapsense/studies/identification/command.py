@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
     from gapsense.studies.identification.valve.file import Known
     from gapsense.studies.identification.valve.fit import Identified
-    from gapsense.studies.identification.valve.gap import Gap
+    from gapsense.studies.identification.valve.gap.start import Gap
     from gapsense.studies.records.record import Record
 
 MODELS = (AUTO, "coil", "solenoid_valve")
@@ -26,6 +26,9 @@ def identify(
         list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
     ],
     model: Annotated[str, typer.Option(help=f"What was measured: {', '.join(MODELS)}")] = AUTO,
+    commission: Annotated[
+        bool, typer.Option("--commission", help="All parameters of `Mhe`: the command `gapsense commission`")
+    ] = False,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("valve.toml"),
     parameters: Annotated[
         Path | None, typer.Option(help="Known parameters and first guesses", show_default="[SEMERA] Table I")
@@ -75,9 +78,10 @@ def identify(
     the records do not identify.
     """
     from gapsense.report import plot
+    from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import choice, temperature
-    from gapsense.studies.identification.options import sought
-    from gapsense.studies.identification.valve import drive, file, fit, gap
+    from gapsense.studies.identification.options import believed, sought
+    from gapsense.studies.identification.valve import drive, file, fit, known_gap
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.record import between
 
@@ -85,9 +89,12 @@ def identify(
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
     if figure is not None:
         plot.check_file(figure)
+    how = reading(column, voltage, separator, decimal, clipped)
+    if commission:
+        others = (model, period, temperatures, forms, hold, inductance, driver, accuracy)
+        commissioned(data, how, believed(parameters, others), to, validate or [], figure)
     known, drive_at = file.read_known(parameters), drive.drive_of(driver, accuracy)
     seeking = sought(forms, hold or [], known)
-    how = reading(column, voltage, separator, decimal, clipped)
     records = temperature.given(temperatures, read_records(data, how, period))
     records = [record._replace(drive=drive_at.values) for record in records]
     kept = read_records(validate or [], how, needs="rest")
@@ -97,11 +104,11 @@ def identify(
     if coil is not None:
         kept = [record._replace(drive=drive_at.values) for record in kept]
         finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
-    start = gap.known(known.parameters, records, seeking, inductance, conventions, period)
+    start = known_gap.known(known.parameters, records, seeking, inductance, conventions, period)
     with bar("identifying") as progress:
         result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, drive_at)
     kept = [between(record._replace(drive=result.drive), result.convention or voltage) for record in kept]
-    finish_valve(result, start, gap.kept(known, result, to), kept, to, data, figure, told)
+    finish_valve(result, start, known, kept, to, data, figure, told)
 
 
 def finish_valve(
@@ -118,14 +125,15 @@ def finish_valve(
     from gapsense.report import plot
     from gapsense.studies.identification import temperature
     from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.valve import drive, file, gap, validation
+    from gapsense.studies.identification.valve import drive, file, validation
+    from gapsense.studies.identification.valve.gap import result as gap
     from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
     checks = validation.validated(result.parameters, kept, coefficient)
     notes = [*drive.notes(result.drive), *temperature.notes(R, coefficient)]
-    file.write_identified(to, result, known, data, noises(records), notes)
+    file.write_identified(to, result, gap.kept(known, result, to), data, noises(records), notes)
     show(*start.told, *tables(result, records, checks), *gap.told(result, records))
     doubts = drive.doubtful(R, known.resistance)
     show(*temperature.tables(records, R, coefficient), *told, *doubts)

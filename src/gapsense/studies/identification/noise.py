@@ -30,8 +30,12 @@ def noises(records: Sequence[Record]) -> dict[str, float]:
 def _voltage(record: Record, first: int) -> float:
     """That of the voltage: at rest if there is any, for a drive that switches often has jumps everywhere."""
     v = record.voltage
-    steps = hidden(v) if resolution(v) < COARSEST * np.ptp(v) else 0.0
-    return _least(max(steps, float(v[:first].std()) if first >= REST else noise(v)), v)
+    return _least(max(rounding(v), float(v[:first].std()) if first >= REST else noise(v)), v)
+
+
+def rounding(x: Vector) -> float:
+    """What the steps of a converter hide of a signal that may also have the few levels of a drive."""
+    return hidden(x) if resolution(x) < COARSEST * np.ptp(x) else 0.0
 
 
 def _least(found: float, x: Vector) -> float:

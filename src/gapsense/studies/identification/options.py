@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from gapsense.studies.identification.valve.file import PORTS, Known
 from gapsense.studies.identification.valve.form import FITTED
@@ -10,6 +11,16 @@ from gapsense.studies.identification.valve.forms import LOSSES, SCALES, Sought
 from gapsense.studies.records.conventions import AUTO, FORMS, PLAIN
 
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
+NOT_COMMISSIONED = (
+    "--model",
+    "--period",
+    "--temperature",
+    "--forms",
+    "--hold",
+    "--inductance",
+    "--driver",
+    "--accuracy",
+)
 
 
 def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:
@@ -27,6 +38,15 @@ def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:
         if names[name] in LOSSES and names[name] not in known.losses:
             raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
     return Sought(tried, frozenset(names[name] for name in held), known.losses)
+
+
+def believed(parameters: Path | None, others: Sequence[object]) -> Path:
+    """What `--commission` takes for the device; a ValueError tells what is missing, or which options it has not."""
+    if parameters is None:
+        raise ValueError("--commission: `--parameters` is missing. Give a set with what is believed of the device.")
+    if given := [name for name, value in zip(NOT_COMMISSIONED, others) if value and value != AUTO]:
+        raise ValueError(f"--commission: {', '.join(given)} found; it has no such option. Leave it out.")
+    return parameters
 
 
 def split(texts: Sequence[str]) -> list[str]:

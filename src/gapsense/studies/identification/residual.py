@@ -117,21 +117,21 @@ def _spread(is_true: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return np.asarray(np.convolve(is_true, np.ones(3), mode="same") > 0.0)
 
 
-def verdict(found: Residual, current: str, allowed: str) -> str:
+def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, str] = CAUSES) -> str:
     """Whether the model explains the record; `current` and `allowed` are the residual and its limit as text."""
     if found.is_explained:
         return f"{found.record}: the model explains the current to {current}, which is noise."
     return (
         f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
         f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
-        f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; {cause(found)}."
+        f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; {cause(found, causes)}."
     )
 
 
-def cause(found: Residual) -> str:
+def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
     """What has usually gone wrong where such a residual is left."""
     frequency = max(found.hum, key=lambda f: found.hum[f], default=0.0)
     if frequency and found.hum[frequency] > HUMS:
         part = 100.0 * found.hum[frequency]
         return f"{part:.0f} % of it goes with {frequency:g} Hz: the usual cause is hum of the mains"
-    return f"the usual cause is {CAUSES[found.worst]}"
+    return f"the usual cause is {causes[found.worst]}"

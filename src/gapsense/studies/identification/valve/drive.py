@@ -13,7 +13,6 @@ import numpy as np
 
 from gapsense.report.table import quantity
 from gapsense.studies.identification.valve.evidence import ENOUGH, Trial, chosen, evidence, is_quiet, relative
-from gapsense.studies.identification.valve.form import FACTOR
 from gapsense.studies.identification.valve.forms import Sought
 from gapsense.studies.identification.valve.linear import left_at, linear, scales
 from gapsense.studies.identification.valve.minimise import Fit
@@ -169,7 +168,7 @@ def timed(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: D
     ratios, prepared = settled(fit, ratios, prepared, causes)
     delayed = Timed(prepared, chosen(fit, ratios, prepared.firsts, sought), causes)
     late = taken(delayed.trials)
-    more = 1 + _count(late) - _count(best)
+    more = 1 + len(late.form.fitted) - len(best.form.fitted)
     left, now = relative(best.errors, firsts), relative(late.errors, prepared.firsts)
     return delayed if evidence(left, now, more) > ENOUGH else without
 
@@ -177,7 +176,3 @@ def timed(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: D
 def taken(trials: Sequence[Trial]) -> Trial:
     """The last form that was taken."""
     return [trial for trial in trials if trial.is_taken][-1]
-
-
-def _count(trial: Trial) -> int:
-    return len({*trial.form.fitted} - {FACTOR})

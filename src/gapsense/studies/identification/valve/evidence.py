@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.studies.identification.residual import is_small
-from gapsense.studies.identification.valve.form import FACTOR, FITTED, Form
+from gapsense.studies.identification.valve.form import FITTED, Form
 from gapsense.studies.identification.valve.forms import Sought, larger
 from gapsense.studies.identification.valve.many import currents
 from gapsense.studies.identification.valve.minimise import Fit
@@ -72,7 +72,7 @@ def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -
     found = min((trial(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
     fit.samples += other.samples
     left, now = (relative(t.errors, firsts) for t in (before, found))
-    more = len({*form.fitted} - {*before.form.fitted, FACTOR})
+    more = len({*form.fitted} - {*before.form.fitted})
     return found._replace(evidence=evidence(left, now, more), is_taken=False)
 
 

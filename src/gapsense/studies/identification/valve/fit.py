@@ -34,6 +34,8 @@ from gapsense.workers import Progress
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
 ROUGH = 0.3  # the same of what hardly anything was known of
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
+AT_REST = 1e-5  # relative change of the resistances
+MOST = 8  # times that charges are balanced
 
 
 class Identified(NamedTuple):
@@ -196,13 +198,21 @@ def _by_noise(result: Identified, at: Found) -> Vector:
 
 
 def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str], is_searched: bool) -> Found:
-    """The minimum for all operations, with resistances for which the charges are equal, and in the causes."""
+    """The minimum for all operations, with resistances for which the charges are equal, and in the causes.
+
+    Those depend on what stays of the flux, and it on them: where the core has hysteresis, until they rest.
+    """
     experiments = prepared.experiments
-    for size in SIZES:
+    if has_hysteresis := FACTOR in fit.form.fitted:
+        ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.restarted(ratios))]
+        ratios = min(ends, key=partial(fit.cost, experiments=experiments))
+    for size in SIZES[-1:] * MOST if has_hysteresis else SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
-        experiments = fit.balanced(ratios, experiments)
+        before, experiments = experiments, fit.balanced(ratios, experiments)
         ratios = fit.form.settled(ratios)
+        if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
+            break
     for _ in range(ROUNDS if causes else 0):
         step = correction(fit, ratios, experiments, causes)
         prepared = prepared.moved(step.causes)

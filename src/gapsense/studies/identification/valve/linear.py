@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.studies.identification.causes import CAUSES, HIDDEN, Matrix, Signals, changed
+from gapsense.studies.identification.valve.balance import feedback
 from gapsense.studies.identification.valve.form import Form
 from gapsense.studies.identification.valve.many import responses
 from gapsense.studies.identification.valve.model import (
@@ -39,13 +40,14 @@ class Linear(NamedTuple):
 
     fitted: Matrix  # slopes of the residuals (residuals, fitted)
     inverse: Matrix  # what is fitted, from minus the residuals (fitted, residuals)
+    feedback: Matrix  # what becomes of that by `balance` (fitted, fitted)
     resistance: Vector  # slopes of its logarithm (fitted,)
     others: Slopes  # by the causes that are not fitted
 
     @property
     def moved(self) -> Matrix:
         """What each of these causes changes: in what is fitted, and in the resistance (fitted and one, causes)."""
-        moved = -self.inverse @ self.others.residuals
+        moved = -self.feedback @ (self.inverse @ self.others.residuals)
         return np.asarray(np.vstack([moved, self.others.resistance + self.resistance @ moved]))
 
     @property
@@ -74,9 +76,11 @@ def linear(
     found = slopes(form, ratios, experiments, [*fitted, *others])
     k = len(fitted)
     J = np.hstack([jacobian(form, ratios, experiments), found.residuals[:, :k]])
+    A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
     return Linear(
         fitted=J,
-        inverse=np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64),
+        inverse=A,
+        feedback=feedback(A, form, ratios, experiments),
         resistance=np.append(np.zeros(ratios.size), found.resistance[:k]),
         others=Slopes(found.residuals[:, k:], found.resistance[k:]),
     )

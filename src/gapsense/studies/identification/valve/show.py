@@ -16,7 +16,7 @@ from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.drive import TAKEN
 from gapsense.studies.identification.valve.file import PORTS, found
 from gapsense.studies.identification.valve.fit import Identified
-from gapsense.studies.identification.valve.form import BOUND, FACTOR
+from gapsense.studies.identification.valve.form import FACTOR
 from gapsense.studies.identification.valve.misfit import likely
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.validation import Validation
@@ -86,9 +86,7 @@ def drive(result: Identified) -> list[Table]:
     for name, value in result.drive.items():
         unit, error = TAKEN[name], result.uncertainty.causes.get(name)
         stated = "given" if error is None else quantity(error, unit)
-        rows.append(
-            (name, quantity(value, unit), stated, CAUSES[name].sentence.removesuffix(", of").removesuffix(" by"))
-        )
+        rows.append((WHAT[name], quantity(value, unit), stated))
     return [table("Taken out of the records", ("", "value", "standard error"), rows)] if rows else []
 
 
@@ -138,7 +136,8 @@ def remarks(result: Identified) -> list[str]:
     said += explanations(result)
     for name in result.at_bounds:
         said.append(
-            f"`{PORTS[name].name}` ends at a limit of the search, {BOUND:g} times its first guess: give a better one."
+            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess:"
+            " give a better one."
         )
     for name in result.held:
         value = quantity(found(result, name), PORTS[name].unit)
@@ -169,11 +168,18 @@ def measured_and_identified(result: Identified, records: Sequence[Record], check
     """Measured and simulated current of the records used, then of those kept for the validation."""
     firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
     runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
-    runs += [(c.record, c.model, c.first, "validation") for c in checks]
+    return measured_and_model("Measured and identified", runs, checks)
+
+
+def measured_and_model(
+    title: str, fitted: Sequence[tuple[Record, Trajectory, int, str]], checks: Sequence[Validation]
+) -> Figure:
+    """Records, models that begin at a sample, what they were for; then the validation."""
+    runs = [*fitted, *((c.record, c.model, c.first, "validation") for c in checks)]
     scale = suited("current", "A", *(record.current for record, *_ in runs))
     errors = suited("error", "A", *(record.current[first:] - model.current for record, model, first, _ in runs))
     labels = ["voltage / V", scale[0], errors[0], "position\n/ mm"]
-    figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
+    figure, axes = stack(title, labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
     for k, run in enumerate(runs):
         _panels(axes[4 * k : 4 * k + 4], *run, scale[1], errors[1])
     return figure

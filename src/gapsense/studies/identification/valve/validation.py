@@ -41,6 +41,11 @@ def validate(par: Device, record: Record) -> Validation:
     first = starts(record)[0]
     halves = without_causes(record).halves[first:]
     model = simulate(par, halves, record.dt, np.full(len(halves), value(par, "coil_resistance")))
+    return compared(record, model, first)
+
+
+def compared(record: Record, model: Trajectory, first: int) -> Validation:
+    """The current of a model, which begins at sample `first`, beside that of a record."""
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
     return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))

@@ -1,0 +1,27 @@
+"""How well a commissioned model predicts records that were not used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gapsense.estimators.mhe import Parameters
+from gapsense.studies.commissioning.drive import drive
+from gapsense.studies.commissioning.minimise import minimised
+from gapsense.studies.commissioning.problem import Problem, simulate
+from gapsense.studies.identification.valve.validation import Validation, compared
+from gapsense.studies.records.record import Record
+
+
+def validated(par: Parameters, records: Sequence[Record]) -> list[Validation]:
+    """The model beside each of some records; only the places of their edges are sought."""
+    return [validate(par, record) for record in records]
+
+
+def validate(par: Parameters, record: Record) -> Validation:
+    """Beside one of them."""
+    driven = drive(record, par)
+    p = Problem(par, [], [driven])
+    (places,) = p.places(minimised(p, np.zeros(p.deviations.size)))
+    return compared(record, simulate(par, driven, places), driven.first)
