@@ -95,15 +95,13 @@ def identify(
         commissioned(data, how, believed(parameters, others), to, validate or [], figure)
     known, drive_at = file.read_known(parameters), drive.drive_of(driver, accuracy)
     seeking = sought(forms, hold or [], known)
-    records = temperature.given(temperatures, read_records(data, how, period))
-    records = [record._replace(drive=drive_at.values) for record in records]
+    records = drive_at.of(temperature.given(temperatures, read_records(data, how, period)))
     kept = read_records(validate or [], how, needs="rest")
     conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
     with bar("looking for motion") as progress:
         coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
     if coil is not None:
-        kept = [record._replace(drive=drive_at.values) for record in kept]
-        finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
+        finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, drive_at.of(kept), to, data, figure, told)
     start = known_gap.known(known.parameters, records, seeking, inductance, conventions, period)
     with bar("identifying") as progress:
         result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, drive_at)
