@@ -25,6 +25,7 @@ BEFORE = 2  # samples at rest that are kept
 ANYWHERE = 1.0 / math.sqrt(12.0)  # standard deviation of the place of an edge, in sampling periods
 ALIKE = 0.01  # the same, of edges that are in step with the samples
 TUNED = 20e-6  # s; the sampling period for which `SAME` samples of the model's error are the same
+MANY, SLOWEST = 20, 3.0  # edges that are PWM, and samples between two that are too few
 Matrix = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int_]
 Truths = npt.NDArray[np.bool_]
@@ -41,6 +42,12 @@ class Drive(NamedTuple):
     weights: Vector  # of the current; 0 where it does not count
     noise: float  # of the current [A]
     parts: int  # steps of a sampling period
+
+    @property
+    def is_too_fast(self) -> bool:
+        """Whether it switches faster than the samples tell: flux linkage of places that are guessed adds up."""
+        gaps = np.diff(self.edges)
+        return self.parts > 1 and gaps.size >= MANY and float(np.median(gaps)) < SLOWEST
 
     @property
     def step(self) -> float:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gapsense.estimators.mhe import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.files import write_atomically
 from gapsense.fmi.components import load_component, own
@@ -32,6 +33,7 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
+NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
 
@@ -64,7 +66,16 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    return {"sample_time": result.drives[0].record.dt, **given, **found(result)}
+    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found(result)}
+
+
+def device(par: Parameters) -> dict[str, Value]:
+    """All that is known of the device, for the other estimators have other defaults."""
+    law = GapLaw(int(par.gap_law))
+    groups = ("coil_", "mover_", "spring_", "damping", "stop_", "core_", *(("gap_",) if law == GapLaw.fringing else ()))
+    fields = [field for field in PORTS if field and field.startswith(groups) and field not in NOT_NUMBERS]
+    values: dict[str, Value] = {PORTS[field].name: float(getattr(par, field)) for field in fields}
+    return {**values, "gap.law": law.name}
 
 
 def write(file: Path, result: Commissioned, given: Mapping[str, Value], origin: str) -> Path:

@@ -48,8 +48,8 @@ class Commissioned(NamedTuple):
 
     @property
     def is_explained(self) -> bool:
-        """Whether the model explains all records."""
-        return all(r.is_explained for r in self.residuals)
+        """Whether the model explains all records, and these tell when the voltage switched."""
+        return all(r.is_explained for r in self.residuals) and not any(d.is_too_fast for d in self.drives)
 
     @property
     def model(self) -> Trajectory:

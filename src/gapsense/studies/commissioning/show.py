@@ -11,6 +11,7 @@ from rich.table import Table
 
 from gapsense.estimators.mhe import Parameters
 from gapsense.report.table import quantity, table
+from gapsense.studies.commissioning.drive import SLOWEST
 from gapsense.studies.commissioning.file import PORTS
 from gapsense.studies.commissioning.fit import Commissioned, bent
 from gapsense.studies.commissioning.problem import DEVIATIONS
@@ -44,6 +45,12 @@ def tables(result: Commissioned, known: Parameters, checks: Sequence[Validation]
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
     """Sentences: how well the model explains the records, and what these do not tell."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
+    said += [
+        f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
+        " is a guess. Values and standard errors are not to be relied on: sample faster or, through a filter, the mean."
+        for d in result.drives
+        if d.is_too_fast
+    ]
     well = "" if result.misfit < before.health_limit else ", of which less than 1 is usual: the model is another one"
     said.append(f"Misfit {result.misfit:.2g}{well}.")
     stroke = before.stop_upper - before.stop_lower

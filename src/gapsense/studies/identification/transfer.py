@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.files import read_columns, write_atomically, write_columns
@@ -28,6 +29,7 @@ from gapsense.tables import Value
 GAPS = {"linear": ("gap.slope",), "fringing": ("gap.area", "gap.window"), "table": ("gap.file",)}
 ROWS, BEYOND = 61, 1.2  # of a table made from a law, and how far it goes, in upper stops
 TABLE_UNITS = {"gap": "m", "reluctance": "1/H", "slope": "1/(H.m)"}
+SLOPES = ("gap.reluctance", "gap.slope")  # of a law by formula
 AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
 
 
@@ -91,8 +93,11 @@ def parameter_names(folders: Iterable[Path]) -> set[str]:
 
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
+    if "gap.factor" not in names:
+        values = scaled(values)
     expects = "prior.inductance" in names  # for others `prior.resistance` is how uncertain it is
-    known = {**start(values), **(priors(values) if expects else {}), **values}
+    given = {name: value for name, value in values.items() if not (expects and is_deviation(name, values))}
+    known = {**start(values), **(priors(values) if expects else {}), **given}
     if values.get("gap.law") in GAPS and ("gap.fringing" in values) != ("gap.fringing" in names):
         others = {name: value for name, value in known.items() if name not in AMBIGUOUS}
         known = others if "gap.fringing" in values else {**reduced_gap(values), **others}
@@ -101,18 +106,39 @@ def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str,
     return {name: value for name, value in known.items() if name in names}
 
 
-def table_of(values: Mapping[str, Value]) -> Path:
-    """A gap law in the form of [RTS], as a file with gap, reluctance and slope from no gap to beyond the upper stop.
+def is_deviation(name: str, values: Mapping[str, Value]) -> bool:
+    """Whether `prior.resistance` is how uncertain that is, as in a set for `Mhe`, which has such priors of all."""
+    return name == "prior.resistance" and "prior.eddy" in values
 
-    It lies in the folder for temporary files, under a name that its numbers give.
-    """
+
+def scaled(values: Mapping[str, Value]) -> dict[str, Value]:
+    """The same device without a factor of the gap reluctance, which only `Mhe` has."""
+    factor, rest = float(values.get("gap.factor", 1.0)), {**values}
+    rest.pop("gap.factor", None)
+    if factor == 1.0 or "gap.law" not in values:
+        return rest
+    if values["gap.law"] == "table":
+        columns = dict(read_columns(Path(str(values["gap.file"])), TABLE_UNITS))
+        more: dict[str, NDArray[np.float64]] = {
+            name: factor * columns[name] for name in ("reluctance", "slope") if name in columns
+        }
+        return {**rest, "gap.file": str(table_file({**columns, **more}))}
+    return {**rest, **{name: factor * float(values[name]) for name in SLOPES if name in values}}
+
+
+def table_of(values: Mapping[str, Value]) -> Path:
+    """A gap law in the form of [RTS], as a file with gap, reluctance and slope from no gap to beyond the upper stop."""
     if values["gap.law"] == "table":
         return Path(str(values["gap.file"]))
     gaps = np.linspace(0.0, BEYOND * float(values["stop.upper"]), ROWS)
     k, window = float(values["gap.fringing"]), float(values.get("gap.window", 1.0))
     laws = [fringing(h, float(values["gap.slope"]), k, window)[:2] for h in gaps.tolist()]
     R, slope = np.array(laws).T
-    columns = {"gap": gaps, "reluctance": R + float(values["gap.reluctance"]), "slope": slope}
+    return table_file({"gap": gaps, "reluctance": R + float(values["gap.reluctance"]), "slope": slope})
+
+
+def table_file(columns: Mapping[str, NDArray[np.float64]]) -> Path:
+    """A file with a gap law, in the folder for temporary files, under a name that its numbers give."""
     digest = hashlib.sha256(repr([list(column) for column in columns.values()]).encode()).hexdigest()[:12]
     file = Path(tempfile.gettempdir()) / f"gap_{digest}.csv"
     write_atomically(file, lambda text: write_columns(text, columns, TABLE_UNITS))
@@ -149,8 +175,9 @@ def priors(values: Mapping[str, Value]) -> dict[str, Value]:
     known: dict[str, Value] = {}
     if "coil.resistance" in values:
         known["prior.resistance"] = values["coil.resistance"]
-    if {"gap.law", "coil.turns", "core.reluctance", "stop.upper"} <= set(values) and "gap.fringing" not in values:
-        R = _gap_reluctance(reduced_gap(values), float(values["stop.upper"])) + float(values["core.reluctance"])
+    if {"gap.law", "coil.turns", "core.reluctance", "stop.upper"} <= set(values):
+        law = values if "gap.fringing" in values else reduced_gap(values)
+        R = _gap_reluctance(law, float(values["stop.upper"])) + float(values["core.reluctance"])
         known["prior.inductance"] = float(values["coil.turns"]) ** 2 / R
     return known
 
@@ -160,4 +187,5 @@ def _gap_reluctance(law: Mapping[str, Value], h: float) -> float:
         columns = read_columns(Path(str(law["gap.file"])), TABLE_UNITS)
         return float(np.interp(h, columns["gap"], columns["reluctance"]))
     window = float(law.get("gap.window", 1.0))
-    return float(fringing(h, float(law["gap.slope"]), float(law["gap.fringing"]), window)[0])
+    closed = float(law.get("gap.reluctance", 0.0))
+    return closed + float(fringing(h, float(law["gap.slope"]), float(law["gap.fringing"]), window)[0])
