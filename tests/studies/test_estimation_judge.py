@@ -12,9 +12,11 @@ from gapsense.studies.estimation.run import run_estimator
 from gapsense.studies.identification.valve.file import PORTS
 from gapsense.studies.identification.valve.model import simulate
 from gapsense.studies.records.record import Columns, to_record
+from gapsense.studies.records.thin import part
 
 DT, REST, PERIOD = 20e-6, 40, 1000
-GIVEN = {"gap.law": "linear", **{p.name: getattr(VALVE, p.field) for p in PORTS.values() if "gap" not in p.name}}
+MINE = [port for port in PORTS.values() if hasattr(VALVE, port.field) and "gap" not in port.name]
+GIVEN = {"gap.law": "linear", **{port.name: getattr(VALVE, port.field) for port in MINE}}
 GIVEN = {name: value for name, value in GIVEN.items() if "micro" not in name} | {"gap.slope": VALVE.gap_slope}
 OTHER = VALVE._replace(coil_turns=600.0, coil_resistance=30.0)
 ALL = ["BoundedUkf", "Ekf", "Ertss", "Mhe", "Semera", "IntegralEstimator"]
@@ -87,3 +89,15 @@ def test_estimators_of_a_mover_are_left_out_for_a_coil():
     names, left_out = run.chosen(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
     assert names == ["IntegralEstimator", "Semera"]
     assert "BoundedUkf models a mover, of which the parameters of a coil tell nothing." in left_out[0]
+
+
+def test_reversed_sensor_is_told_once():
+    measured = record(VALVE)
+    (said,) = judge.doubts(measured._replace(current=-measured.current), [])
+    assert "opposite signs" in said and "would be -7" in said
+
+
+def test_record_that_does_not_begin_at_rest_is_no_truth():
+    measured = part(record(VALVE), slice(REST + 100, None))
+    told = judge.truth(measured)
+    assert told.resistance is None and told.flux_linkage is None

@@ -16,7 +16,8 @@ from gapsense.studies.identification.valve.device import value
 from gapsense.studies.identification.valve.fit import identify
 from gapsense.studies.identification.valve.form import Form, shape
 from gapsense.studies.identification.valve.forms import Sought
-from gapsense.studies.identification.valve.gap import known, told
+from gapsense.studies.identification.valve.gap.result import told
+from gapsense.studies.identification.valve.known_gap import known
 from gapsense.studies.identification.valve.many import responses
 from gapsense.studies.identification.valve.model import prepare, simulated, weighted
 

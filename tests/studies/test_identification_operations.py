@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from valve_records import PERIOD, REST, columns, record, write
 
+from gapsense.problems import InputError
 from gapsense.studies.records.checks import read_record
 from gapsense.studies.records.flux import estimate
 from gapsense.studies.records.operations import operations, starts
@@ -144,3 +145,10 @@ def test_discharge_of_a_capacitor_as_an_oscilloscope_gives_it(file, volts):
     (operation,) = operations(measured)
     assert measured.times[operation.start] == pytest.approx(8.25e-3, abs=0.1e-3) and operation.stop == 3999
     assert measured.voltage.max() == pytest.approx(volts, abs=3.0)
+
+
+@pytest.mark.parametrize("first", [161, 182, 203, 217])
+def test_current_that_still_flows_is_no_offset(tmp_path, first):
+    values = {name: x[first:] for name, x in columns(seed=1).items()}
+    with pytest.raises(InputError, match="before the first operation"):
+        read_record(write(tmp_path / "late.csv", values))

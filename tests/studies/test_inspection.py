@@ -156,7 +156,17 @@ def test_columns_that_are_interchanged_and_single_samples_are_told():
 @pytest.mark.parametrize("factor", [0.0, -1.0])
 def test_no_resistance_and_flux_linkage_of_a_reversed_or_missing_voltage(factor):
     _, items = said_of(changed(voltage=lambda x: factor * x["voltage"]))
-    assert items["resistance"] == items["flux linkage"] == "no"
+    assert {items[name] for name in items if name != "offsets, noise"} == {"no"}
+
+
+def test_resistance_of_a_record_that_does_not_begin_at_rest_is_not_sure():
+    said, items = said_of(changed(current=lambda x: x["current"] + 0.1))
+    assert items["resistance"] == "with care" and "before the voltage" not in said
+
+
+def test_levels_of_a_command_are_no_steps_of_a_converter():
+    said, _ = said_of(changed(voltage=lambda x: np.where(x["voltage"] > 15.0, 30.0, 0.0)))
+    assert "a command" in said and "steps of its converter" not in said
 
 
 def test_coil_knows_no_sign(tmp_path):

@@ -8,7 +8,7 @@ chatter.  Dry friction has to be overcome for that; a moving mover has all of it
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gapsense.records import Scalar
 from gapsense.trace import fabs, square, where
@@ -36,6 +36,20 @@ class Contact(NamedTuple):
 
     mode: Scalar
     impact: Scalar  # speed of the hardest impact since the mover last left its rest [m/s]
+
+
+def mover_of(par: Any, friction: Scalar = 0.0) -> Mover:
+    """The mover of a plant, whose parameters have these names."""
+    return Mover(
+        mass=par.mover_mass,
+        stiffness=par.spring_stiffness,
+        rest=par.spring_rest,
+        damping=par.damping,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+        friction=friction,
+        restitution=par.stop_restitution,
+    )
 
 
 def spring_force(h: Scalar, mover: Mover) -> Scalar:

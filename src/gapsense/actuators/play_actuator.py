@@ -137,15 +137,7 @@ def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
         core_reluctance=par.core_reluctance,
         core_saturation=par.core_saturation,
     )
-    mover = Mover(
-        mass=par.mover_mass,
-        stiffness=par.spring_stiffness,
-        rest=par.spring_rest,
-        damping=par.damping,
-        lower=par.stop_lower,
-        upper=par.stop_upper,
-        restitution=par.stop_restitution,
-    )
+    mover = motion.mover_of(par)
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
     return Actuator(par, inputs.voltage, circuit, mover, equal_parts(inputs.dt, par.micro_step), open_reluctance)
 

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import Gap, SmoothGap
-from gapsense.actuators.motion import MOVING, Contact, Mover
+from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
@@ -160,7 +160,7 @@ def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
         bias=eddy / total * inputs.voltage,
         gap=_gap(par),
         core=core,
-        mover=_mover(par),
+        mover=motion.mover_of(par, par.friction),
         micro_step=micro_step,
         flux_need=par.coil_resistance / total / FLUX_FINENESS,
         field_need=1.0 / (FIELD_FINENESS * finest),
@@ -194,19 +194,6 @@ def _core(par: Parameters) -> Core:
         reversible=par.core_reversibility,
         is_hysteretic=par.hysteresis > 0.5,
         is_saturable=par.saturation > 0.5,
-    )
-
-
-def _mover(par: Parameters) -> Mover:
-    return Mover(
-        mass=par.mover_mass,
-        stiffness=par.spring_stiffness,
-        rest=par.spring_rest,
-        damping=par.damping,
-        lower=par.stop_lower,
-        upper=par.stop_upper,
-        friction=par.friction,
-        restitution=par.stop_restitution,
     )
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
-from gapsense.actuators.motion import MOVING, Contact, Mover
+from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Rest, Sums, Valve, gap_at, micro_step
 from gapsense.integrate import equal_parts
 from gapsense.records import Array, Choice, Scalar, Table
@@ -146,23 +146,11 @@ def _valve(inputs: Inputs, par: Parameters) -> Valve:
         resistance=par.coil_resistance,
         voltage=inputs.voltage,
         circuit=circuit,
-        mover=_mover(par),
+        mover=motion.mover_of(par),
         micro_step=micro_step,
         finest=micro_step / REFINEMENT,
         open_square=open_reluctance * par.core_reluctance,
         rate_scale=par.core_reluctance * square(par.coil_turns),
-    )
-
-
-def _mover(par: Parameters) -> Mover:
-    return Mover(
-        mass=par.mover_mass,
-        stiffness=par.spring_stiffness,
-        rest=par.spring_rest,
-        damping=par.damping,
-        lower=par.stop_lower,
-        upper=par.stop_upper,
-        restitution=par.stop_restitution,
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from gapsense.report.table import quantity
 from gapsense.studies.estimation.run import Estimate
 from gapsense.studies.identification.residual import noise_of
+from gapsense.studies.records.checks import begins_at_rest
 from gapsense.studies.records.flux import Flux
 from gapsense.studies.records.flux import estimate as integral
 from gapsense.studies.records.operations import operations
@@ -30,7 +31,7 @@ HEALTHY = 0.5  # part of the samples
 
 
 class Truth(NamedTuple):
-    """What the last complete operation of a record tells; without one the second half of it, and no flux."""
+    """What the last complete operation of a record from rest on tells; without one its second half, and no flux."""
 
     samples: slice
     resistance: float | None  # [Ohm], (23)
@@ -42,12 +43,17 @@ class Truth(NamedTuple):
 def doubts(record: Record, estimates: Sequence[Estimate]) -> list[str]:
     """Sentences on the estimators whose outputs cannot be right."""
     told = truth(record)
+    if told.resistance is not None and told.resistance <= 0.0:
+        return [
+            f"{record.name}: voltage and current have opposite signs, so that the resistance would be {_ohm(told)}: no"
+            " estimate of it is right. Change the sign of a column."
+        ]
     return [text for estimate in estimates if (text := verdict(told, estimate))]
 
 
 def truth(record: Record) -> Truth:
     """What a record tells of the device whatever its model."""
-    found = operations(record)
+    found = operations(record) if begins_at_rest(record) else []
     flux: Flux | None = integral(record, found) if found else None
     at = found[-1].inside if found else slice(record.times.size // 2, record.times.size)
     return Truth(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gapsense.studies.identification.coil.fit import Coil
     from gapsense.studies.identification.valve.file import Known
     from gapsense.studies.identification.valve.fit import Identified
-    from gapsense.studies.identification.valve.gap import Gap
+    from gapsense.studies.identification.valve.gap.start import Gap
     from gapsense.studies.records.record import Record
 
 MODELS = (AUTO, "coil", "solenoid_valve")
@@ -50,6 +50,19 @@ def identify(
     inductance: Annotated[
         Path | None, typer.Option(help="CSV file: gap [mm], inductance [mH], for the gap law", show_default=False)
     ] = None,
+    driver: Annotated[
+        str | None,
+        typer.Option(
+            help="What it takes of a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current",
+            show_default=False,
+        ),
+    ] = None,
+    accuracy: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the scales, in percent, for the standard errors: voltage=0.5,current=1", show_default=False
+        ),
+    ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
@@ -68,7 +81,7 @@ def identify(
     from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import choice, temperature
     from gapsense.studies.identification.options import believed, sought
-    from gapsense.studies.identification.valve import file, fit, gap
+    from gapsense.studies.identification.valve import drive, file, fit, known_gap
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.record import between
 
@@ -78,22 +91,24 @@ def identify(
         plot.check_file(figure)
     how = reading(column, voltage, separator, decimal, clipped)
     if commission:
-        others = (model, period, temperatures, forms, hold, inductance)
+        others = (model, period, temperatures, forms, hold, inductance, driver, accuracy)
         commissioned(data, how, believed(parameters, others), to, validate or [], figure)
-    known = file.read_known(parameters)
+    known, drive_at = file.read_known(parameters), drive.drive_of(driver, accuracy)
     seeking = sought(forms, hold or [], known)
     records = temperature.given(temperatures, read_records(data, how, period))
+    records = [record._replace(drive=drive_at.values) for record in records]
     kept = read_records(validate or [], how, needs="rest")
     conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
     with bar("looking for motion") as progress:
         coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
     if coil is not None:
+        kept = [record._replace(drive=drive_at.values) for record in kept]
         finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
-    start = gap.known(known.parameters, records, seeking, inductance, conventions, period)
+    start = known_gap.known(known.parameters, records, seeking, inductance, conventions, period)
     with bar("identifying") as progress:
-        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more)
-    kept = [between(record, result.convention or voltage) for record in kept]
-    finish_valve(result, start, gap.kept(known, result, to), kept, to, data, figure, told)
+        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, drive_at)
+    kept = [between(record._replace(drive=result.drive), result.convention or voltage) for record in kept]
+    finish_valve(result, start, known, kept, to, data, figure, told)
 
 
 def finish_valve(
@@ -110,19 +125,22 @@ def finish_valve(
     from gapsense.report import plot
     from gapsense.studies.identification import temperature
     from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.valve import file, gap, validation
+    from gapsense.studies.identification.valve import drive, file, validation
+    from gapsense.studies.identification.valve.gap import result as gap
     from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
     checks = validation.validated(result.parameters, kept, coefficient)
-    file.write_identified(to, result, known, data, noises(records), temperature.notes(R, coefficient))
+    notes = [*drive.notes(result.drive), *temperature.notes(R, coefficient)]
+    file.write_identified(to, result, gap.kept(known, result, to), data, noises(records), notes)
     show(*start.told, *tables(result, records, checks), *gap.told(result, records))
-    show(*temperature.tables(records, R, coefficient), *told)
+    doubts = drive.doubtful(R, known.resistance)
+    show(*temperature.tables(records, R, coefficient), *told, *doubts)
     written(to)
     if figure is not None:
         written(plot.save(measured_and_identified(result, records, checks), figure))
-    raise typer.Exit(0 if result.is_explained else FAILED)
+    raise typer.Exit(0 if result.is_explained and not doubts else FAILED)
 
 
 def finish_coil(
@@ -138,9 +156,9 @@ def finish_coil(
     from gapsense.report import plot
     from gapsense.studies.identification.coil import file, validation
     from gapsense.studies.identification.coil import show as shown
-    from gapsense.studies.records.record import between
+    from gapsense.studies.identification.valve.prepared import without_causes
 
-    kept = [between(record, result.convention) if result.convention else record for record in kept]
+    kept = [without_causes(record, result.convention) for record in kept]
     checks = [validation.validate(result, record) for record in kept]
     file.write(to, result, turns, data)
     show(*shown.tables(result, turns, checks), *told)

@@ -9,13 +9,17 @@ import numpy as np
 from gapsense.report.table import quantity
 from gapsense.studies.inspection.facts import Facts
 from gapsense.studies.inspection.kinks import Kink
-from gapsense.studies.records.rest import FEWEST
+from gapsense.studies.records.rest import FEWEST, MOST
 
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise
 UNMOVED = "no motion is seen: it tells of coil and core; the mechanics would be guesses"
 EQUAL = 0.02  # of the resistance, that operations may differ by
 CONSTANT = 0.025  # of the flux linkage, which noise and the sampling may hide
+WRONG = (
+    "no coil has such a voltage and current: a sensor is reversed, columns are interchanged, or there is no voltage."
+)
+USES = ("`identify`", "`commission`", "`estimate`")
 WHOLE = "Record from rest until the current has ended."
 
 
@@ -55,14 +59,24 @@ def resistance(found: Facts) -> Item:
     R = np.array([p.resistance for p in found.pulses])
     if not R.size:
         return Item("resistance", NO, f"no complete operation. {WHOLE}")
-    if R.mean() <= 0.0:
-        return Item(
-            "resistance", NO, "voltage and current have opposite signs, or there is no voltage: correct a column."
-        )
+    if is_wrong(found):
+        return Item("resistance", NO, WRONG)
     spread = f", equal within {100.0 * float(np.ptp(R) / abs(R.mean())):.2g} %" if R.size > 1 else ""
     many = f"{R.size} operations" if R.size > 1 else "1 operation"
-    is_sure = not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
+    is_sure = not is_shifted(found) and not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
     return Item("resistance", YES if is_sure else CARE, f"{quantity(float(R.mean()), 'Ohm')}, {many}{spread}")
+
+
+def is_shifted(found: Facts) -> bool:
+    """Whether a current stays where it is without a voltage, as that of a sensor does, but no coil's."""
+    v = found.signals["voltage"]
+    return not found.is_from_rest and v.offset is not None and abs(v.offset.value) < MOST * v.largest
+
+
+def is_wrong(found: Facts) -> bool:
+    """Whether voltage and current cannot be those of one coil."""
+    R, L = ([getattr(p, name) for p in found.pulses] for name in ("resistance", "inductance"))
+    return bool(found.pulses) and (float(np.mean(R)) <= 0.0 or float(np.median(L)) <= 0.0)
 
 
 def inductance(found: Facts) -> Item:
@@ -80,6 +94,8 @@ def inductance(found: Facts) -> Item:
 def closing(found: Facts) -> Item:
     """Motion that the rising current shows."""
     kinks = [p.closing for p in found.pulses]
+    if is_wrong(found):
+        return Item("motion, closing", NO, WRONG)
     if any(kinks):
         return Item("motion, closing", YES, seen(found, kinks))
     return Item("motion, closing", NO, unseen(found))
@@ -106,6 +122,8 @@ def unseen(found: Facts) -> str:
 def opening(found: Facts) -> Item:
     """Motion that the falling current shows."""
     kinks, decay = [p.opening for p in found.pulses], found.path.decay
+    if is_wrong(found):
+        return Item("motion, opening", NO, WRONG)
     if any(kinks):
         return Item("motion, opening", YES, seen(found, kinks))
     text = "the falling current bends nowhere."
@@ -131,6 +149,8 @@ def seen(found: Facts, kinks: list[Kink | None]) -> str:
 
 def uses(found: Facts, motion: Item, impaired: int) -> list[Item]:
     """The commands that could come next."""
+    if is_wrong(found):
+        return [Item(name, NO, WRONG) for name in USES]
     care = f"see {'the remark' if impaired == 1 else f'{impaired} remarks'} below"
     ready = (CARE, care) if impaired else (YES, "ready")
     begun = (NO, short(found.unready[0])) if found.unready else ready
@@ -139,7 +159,7 @@ def uses(found: Facts, motion: Item, impaired: int) -> list[Item]:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
     flowing = ready if found.is_from_rest else (CARE, "nothing is right before the current has ended once")
     flowing = flowing if found.pulses or found.incomplete else begun
-    named = zip(("`identify`", "`commission`", "`estimate`"), (whole, begun, flowing))
+    named = zip(USES, (whole, begun, flowing))
     return [Item(name, answer, why) for name, (answer, why) in named]
 
 

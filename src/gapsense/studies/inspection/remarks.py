@@ -28,7 +28,8 @@ OTHER = 0.1  # of the resistance that is known: what the coil's temperature chan
 def remarks(record: Record, found: Facts, resistance: float | None = None) -> list[str]:
     """All of them; `resistance` is that of the coil as a meter tells it [Ohm]."""
     said = list(found.clipped)
-    said += [text for name, s in found.signals.items() for text in of_signal(name, s)]
+    coded = ["voltage"] if found.path.is_command else []  # its values are no steps of a converter
+    said += [text for name, s in found.signals.items() if name not in coded for text in of_signal(name, s)]
     said += [
         *of_jumps(record, found),
         *of_switching(record, found),
@@ -107,7 +108,7 @@ def of_filters(found: Facts) -> Iterator[str]:
             f"An edge of the voltage takes {found.path.edge:.0f} samples: it is filtered, or the driver is slow. Filter"
             " both channels alike, or neither."
         )
-    if found.lag is None or not found.pulses:
+    if found.lag is None or not found.pulses or not found.is_from_rest:
         return
     late, rise = found.lag.samples, min(p.rise for p in found.pulses)
     if abs(late) > BETWEEN + 3.0 * found.lag.error + (LATE if late > 0.0 else EARLY) * rise:

@@ -121,7 +121,8 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
         place = f"{file}, row {record.rows[0]} to {record.rows[found[0]]}"
         yield (
             f"{place}: `current` is {i:.4g} A before the first operation; at most {limit:.2g} A is expected. The flux "
-            "linkage is an integral from rest on: record from rest, or cut the file to begin there."
+            "linkage is an integral from rest on: record from rest, or cut the file to begin there; if the sensor shows"
+            " this without current, subtract it."
         )
 
 

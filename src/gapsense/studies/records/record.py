@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.studies.records.halves import halves
+
 Vector = npt.NDArray[np.float64]
 
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
@@ -57,6 +59,7 @@ class Record(NamedTuple):
     offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
     position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
+    drive: Mapping[str, float] = {}  # what else than the samples tell is to be taken out of them, see `causes`
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property
@@ -72,13 +75,13 @@ class Record(NamedTuple):
 
 def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     """Record of columns without problems; see `halves`."""
-    v, temperature = columns.values["voltage"], columns.values.get("temperature")
+    v, i, temperature = columns.values["voltage"], columns.values["current"], columns.values.get("temperature")
     return Record(
         name=Path(columns.file).stem,
         times=columns.values["time"],
         voltage=v,
-        current=columns.values["current"],
-        halves=halves(v, "end" if columns.is_mean else convention),
+        current=i,
+        halves=np.stack((v, v), axis=1) if columns.is_mean else halves(v, i, convention),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,
@@ -87,17 +90,6 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     )
 
 
-def halves(v: Vector, convention: str) -> Vector:
-    """Voltage during the two halves of the interval before each sample (n, 2) [V].
-
-    The convention says what the voltage between two samples is, which they alone do not tell: `trapezoid`, up to the
-    middle that of the first, then that of the second (an edge lies half-way on the average); `end` or `start`, that of
-    the sample at the end or the start (held by the drive).  Means over the intervals are taken as they are, `end`.
-    """
-    before = np.concatenate((v[:1], v[:-1]))
-    return np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
-
-
 def between(record: Record, convention: str) -> Record:
     """The record with another voltage between its samples."""
-    return record if record.is_mean else record._replace(halves=halves(record.voltage, convention))
+    return record if record.is_mean else record._replace(halves=halves(record.voltage, record.current, convention))

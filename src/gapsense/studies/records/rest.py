@@ -9,6 +9,7 @@ from gapsense.studies.records.record import Offset, Record, Vector
 
 MOST = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors
+LOWER = 2e-3  # of the range of the current: no more is as low
 HALF = 0.75  # steps of a converter: half of one is the most that it hides
 LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
 CUT, FEW = 0.25, 4  # part of the samples at rest that are the smallest one, and how many are no chance
@@ -23,13 +24,20 @@ def without_offsets(record: Record) -> Record:
         return record
     signals = {"voltage": record.voltage, "current": record.current}
     found = {name: offset(x, n) for name, x in signals.items()}
-    if any(abs(o.value) > MOST * np.abs(signals[name]).max() for name, o in found.items()):
+    if any(abs(o.value) > MOST * np.abs(signals[name]).max() for name, o in found.items()) or flows(record, n):
         return record
     told = {name: o for name, o in found.items() if abs(o.value) > _chance(signals[name], n, o)}
     v, i = (told[name].value if name in told else 0.0 for name in ("voltage", "current"))
     return record._replace(
         voltage=record.voltage - v, current=record.current - i, halves=record.halves - v, offsets=told
     )
+
+
+def flows(record: Record, n: int) -> bool:
+    """Whether a current flows in the first `n` samples: later it rests lower, though it never becomes negative."""
+    i, least = record.current, max(SIGNIFICANT * noise(record.current) / np.sqrt(n), LOWER * np.ptp(record.current))
+    lowest = float(np.convolve(i, np.full(n, 1.0 / n), mode="valid").min())
+    return bool(lowest > -least and lowest < i[:n].mean() - 2.0 * least)
 
 
 def offset(x: Vector, n: int) -> Offset:

@@ -22,6 +22,7 @@ from gapsense.studies.records.operations import operations
 from gapsense.studies.records.record import Record
 
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
+HIDES = 0.05  # of the largest current: in noise of 6 % the valve of 30 V moves unseen
 SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
 
@@ -79,6 +80,11 @@ def remarks(result: Coil) -> list[str]:
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")) for r in result.residuals]
     if result.is_explained:
         said.insert(0, "No motion: a coil whose core stays where it is explains the current; no motion to identify.")
+        said += [
+            f"{r.record}: the noise is {100.0 * noise:.2g} % of the largest current, in which a motion may be hidden."
+            for r, x in zip(result.residuals, result.records)
+            if (noise := r.noise / float(np.abs(x.current).max())) > HIDES
+        ]
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
     said += hidden(result)

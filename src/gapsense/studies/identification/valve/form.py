@@ -18,6 +18,7 @@ TABLE = ("gap_file_reluctance", "gap_file_slope")
 LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
 GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area")
+LIMITS = {**dict.fromkeys(GUESSED, WIDE), "core_turnover": 10.0}  # below, hysteresis is friction; beyond, a reluctance
 
 
 class Form(NamedTuple):
@@ -47,7 +48,11 @@ class Form(NamedTuple):
     @property
     def bounds(self) -> Vector:
         """Largest ratios."""
-        return np.log([WIDE if name in GUESSED else BOUND for name in self.fitted])
+        return np.log([self.limit(name) for name in self.fitted])
+
+    def limit(self, name: str) -> float:
+        """Largest factor on a first guess."""
+        return LIMITS.get(name, BOUND)
 
     def factor(self, ratios: Vector) -> float:
         """On the resistances."""
@@ -56,6 +61,10 @@ class Form(NamedTuple):
     def settled(self, ratios: Vector) -> Vector:
         """The ratios once the resistances have taken their factor."""
         return np.where([name == FACTOR for name in self.fitted], 0.0, ratios)
+
+    def restarted(self, ratios: Vector) -> Vector:
+        """The ratios with the first guess of the turnover, whose minimum may be a false one."""
+        return np.where([name == "core_turnover" for name in self.fitted], 0.0, ratios)
 
     @property
     def start(self) -> Vector:

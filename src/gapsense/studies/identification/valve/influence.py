@@ -28,7 +28,7 @@ class Influence(NamedTuple):
 
 def influences(form: Form, ratios: Vector, experiments: Sequence[Experiment], at: Linear) -> list[Influence]:
     """Influence of each residual on what is fitted, on the values of the other causes, and on the resistance."""
-    A, ends = np.vstack([at.inverse, at.rows]), np.cumsum([e.size for e in experiments])
+    A, ends = np.vstack([at.feedback @ at.inverse, at.rows]), np.cumsum([e.size for e in experiments])
     parts, total = np.split(A, ends[:-1], axis=1), sum(model.charge(e) for e in experiments)
     found = [_weights(form, ratios, e, part, total) for e, part in zip(experiments, parts)]
     return [_with_causes(W, at.resistance) for W in found]
