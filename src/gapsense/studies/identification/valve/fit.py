@@ -204,6 +204,8 @@ def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str]
     """
     experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
+        experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
+        ratios = fit.form.settled(ratios)
         ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.restarted(ratios))]
         ratios = min(ends, key=partial(fit.cost, experiments=experiments))
     for size in SIZES[-1:] * MOST if has_hysteresis else SIZES:
