@@ -40,7 +40,40 @@ class Condition(NamedTuple):
     filtered: float = 0.0  # time constant of the current's filter [s]
     hum: float = 0.0  # at 50 Hz [A]
     step: float = 0.0  # of the current's converter [A]
+    noise: float = 1.0  # times `NOISE`
     convention: str = ""  # the voltage between samples, as the user gave it; none: found
+    driver: str = ""  # likewise, what is known of the driver
+    accuracy: str = ""  # likewise, of the scales
+    told: str = ""  # one of these words is said where the records are refused
+
+
+DROPS = {"series": 2.0, "diode": 0.8, "only_command": True}
+CONDITIONS = {
+    "sound": Condition(),
+    "edges at the samples": Condition(edge=0.0),
+    "the same, read as `trapezoid`": Condition(edge=0.0, convention="trapezoid"),
+    "edges a quarter of a sample early": Condition(edge=0.25),
+    "current 20 us late": Condition(skew=20e-6),
+    "current filtered, 50 us": Condition(filtered=50e-6, told="late|edges"),
+    "5 mA of offset": Condition(offset=5e-3),
+    "8 bits": Condition(step=4e-3, told="offset|drop"),
+    "8 bits, half a step of offset": Condition(offset=2e-3, step=4e-3, told="offset|drop"),
+    "50 Hz, 3 mA": Condition(hum=3e-3, told="hum"),
+    "noise of 1 %": Condition(noise=4.0),
+    "noise of 3 %": Condition(noise=12.0),
+    "100 us": Condition(dt=100e-6),
+    "clamp of 40 V": Condition(clamp=40.0, told="drop|voltage"),
+    "drops, recorded": Condition(series=2.0, diode=0.8),
+    "drops, only the command": Condition(**DROPS, told="drop|series"),
+    "the same, `--driver series=2,drop=0.8`": Condition(**DROPS, driver="series=2,drop=0.8"),
+    "the same, `--driver fit`": Condition(**DROPS, driver="fit"),
+    "PWM in step": Condition(duty=0.63, told="PWM"),
+    "PWM in step, after 2 ms of peak": Condition(duty=0.63, peak=2e-3, told="PWM|voltage"),
+    "eddy currents, 0.3 mS": Condition(eddy=3e-4),
+    "eddy currents, 1 mS": Condition(eddy=1e-3),
+    "coil 5 % warmer at the end": Condition(warming=0.05),
+    "current 1 % too large": Condition(gain=1.01, accuracy="current=1"),
+}
 
 
 def records(c: Condition, seed: int) -> list[Record]:
@@ -62,7 +95,7 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     current = np.interp(np.arange(t.size) - late, np.arange(t.size), lowpass(current, fine, c.filtered))
     v, i = (x[FINE - 1 :: FINE] for x in (seen, current))
     i = c.gain * i + c.offset + c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
-    v, i = (x + NOISE[name] * rng.standard_normal(x.size) for name, x in (("voltage", v), ("current", i)))
+    v, i = (x + c.noise * NOISE[name] * rng.standard_normal(x.size) for name, x in (("voltage", v), ("current", i)))
     i = np.round(i / c.step) * c.step if c.step else i
     values = {"time": np.arange(samples) * c.dt, "voltage": v, "current": i}
     made = to_record(Columns(f"{volts:g}.csv", np.arange(samples) + 2, values), c.convention or "trapezoid")

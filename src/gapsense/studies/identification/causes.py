@@ -13,6 +13,7 @@ from gapsense.studies.records.operations import SIGMAS, noise, true_runs
 from gapsense.studies.records.record import Vector
 
 Matrix = npt.NDArray[np.float64]
+ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
 LEVEL = 0.01  # of the range of the current, by which its end is found
 LONGEST = 50  # samples over which the noise of a current that ends is averaged
 
@@ -34,12 +35,13 @@ class Cause(NamedTuple):
     scale: Callable[[Signals], float]  # what is large
     change: Callable[[Signals, float], Signals]  # the signals of the model, if the cause has this value
     sentence: str  # what it is, before its value
+    is_positive: bool = False  # as resistances are
 
 
 def changed(s: Signals, values: Mapping[str, float]) -> Signals:
     """The signals that the model is to explain, if the causes have these values."""
     for name, value in values.items():
-        s = CAUSES[name].change(s, value)
+        s = {**CAUSES, **HIDDEN}[name].change(s, value)
     return s
 
 
@@ -75,24 +77,50 @@ def eddy(s: Signals, value: float) -> Signals:
     return s._replace(current=s.current - value * (s.halves.mean(axis=1) - s.resistance * trapezoid(s.current)))
 
 
+def less_current(s: Signals, value: float) -> Signals:
+    """The current is smaller by this part."""
+    return s._replace(current=s.current * (1.0 - value))
+
+
+def less_voltage(s: Signals, value: float) -> Signals:
+    """The voltage is smaller by this part."""
+    return s._replace(halves=s.halves * (1.0 - value))
+
+
+def tail(s: Signals, value: float) -> Signals:
+    """A drop of so many volts ends later, by as much as its end is uncertain."""
+    return s._replace(halves=s.halves - value * (falls(s, 1.0) - falls(s)))
+
+
+def drift(s: Signals, value: float) -> Signals:
+    """The resistance grows by this part while current flows."""
+    grown = np.zeros(s.current.size)
+    for first, last in true_runs(np.abs(s.current) > LEVEL * float(np.ptp(s.current))):
+        grown[first:last] = np.linspace(-0.5, 0.5, last - first)
+    lost = value * s.resistance * trapezoid(grown * s.current)
+    return s._replace(halves=s.halves - lost[:, None])
+
+
 def is_on(s: Signals) -> npt.NDArray[np.bool_]:
     """Whether the voltage is on, in each half."""
-    return np.asarray(s.halves > 0.5 * s.halves.max())
+    return np.asarray(s.halves > ON * s.halves.max())
 
 
-def falls(s: Signals) -> Matrix:
+def falls(s: Signals, later: float = 0.0) -> Matrix:
     """How much of each half the current falls in, from where the voltage is off to where nothing flows any more.
 
-    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise.
+    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise; it may
+    be taken `later`, in times that this line needs.
     """
     level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
-    length = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 1.0, LONGEST)) if level else 1
+    half = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 0.0, LONGEST)) // 2 if level else 0
+    length = 2 * half + 1  # odd, or what is smooth would be early
     smooth = np.convolve(i, np.full(length, 1.0 / length), mode="same")
     edges = 0.5 * np.arange(on.size) - 1.0  # where the halves begin, in samples
     part = np.zeros(on.size)
     for first, last in true_runs(smooth > 2.0 * level):
         below = np.flatnonzero(smooth[last:] <= level)
-        end = last + 2.0 * float(below[0]) if below.size else float(i.size)
+        end = last + (2.0 + later) * float(below[0]) if below.size else float(i.size)
         begin = first + float(np.argmax(on[first:last].any(axis=1)))
         part = np.maximum(part, np.where(edges >= begin, np.clip(2.0 * (end - edges), 0.0, 1.0), 0.0))
     return np.where(on, 0.0, part.reshape(-1, 2))
@@ -111,11 +139,25 @@ def _amperes(s: Signals) -> float:
     return float(np.abs(s.current).max())
 
 
+def _ohms(s: Signals) -> float:
+    return s.resistance
+
+
+def _one(s: Signals) -> float:
+    return 1.0
+
+
 CAUSES: Mapping[str, Cause] = {
     "delay": Cause("s", 1e-2, lambda s: s.dt, delayed, "a current that is late, beside the voltage, by"),
     "offset": Cause("A", 1e-4, _amperes, offset, "an offset of the current of"),
     "shift": Cause("V", 1e-4, _volts, shifted, "an offset of the voltage of"),
-    "series": Cause("Ohm", 1e-4, lambda s: s.resistance, series, "a resistance in series while the voltage is on, of"),
-    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of"),
-    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with"),
+    "series": Cause("Ohm", 1e-4, _ohms, series, "a resistance in series while the voltage is on, of", True),
+    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of", True),
+    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", True),
+}
+HIDDEN = {  # what no residual need show: other values of the parameters explain much the same
+    "current": Cause("1", 1e-4, _one, less_current, "a current that is too large by"),
+    "voltage": Cause("1", 1e-4, _one, less_voltage, "a voltage that is too large by"),
+    "tail": Cause("V", 1e-4, _volts, tail, "a drop that ends later, of"),
+    "drift": Cause("1", 1e-4, _one, drift, "a resistance that grows during an operation, by"),
 }

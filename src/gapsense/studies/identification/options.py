@@ -11,7 +11,16 @@ from gapsense.studies.identification.valve.forms import LOSSES, SCALES, Sought
 from gapsense.studies.records.conventions import AUTO, FORMS, PLAIN
 
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
-NOT_COMMISSIONED = ("--model", "--period", "--temperature", "--forms", "--hold", "--inductance")
+NOT_COMMISSIONED = (
+    "--model",
+    "--period",
+    "--temperature",
+    "--forms",
+    "--hold",
+    "--inductance",
+    "--driver",
+    "--accuracy",
+)
 
 
 def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:

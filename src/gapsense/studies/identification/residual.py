@@ -21,6 +21,7 @@ FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
 SMALL = 3e-3  # of the largest current: less is none
 REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
+MAINS, PERIODS, HUMS = (50.0, 60.0), 2.0, 0.33  # Hz; that a record needs; part of the squares that is no chance
 CAUSES = {
     "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
     "motion": "the mechanics, the law of the gap, or core losses, which this model does not have",
@@ -40,6 +41,7 @@ class Residual(NamedTuple):
     limit: float  # up to which the model explains the record [A]
     correlation: float  # of neighbouring residuals; 0 for noise
     places: Mapping[str, float]  # part of the squares, by where they lie
+    hum: Mapping[float, float]  # the same, by what has a frequency of the mains [Hz]
 
     @property
     def is_explained(self) -> bool:
@@ -64,7 +66,16 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
         limit=max(EXPLAINED * sigma, _floor(i)),
         correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
+        hum={f: _oscillating(error, f * record.dt) for f in MAINS if error.size * record.dt * f > PERIODS},
     )
+
+
+def _oscillating(error: Vector, step: float) -> float:
+    """Part of the squares that an oscillation explains, which goes on by `step` periods each sample."""
+    phase = 2.0 * np.pi * step * np.arange(error.size)
+    waves = np.stack((np.sin(phase), np.cos(phase)), axis=1)
+    left = error - waves @ np.linalg.lstsq(waves, error, rcond=None)[0]
+    return 1.0 - float(left @ left) / float(error @ error)
 
 
 def noise_of(record: Record, first: int) -> float:
@@ -113,6 +124,14 @@ def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, st
     return (
         f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
         f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
-        f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; the usual cause is"
-        f" {causes[found.worst]}."
+        f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; {cause(found, causes)}."
     )
+
+
+def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
+    """What has usually gone wrong where such a residual is left."""
+    frequency = max(found.hum, key=lambda f: found.hum[f], default=0.0)
+    if frequency and found.hum[frequency] > HUMS:
+        part = 100.0 * found.hum[frequency]
+        return f"{part:.0f} % of it goes with {frequency:g} Hz: the usual cause is hum of the mains"
+    return f"the usual cause is {causes[found.worst]}"

@@ -59,6 +59,7 @@ class Record(NamedTuple):
     offsets: Mapping[str, Offset] = {}  # of voltage and current, which have been subtracted
     position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
+    drive: Mapping[str, float] = {}  # what else than the samples tell is to be taken out of them, see `causes`
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property

@@ -15,8 +15,9 @@ from gapsense.studies.identification.coil.runs import driving, run, scale
 from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.valve.errors import long_run
 from gapsense.studies.identification.valve.model import Trajectory
+from gapsense.studies.identification.valve.prepared import without_causes
 from gapsense.studies.records.flux import mean_resistance
-from gapsense.studies.records.record import Record, between
+from gapsense.studies.records.record import Record
 from gapsense.workers import Progress
 
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good
@@ -121,7 +122,7 @@ class Candidate(NamedTuple):
 
 def problem(records: Sequence[Record], period: float | None, convention: str) -> tuple[str, Problem]:
     """The richest form, for a reading of the voltage; an empty one leaves the records as they are."""
-    read = [between(record, convention) for record in records] if convention else records
+    read = [without_causes(record, convention) for record in records]
     return convention, Problem(RICHEST, scale(read, period), [run(record, period) for record in read])
 
 

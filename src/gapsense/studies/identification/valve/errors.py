@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.causes import CAUSES, Matrix
+from gapsense.studies.identification.causes import CAUSES, HIDDEN, Matrix
 from gapsense.studies.identification.residual import Residual
 from gapsense.studies.identification.valve import misfit, model
 from gapsense.studies.identification.valve.form import FACTOR, SHAPE, Form
@@ -24,8 +24,11 @@ from gapsense.studies.identification.valve.linear import linear, scales
 from gapsense.studies.identification.valve.many import responses
 from gapsense.studies.identification.valve.misfit import Share
 from gapsense.studies.identification.valve.model import Experiment, Response
-from gapsense.studies.records.record import Record, Vector
+from gapsense.studies.identification.valve.prepared import Prepared
+from gapsense.studies.records.record import Vector
 from gapsense.studies.records.rest import remaining
+
+STEPPED = 0.015  # delay that the steps of the model make, of a sample
 
 
 class Uncertainty(NamedTuple):
@@ -53,7 +56,10 @@ def uncertainty(
     fitted: Sequence[str] = (),
 ) -> Uncertainty:
     """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments."""
-    others, sizes = [c for c in CAUSES if c not in (*fitted, *known_to(form))], scales(experiments)
+    doubts = doubts or Doubts()
+    hidden = [name for name in HIDDEN if doubts.causes.get(name)]
+    others = [*(c for c in CAUSES if c not in (*fitted, *known_to(form))), *hidden]
+    sizes = scales(experiments)
     at, k = linear(form, ratios, experiments, fitted, others), ratios.size
     weights = influences(form, ratios, experiments, at)
     models = [responses([form.at(ratios)], e)[0] for e in experiments]
@@ -64,8 +70,16 @@ def uncertainty(
     own = [*range(n), -1]
     parts = [W.current[own] for W in weights]
     moved = dict(zip(others, (at.moved / [sizes[name] for name in others]).T))
-    cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts or Doubts())
+    cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts)
+    if "delay" in fitted:
+        cov = cov + _by_sampling(cov, k + fitted.index("delay"))
     return _told(cov, at.lost, form, k, {name: sizes[name] for name in fitted}, shares)
+
+
+def _by_sampling(cov: Matrix, k: int) -> Matrix:
+    """What the steps of the model add, by the delay that they make, to all that goes with it."""
+    shift = STEPPED * cov[:, k] / cov[k, k]
+    return np.outer(shift, shift)
 
 
 def known_to(form: Form) -> tuple[str, ...]:
@@ -111,13 +125,24 @@ def _without_shape(
     return np.delete(np.delete(cov, at, axis=0), at, axis=1), np.delete(lost, at), errors
 
 
-def doubts(records: Sequence[Record], residuals: Sequence[Residual]) -> Doubts:
-    """What the residuals of records have beyond noise, if the model does not explain them, and what rest has hidden."""
+def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float]) -> Doubts:
+    """What the residuals of records have beyond noise, if the model does not explain them, and what stays hidden.
+
+    `accuracy` has relative standard errors of the scales of voltage and current.
+    """
     misfits = [0.0 if r.is_explained else np.sqrt(max(r.rms**2 - r.noise**2, 0.0)) for r in residuals]
     signals = {"offset": "current", "shift": "voltage"}
-    hidden = [remaining(record) for record in records]
-    errors = {cause: [h.get(name, 0.0) for h in hidden] for cause, name in signals.items()}
-    return Doubts(misfits, {cause: float(np.sqrt(np.mean(np.square(found)))) for cause, found in errors.items()})
+    rest = [remaining(record) for record in prepared.records]
+    errors = {cause: _rms([found.get(name, 0.0) for found in rest]) for cause, name in signals.items()}
+    changes = [np.diff(np.log(flux.resistances)) for flux in prepared.fluxes]
+    drops = {
+        "tail": abs(prepared.drive.get("drop", 0.0)) / sum(len(flux.operations) for flux in prepared.fluxes) ** 0.5
+    }
+    return Doubts(misfits, errors | {"drift": _rms(np.concatenate(changes))} | drops | {**accuracy})
+
+
+def _rms(x: Sequence[float] | Vector) -> float:
+    return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0
 
 
 def _beyond_noise(

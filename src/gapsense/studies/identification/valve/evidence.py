@@ -71,7 +71,7 @@ def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -
     ends = [other.least_squares(start, experiments) for start in starts]
     found = min((trial(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
     fit.samples += other.samples
-    left, now = (_weighted(t.errors, firsts) for t in (before, found))
+    left, now = (relative(t.errors, firsts) for t in (before, found))
     more = len({*form.fitted} - {*before.form.fitted})
     return found._replace(evidence=evidence(left, now, more), is_taken=False)
 
@@ -83,7 +83,7 @@ def trial(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
     return Trial(fit.form, ratios, fit.cost(ratios, experiments), errors)
 
 
-def _weighted(errors: Sequence[Vector], firsts: Sequence[First]) -> Vector:
+def relative(errors: Sequence[Vector], firsts: Sequence[First]) -> Vector:
     """Errors of all records, relative to their weights."""
     return np.concatenate([error * first.experiment.weights()[0] for error, first in zip(errors, firsts)])
 

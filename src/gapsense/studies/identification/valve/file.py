@@ -37,6 +37,7 @@ class Known(NamedTuple):
     parameters: Parameters
     table: Path | None = None
     losses: Mapping[str, float] = {}
+    resistance: float | None = None  # of the coil, where the file has it [Ohm]
 
 
 def read_known(file: Path | None) -> Known:
@@ -45,7 +46,11 @@ def read_known(file: Path | None) -> Known:
     law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
     if law == "table" and table is None:
         raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
-    return Known(parameters, Path(str(table)) if law == "table" else None, _losses(values, file))
+    return Known(parameters, Path(str(table)) if law == "table" else None, _losses(values, file), _R(values))
+
+
+def _R(values: Mapping[str, Value]) -> float | None:
+    return float(values["coil.resistance"]) if "coil.resistance" in values else None
 
 
 def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:

@@ -7,7 +7,7 @@ several times, on the first operation of each record; the best start goes on wit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -16,8 +16,9 @@ import numpy as np
 from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.valve import model
 from gapsense.studies.identification.valve.device import Device, changed, value
+from gapsense.studies.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction, settled, taken, timed
 from gapsense.studies.identification.valve.errors import Uncertainty, doubts, uncertainty
-from gapsense.studies.identification.valve.evidence import Trial, chosen
+from gapsense.studies.identification.valve.evidence import Trial
 from gapsense.studies.identification.valve.form import FACTOR, GUESSED, SHAPE, Form
 from gapsense.studies.identification.valve.forms import EVERYTHING, Sought, plain
 from gapsense.studies.identification.valve.minimise import Fit, Start
@@ -51,6 +52,7 @@ class Identified(NamedTuple):
     residuals: list[Residual]  # of each record
     ratios: Vector  # logarithms, of the fitted parameters to their first guesses
     trials: list[Trial]  # forms that were tried
+    drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
 
     @property
@@ -87,6 +89,8 @@ class Found(NamedTuple):
     form: Form
     ratios: Vector
     experiments: list[Experiment]
+    prepared: Prepared  # before the charges were balanced
+    causes: Sequence[str]  # that were fitted too
 
 
 def identify(
@@ -98,6 +102,7 @@ def identify(
     progress: Progress = lambda done, total: None,
     conventions: Sequence[str] = (),
     sought: Sought = EVERYTHING,
+    drive: Drive = UNKNOWN,
 ) -> Identified:
     """Parameters that fit one or more records best.
 
@@ -120,40 +125,72 @@ def identify(
         What the voltage between samples may be: the one that fits best is taken.  None: as the records have it.
     sought : Sought
         What may be added to the plain form, and what is held.
+    drive : Drive
+        What is known of the driver, and what is fitted.
     """
-    fit, convention, trials = Fit(plain(known, sought)), "", list[Trial]()
-    prepared = prepare(records, period)
-    found = fit.multi_start([first.experiment for first in prepared.firsts], starts, seed, progress) if starts else []
-    ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
-    if conventions:
-        readings = [prepare(records, period, name) for name in conventions]
-        best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
-        convention, prepared = conventions[best], readings[best]
-    if found:
-        trials = chosen(fit, ratios, prepared.firsts, sought)
-    for trial in trials:
-        fit.form, ratios = (trial.form, trial.ratios) if trial.is_taken else (fit.form, ratios)
-    at = _minimum(fit, ratios, prepared.experiments, is_searched=not found)
-    result = _identified(fit, at, prepared, found, convention, trials)
+    fit, method = Fit(plain(known, sought)), Method(starts, seed, progress, conventions)
+    prepared = prepare([record._replace(drive=drive.values) for record in records], period)
+    beginning = begun(fit, prepared, method, sought, drive)
+    at = _minimum(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
+    result = _identified(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
     if not held:
         return result
-    at = _minimum(fit, ratios, at.experiments, is_searched=not found)
-    return _identified(fit, at, prepared, found, convention, trials)._replace(held=held)
+    at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
+    return _identified(fit, at, beginning, drive.accuracy)._replace(held=held)
+
+
+class Method(NamedTuple):
+    """How the minimum is sought; see `identify`."""
+
+    starts: int
+    seed: int
+    progress: Progress
+    conventions: Sequence[str]
+
+
+class Beginning(NamedTuple):
+    """What the first operations tell."""
+
+    ratios: Vector
+    prepared: Prepared
+    starts: list[Start]
+    trials: list[Trial]
+    causes: Sequence[str]  # that are fitted
+
+
+def begun(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Drive) -> Beginning:
+    """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
+    firsts = [first.experiment for first in prepared.firsts]
+    found = fit.multi_start(firsts, method.starts, method.seed, method.progress) if method.starts else []
+    found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
+    ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
+    if method.conventions:
+        readings = [prepare(prepared.raw, prepared.period, name) for name in method.conventions]
+        best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
+        prepared = readings[best]
+    if not found:
+        return Beginning(ratios, prepared, found, [], drive.fitted)
+    ratios, prepared = settled(fit, ratios, prepared, drive.fitted)
+    prepared, trials, causes = timed(fit, ratios, prepared, sought, drive)
+    fit.form, ratios = taken(trials)[:2]
+    return Beginning(ratios, prepared, found, trials, causes)
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:
     """Standard errors without what a misfit may have done: they tell what these records could tell."""
-    errors = result.uncertainty if result.is_explained or not at.form.added else uncertainty(*at)
-    return errors.relative
+    if result.is_explained or not at.form.added:
+        return result.uncertainty.relative
+    return uncertainty(at.form, at.ratios, at.experiments, fitted=at.causes).relative
 
 
-def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searched: bool) -> Found:
-    """The minimum for all operations, with resistances for which the charges are equal.
+def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str], is_searched: bool) -> Found:
+    """The minimum for all operations, with resistances for which the charges are equal, and in the causes.
 
     Those depend on what stays of the flux, and it on them: where the core has hysteresis, until they rest.
     """
+    experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
         experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
         ratios = fit.form.settled(ratios)
@@ -166,13 +203,18 @@ def _minimum(fit: Fit, ratios: Vector, experiments: list[Experiment], is_searche
         ratios = fit.form.settled(ratios)
         if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
             break
-    return Found(fit.form, ratios, experiments)
+    for _ in range(ROUNDS if causes else 0):
+        step = correction(fit, ratios, experiments, causes)
+        prepared = prepared.moved(step.causes)
+        experiments = [model.balanced(fit.form, step.ratios, e) for e in prepared.experiments]
+        ratios = fit.least_squares(fit.form.settled(step.ratios), experiments)
+        if step.is_small:
+            break
+    return Found(fit.form, ratios, experiments, prepared, causes)
 
 
-def _identified(
-    fit: Fit, at: Found, prepared: Prepared, starts: list[Start], convention: str, trials: list[Trial]
-) -> Identified:
-    form, ratios, experiments = at
+def _identified(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, float]) -> Identified:
+    form, ratios, experiments, prepared, causes = at
     par = changed(form.at(ratios), coil_resistance=model.pooled_resistance(experiments))
     models = [model.simulated(par, e) for e in experiments]
     every = zip(prepared.records, models, prepared.fluxes)
@@ -180,14 +222,15 @@ def _identified(
     return Identified(
         parameters=par,
         form=form,
-        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared.records, left)),
+        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared, left, accuracy), causes),
         cost=cost(model.residuals(form, ratios, experiments)),
-        starts=starts,
+        starts=beginning.starts,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=prepared.fluxes,
         models=models,
-        convention=convention,
+        convention=prepared.convention,
         residuals=left,
         ratios=ratios,
-        trials=trials,
+        trials=beginning.trials,
+        drive=prepared.drive,
     )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.studies.identification.causes import CAUSES, Matrix, Signals, changed
+from gapsense.studies.identification.causes import CAUSES, HIDDEN, Matrix, Signals, changed
 from gapsense.studies.identification.valve.balance import feedback
 from gapsense.studies.identification.valve.form import Form
 from gapsense.studies.identification.valve.many import responses
@@ -25,6 +25,7 @@ from gapsense.studies.records.record import Vector
 STEP = 1e-5  # relative change of a parameter for a difference quotient
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
+EVERY = {**CAUSES, **HIDDEN}
 
 
 class Slopes(NamedTuple):
@@ -98,17 +99,17 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names:
     at, sizes = left_at(form, ratios, experiments), scales(experiments)
     columns, logarithms = [np.empty((at[0].size, 0))], [np.empty(0)]
     for name in names:
-        value = CAUSES[name].small * sizes[name]
-        with_it = left_at(form, ratios, [restored(e, {name: value}) for e in experiments])
-        columns.append(((with_it[0] - at[0]) / CAUSES[name].small)[:, None])
-        logarithms.append(np.array([(with_it[1] - at[1]) / CAUSES[name].small]))
+        small = EVERY[name].small
+        with_it = left_at(form, ratios, [restored(e, {name: small * sizes[name]}) for e in experiments])
+        columns.append(((with_it[0] - at[0]) / small)[:, None])
+        logarithms.append(np.array([(with_it[1] - at[1]) / small]))
     return Slopes(np.hstack(columns), np.concatenate(logarithms))
 
 
 def scales(experiments: Sequence[Experiment]) -> dict[str, float]:
     """What is large of each cause, in its unit."""
     found = [signals(e) for e in experiments]
-    return {name: min(cause.scale(s) for s in found) for name, cause in CAUSES.items()}
+    return {name: min(cause.scale(s) for s in found) for name, cause in EVERY.items()}
 
 
 def left_at(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> tuple[Vector, float]:

@@ -24,7 +24,7 @@ class Start(NamedTuple):
     """Result of the fit of one start to the first operations."""
 
     ratios: Vector
-    cost: float
+    cost: float  # of these, or of all operations
 
 
 class Fit:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from gapsense.studies.identification.causes import Matrix
+from gapsense.studies.identification.causes import CAUSES, Matrix
 from gapsense.studies.identification.valve.linear import Linear
 from gapsense.studies.records.record import Vector
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
+FEW, ALIKE = 0.1, 0.6  # part of the residual that is too little, and what explains nearly as much as another
 SIGNIFICANT = 4.0  # standard errors from which on a cause counts
 
 
@@ -32,6 +33,15 @@ class Share(NamedTuple):
     def is_significant(self) -> bool:
         """Whether the residual shows it."""
         return abs(self.value) > SIGNIFICANT * self.error
+
+
+def likely(found: Mapping[str, Share]) -> list[str]:
+    """Causes that the residual shows and that can be, the one that explains most of it first."""
+    can_be = [name for name, s in found.items() if s.is_significant and s.part > FEW]
+    can_be = [name for name in can_be if found[name].value > 0.0 or not CAUSES[name].is_positive]
+    most = max((found[name].part for name in can_be), default=0.0)
+    near = [name for name in can_be if found[name].part > ALIKE * most]
+    return sorted(near, key=lambda name: -found[name].part)
 
 
 def spread(W: Matrix, size: float) -> Matrix:
@@ -54,7 +64,7 @@ def shares(at: Linear, residuals: Vector, sizes: Mapping[str, float], errors: Ve
     values, total = -at.rows @ residuals, max(float(residuals @ residuals), 1e-300)
     parts = (values**2 * (at.left**2).sum(axis=0) / total).tolist()
     found = zip(sizes.items(), values.tolist(), errors.tolist(), parts)
-    return {name: Share(size * x, size * error, part) for (name, size), x, error, part in found}
+    return {name: Share(size * x, size * error, part) for (name, size), x, error, part in found if name in CAUSES}
 
 
 def _correlated(W: Matrix, length: float) -> Matrix:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from gapsense.studies.identification.causes import Signals, changed
 from gapsense.studies.identification.valve import model
 from gapsense.studies.identification.valve.form import FACTOR, Form
 from gapsense.studies.identification.valve.model import Experiment
 from gapsense.studies.records.flux import Flux
 from gapsense.studies.records.record import Record, between
+
+UNKNOWN = float("nan")  # resistance, which these causes do not need
 
 
 class First(NamedTuple):
@@ -35,6 +38,19 @@ class Prepared(NamedTuple):
     records: Sequence[Record]
     experiments: list[Experiment]
     fluxes: list[Flux]
+    raw: Sequence[Record]  # as they were read
+    period: float | None = None
+    convention: str = ""  # the voltage between samples; none: as the records have it
+
+    @property
+    def drive(self) -> Mapping[str, float]:
+        """Values of the causes that are taken out of all records."""
+        return self.raw[0].drive
+
+    def moved(self, by: Mapping[str, float]) -> Prepared:
+        """The same with other values of the causes."""
+        values = {**self.drive, **{name: self.drive.get(name, 0.0) + change for name, change in by.items()}}
+        return prepare([record._replace(drive=values) for record in self.raw], self.period, self.convention)
 
     @property
     def firsts(self) -> list[First]:
@@ -48,6 +64,18 @@ class Prepared(NamedTuple):
 
 def prepare(records: Sequence[Record], period: float | None, convention: str = "") -> Prepared:
     """Records with the voltage between samples that is named, or else as they have it."""
-    records = [between(record, convention) for record in records] if convention else records
-    experiments, fluxes = zip(*(model.prepare(record, period) for record in records))
-    return Prepared(records, [*experiments], [*fluxes])
+    read = [without_causes(record, convention) for record in records]
+    experiments, fluxes = zip(*(model.prepare(record, period) for record in read))
+    return Prepared(read, [*experiments], [*fluxes], records, period, convention)
+
+
+def without_causes(record: Record, convention: str = "") -> Record:
+    """The record as the model is to explain it: with the voltage between its samples, and less what its driver takes.
+
+    To be used once: the samples of its voltage stay what was recorded.
+    """
+    read = between(record, convention) if convention else record
+    if not record.drive:
+        return read
+    after = changed(Signals(read.halves, read.current, read.dt, UNKNOWN), record.drive)
+    return read._replace(halves=after.halves, current=after.current)

@@ -11,22 +11,30 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
+from gapsense.studies.identification.causes import CAUSES
 from gapsense.studies.identification.residual import verdict
+from gapsense.studies.identification.valve.drive import TAKEN
 from gapsense.studies.identification.valve.file import PORTS, found
 from gapsense.studies.identification.valve.fit import Identified
 from gapsense.studies.identification.valve.form import FACTOR
+from gapsense.studies.identification.valve.misfit import likely
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.validation import Validation
 from gapsense.studies.records.record import Record
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
+WHAT = {
+    "series": "series: resistance while the voltage is on",
+    "drop": "drop: while the current falls",
+    "delay": "delay: of the current beside the voltage",
+}
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
 def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
-    shown = [resistances(result, records), *forms(result), parameters(result), correlations(result)]
+    shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
     told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
     return [*shown, *([validation(checks)] if checks else []), *remarks(result), *told]
 
@@ -71,9 +79,26 @@ def forms(result: Identified) -> list[Table]:
     return [table("Forms of the model, fitted to the first operations", heads, rows)] if result.trials[1:] else []
 
 
+def labels(result: Identified) -> list[str]:
+    """Names of what was fitted, in the order of the correlations."""
+    return [*(PORTS[n].name for n in result.names), *(f"driver.{name}" for name in result.uncertainty.causes)]
+
+
+def drive(result: Identified) -> list[Table]:
+    """What was taken out of the recorded voltage, if anything was."""
+    rows = []
+    for name, value in result.drive.items():
+        unit, error = TAKEN[name], result.uncertainty.causes.get(name)
+        stated = "given" if error is None else quantity(error, unit)
+        rows.append(
+            (name, quantity(value, unit), stated, CAUSES[name].sentence.removesuffix(", of").removesuffix(" by"))
+        )
+    return [table("Taken out of the records", ("", "value", "standard error"), rows)] if rows else []
+
+
 def correlations(result: Identified) -> Table:
     """Correlations of the errors."""
-    names = [PORTS[n].name for n in result.names]
+    names = labels(result)
     lower = (row[:k] for k, row in enumerate(result.uncertainty.correlation.tolist()))
     rows = [(name, *(f"{c:.2f}" for c in row)) for name, row in zip(names, lower)]
     return table("Correlations", ("", *(name.rpartition(".")[2] for name in names[:-1])), rows[1:])
@@ -114,6 +139,7 @@ def remarks(result: Identified) -> list[str]:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
+    said += explanations(result)
     for name in result.at_bounds:
         said.append(
             f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess:"
@@ -125,11 +151,23 @@ def remarks(result: Identified) -> list[str]:
     for name in result.poor:
         error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
         said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
-    rho = result.uncertainty.correlation
+    rho, names = result.uncertainty.correlation, labels(result)
     for k, j in zip(*np.nonzero(np.tril(np.abs(rho), -1) > STRONG)):
-        a, b = PORTS[result.names[j]].name, PORTS[result.names[k]].name
+        a, b = names[j], names[k]
         said.append(f"`{a}` and `{b}` can hardly be told apart: their correlation is {float(rho[k, j]):.2f}.")
     return said
+
+
+def explanations(result: Identified) -> list[str]:
+    """What else may explain what the model leaves, where that is too much; first what explains most of it."""
+    shares = result.uncertainty.shares
+    found = [
+        f"{CAUSES[n].sentence} {quantity(shares[n].value, CAUSES[n].unit)} ({100.0 * shares[n].part:.0f} %)"
+        for n in likely(shares)
+    ]
+    if result.is_explained or not found:
+        return []
+    return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
 
 
 def measured_and_identified(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:

@@ -10,6 +10,7 @@ import numpy as np
 from gapsense.studies.identification.temperature import Coefficient
 from gapsense.studies.identification.valve.device import Device, changed, value
 from gapsense.studies.identification.valve.model import Trajectory, simulate
+from gapsense.studies.identification.valve.prepared import without_causes
 from gapsense.studies.records.operations import starts
 from gapsense.studies.records.record import Record
 
@@ -38,7 +39,7 @@ def validated(par: Device, records: Sequence[Record], coefficient: Coefficient |
 def validate(par: Device, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
     first = starts(record)[0]
-    halves = record.halves[first:]
+    halves = without_causes(record).halves[first:]
     model = simulate(par, halves, record.dt, np.full(len(halves), value(par, "coil_resistance")))
     return compared(record, model, first)
 
