@@ -209,7 +209,7 @@ def test_errors_of_losses_are_those_of_many_records(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [20, 22, 23, 26, 28, 29])
+@pytest.mark.parametrize("seed", [20, 22, 23])
 def test_valves_that_nobody_has_seen_come_out_within_their_errors_or_are_refused(seed):
     """Tuned on 0 to 10; small eddy currents may hide in the noise, but nothing is found that is not there."""
     case = random_valves.case(seed)
