@@ -69,12 +69,12 @@ def test_a_record_of_the_model_gives_its_parameters_back(found):
 
 
 def test_derivatives_of_the_cost_are_its_slopes():
-    """By logarithms, by what the places of the edges share and by each of them; of two records together."""
+    """By logarithms, offsets, what the places of edges share and each of them; of two records together."""
     par = fit.bent(BELIEVED)
     drives = [drive(record(samples=n), par) for n in (600, 400)]
     p = problem.Problem(par, [*problem.DEVIATIONS], drives)
     x, by = np.zeros(p.deviations.size), 1e-4 * np.random.default_rng(2).standard_normal(p.deviations.size)
-    assert x.size == 13 + 1 + 2 + 1 + 1
+    assert x.size == 13 + 2 + 2 + 2 + 1
     before, after = p.residuals([x, x + by])
     assert np.linalg.norm(after - before - p.jacobian(x) @ by) < 0.02 * np.linalg.norm(after - before)
 
@@ -123,15 +123,16 @@ def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
 def test_parameters_of_the_benchmark_are_what_a_record_gives(fmus):
     """The plant is another model, with Jiles-Atherton hysteresis; its position is not used.
 
-    The shipped set was found with edges in the middle of their intervals, where they are; now their places are sought,
-    which leave less of the turnover: that of hysteresis looks like an edge that is late.
+    The shipped set was found with edges in the middle of their intervals, where they are. Now their places are sought,
+    which leave less of the core: that is late, too. So the sets differ more than their positions do.
     """
     shipped = parameters_of("mhe", SETS / "mhe_commissioned.toml")
     result = commissioned.of_scenario(FOLDER)
-    for name in problem.DEVIATIONS:
-        if not name.startswith("gap"):
-            allowed = 0.7 if name == "core_turnover" else result.errors[name]
-            assert getattr(result.parameters, name) == pytest.approx(getattr(shipped, name), rel=allowed), name
+    (d,), (places,) = result.drives, result.places
+    assert np.sqrt(np.mean((problem.simulate(shipped, d, places).position - result.model.position) ** 2)) < 3e-6
+    for name in set(problem.DEVIATIONS) - {"gap_factor", "gap_fringing", "core_turnover"}:
+        allowed = 2.0 * result.errors[name]  # each set has such errors
+        assert getattr(result.parameters, name) == pytest.approx(getattr(shipped, name), rel=max(allowed, 1e-3)), name
     truth = run(FOLDER, seed_shift=commissioned.SEED)["actuator.position"]
     assert np.sqrt(np.mean((result.model.position - truth[result.drives[0].first :]) ** 2)) < 4e-6
     assert result.parameters.core_eddy == pytest.approx(CORE.eddy, rel=0.1)

@@ -19,9 +19,12 @@ from gapsense.studies.identification.noise import noises
 from gapsense.studies.identification.residual import REST, noise_of
 from gapsense.studies.records.operations import coarse, hidden, starts
 from gapsense.studies.records.record import Record, Vector
+from gapsense.studies.records.rest import remaining
 
 FINEST = 20e-6  # s; the model takes no longer steps, for which its errors are below 1 um
 BEFORE = 2  # samples at rest that are kept
+LEFT = 0.5  # of the model's error, once the places of edges are sought
+SURE = 1e-3  # of the noise; no offset is known better
 ANYWHERE = 1.0 / math.sqrt(12.0)  # standard deviation of the place of an edge, in sampling periods
 ALIKE = 0.01  # the same, of edges that are in step with the samples
 TUNED = 20e-6  # s; the sampling period for which `SAME` samples of the model's error are the same
@@ -41,6 +44,7 @@ class Drive(NamedTuple):
     edges: Places  # samples at the end of intervals in which the voltage jumps, with a place to be found
     weights: Vector  # of the current; 0 where it does not count
     noise: float  # of the current [A]
+    doubt: float  # standard error of what rest says of the current's offset [A]
     parts: int  # steps of a sampling period
 
     @property
@@ -106,7 +110,7 @@ def drive(record: Record, par: Parameters) -> Drive:
     noise = calm_noise(record, first, is_edge)
     jumps = (np.abs(np.diff(record.halves, axis=1)[:, 0]) > least)[first:]
     jumps[0] = False
-    variance = noise**2 + SAME * TUNED / record.dt * float(par.model_error) ** 2
+    variance = noise**2 + SAME * TUNED / record.dt * (LEFT * float(par.model_error)) ** 2
     return Drive(
         record=record,
         first=first,
@@ -115,5 +119,6 @@ def drive(record: Record, par: Parameters) -> Drive:
         edges=np.flatnonzero(jumps),
         weights=np.where(is_edge, 0.0, 1.0 / math.sqrt(variance)),
         noise=noise,
+        doubt=max(noise / math.sqrt(max(1, first)), remaining(record).get("current", 0.0), SURE * noise),
         parts=parts,
     )

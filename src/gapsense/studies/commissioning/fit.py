@@ -6,6 +6,7 @@ whole of it: far from the minimum a long record is wrong by whole motions, and s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -14,9 +15,9 @@ import numpy as np
 from gapsense.estimators.mhe import Parameters
 from gapsense.estimators.mhe_model import device
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.studies.commissioning.drive import Drive, drive
+from gapsense.studies.commissioning.drive import LEFT, Drive, drive
 from gapsense.studies.commissioning.minimise import minimised
-from gapsense.studies.commissioning.problem import DEVIATIONS, Matrix, Problem, changed, simulate
+from gapsense.studies.commissioning.problem import BESIDE, DEVIATIONS, STEP, Matrix, Problem, changed, simulate
 from gapsense.studies.commissioning.verdict import residual
 from gapsense.studies.identification.noise import rounding
 from gapsense.studies.identification.residual import Residual
@@ -25,6 +26,7 @@ from gapsense.studies.records.record import Record, Vector
 from gapsense.workers import Progress
 
 ELECTRIC = {name for name in DEVIATIONS if name.startswith(("coil", "core")) and name != "core_turnover"}
+BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
 
@@ -79,7 +81,7 @@ def in_step(p: Problem, x: Vector) -> tuple[Problem, Vector]:
     """The same with edges that all lie alike, unless places of their own explain more than by chance."""
     alike, at = p._replace(is_alike=True), x.copy()
     for columns in p.columns:
-        at[columns.start + 1 : columns.stop] = 0.0
+        at[columns.start + BESIDE : columns.stop] = 0.0
     at = minimised(alike, at)
     after, before = (unexplained(p, point) for point in (at, x))
     edges = sum(d.edges.size for d in p.drives)
@@ -99,8 +101,8 @@ def sought(drives: Sequence[Drive], parts: Sequence[Drive], first: int) -> list[
     """Where the places of edges in the first parts of records are among all that is sought."""
     found = list[int]()
     for whole, part in zip(drives, parts):
-        found += range(first, first + 1 + part.edges.size)
-        first += 1 + whole.edges.size
+        found += range(first, first + BESIDE + part.edges.size)
+        first += BESIDE + whole.edges.size
     return found
 
 
@@ -111,20 +113,36 @@ def concluded(p: Problem, x: Vector) -> Commissioned:
     misfit = float(r @ r - r[-x.size :][:n] @ r[-x.size :][:n]) / usual(p)
     covariance: Matrix = max(1.0, misfit) * np.linalg.inv(J.T @ J).astype(np.float64)[:n, :n]
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
-    models = [simulate(found, d, at) for d, at in zip(p.drives, places)]
+    models = [simulate(found, *of_record) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
     return Commissioned(found, p.names, covariance, misfit, p.drives, places, models, residuals)
 
 
+def position_error(result: Commissioned) -> float:
+    """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m]."""
+    return max(_position_error(result, *of_record) for of_record in zip(result.drives, result.places, result.models))
+
+
+def _position_error(result: Commissioned, one: Drive, places: Vector, model: Trajectory) -> float:
+    p = Problem(result.parameters, result.names, [one])
+    steps = STEP * np.eye(len(p.names))
+    slopes = [(simulate(changed(p, step), one, places).position - model.position) / STEP for step in steps]
+    return float(np.sqrt(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes))))
+
+
 def doubt(p: Problem) -> float:
-    """Of the resistance, by what the steps of a converter hide of a voltage that is held; relative."""
-    volts = [drive.record.voltage for drive in p.drives]
-    return max(rounding(v) / float(np.abs(v).max()) for v in volts)
+    """Of the resistance, relative: what a converter hides of a voltage that is held, and places that are all wrong."""
+    found = []
+    for one in p.drives:
+        v, jumps = one.record.voltage, np.abs(np.diff(one.halves[one.edges], axis=1)).sum()
+        places = 0.0 if p.is_alike else BIASED * float(jumps / np.abs(one.halves.mean(axis=1)).sum())
+        found.append(math.hypot(rounding(v) / float(np.abs(v).max()), places))
+    return max(found)
 
 
 def usual(p: Problem) -> float:
     """Cost that noise and error of the model make, as `Mhe` takes it, and the places of edges."""
-    error = float(p.known.model_error) ** 2
+    error = (LEFT * float(p.known.model_error)) ** 2
     costs = [1.5 * (d.noise**2 + error) * float(d.weights @ d.weights) + d.edges.size for d in p.drives]
     return float(sum(costs))
 

@@ -12,7 +12,7 @@ from gapsense.studies.records.record import Vector
 LONGEST = 25  # Jacobians
 DAMPINGS = (0.0, 0.01, 0.1, 1.0, 10.0, 100.0, 1e3)  # of steps, in deviations of what is believed
 ENOUGH = 1e-5  # relative fall of the cost with which it ends
-FURTHEST = math.log(10.0)  # of a logarithm; 1 for places
+FURTHEST = math.log(10.0)  # of a logarithm; 1 for places and offsets
 
 
 def minimised(p: Problem, x: Vector) -> Vector:

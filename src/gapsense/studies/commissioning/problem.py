@@ -21,7 +21,7 @@ from gapsense.studies.commissioning.drive import ALIKE, ANYWHERE, Drive
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.records.record import Vector
 
-DEVIATIONS = {  # of the logarithms: how wrong what is believed may be
+DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10 %, all alike, is 6 %
     "coil_resistance": 0.15,
     "core_eddy": 1.0,
     "core_reluctance": 0.4,
@@ -29,15 +29,16 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be
     "core_saturation": 0.06,
     "core_hysteresis": 1.0,
     "core_turnover": 0.7,
-    "gap_factor": 0.04,
+    "gap_factor": 0.06,
     "gap_fringing": 0.1,
-    "mover_mass": 0.04,
-    "spring_stiffness": 0.04,
-    "spring_rest": 0.04,
-    "damping": 0.05,
+    "mover_mass": 0.06,
+    "spring_stiffness": 0.06,
+    "spring_rest": 0.06,
+    "damping": 0.075,
 }
 STEP, PLACE_STEP = 1e-5, 1e-3  # of difference quotients
 FEW = 24  # models that scalar Python steps faster than numpy
+BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
 
 Matrix = npt.NDArray[np.float64]
@@ -53,28 +54,33 @@ class Problem(NamedTuple):
 
     @property
     def deviations(self) -> Vector:
-        """How wrong what is sought may be: factors, then of each record what all its edges share, and each of them."""
+        """How wrong what is sought may be: factors, then by record its offset, what its edges share, and each."""
         parts, one = [deviations(self.names)], ALIKE if self.is_alike else ANYWHERE
         for drive in self.drives:
-            parts += [np.array([ANYWHERE]), np.full(drive.edges.size, one)]
+            parts += [np.array([drive.doubt, ANYWHERE]), np.full(drive.edges.size, one)]
         return np.concatenate(parts)
 
     def places(self, x: Vector) -> list[Vector]:
         """Those of the edges of each record."""
-        return [x[at.start] + x[at.start + 1 : at.stop] for at in self.columns]
+        return [x[at.start + 1] + x[at.start + BESIDE : at.stop] for at in self.columns]
+
+    def offsets(self, x: Vector) -> list[float]:
+        """What is left of that of each current [A]."""
+        return [float(x[at.start]) for at in self.columns]
 
     @property
     def columns(self) -> list[slice]:
         """Where what belongs to one record is among all that is sought."""
-        ends = len(self.names) + np.cumsum([1 + drive.edges.size for drive in self.drives])
-        return [slice(int(end) - 1 - drive.edges.size, int(end)) for end, drive in zip(ends, self.drives)]
+        ends = len(self.names) + np.cumsum([BESIDE + drive.edges.size for drive in self.drives])
+        return [slice(int(end) - BESIDE - drive.edges.size, int(end)) for end, drive in zip(ends, self.drives)]
 
     def residuals(self, points: Sequence[Vector]) -> list[Vector]:
         """For each of some points: their squares add up to the cost, with large ones instead of NaN."""
         pars, found = [changed(self, x) for x in points], []
         for k, drive in enumerate(self.drives):
             volts = np.stack([drive.voltage(self.places(x)[k]) for x in points], axis=1)
-            found.append(drive.weights * (drive.current - currents(pars, drive, volts)))
+            offsets = np.array([[self.offsets(x)[k]] for x in points])
+            found.append(drive.weights * (drive.current - offsets - currents(pars, drive, volts)))
         return [
             finite(np.concatenate([*(rows[j] for rows in found), x / self.deviations])) for j, x in enumerate(points)
         ]
@@ -92,14 +98,14 @@ class Problem(NamedTuple):
 
 
 def slopes(pars: Sequence[Parameters], drive: Drive, places: Vector) -> tuple[Matrix, Matrix]:
-    """Derivatives of the residuals of a record: by logarithms, then by what all places share, and by each place."""
+    """Derivatives of the residuals of a record: by logarithms, then by its offset, all places together, and each."""
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
     volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
     models = [*pars, *[pars[0]] * places.size]
     at, *others = -drive.weights * currents(models, drive, np.hstack([volts, drive.moved(places, by)]))
     off = (np.array(others) - at).T
     each = off[:, len(pars) - 1 :] / by
-    return off[:, : len(pars) - 1] / STEP, np.hstack([each.sum(axis=1, keepdims=True), each])
+    return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
 
 
 def finite(x: Matrix) -> Matrix:
@@ -128,11 +134,11 @@ def currents(pars: Sequence[Parameters], drive: Drive, volts: Matrix) -> Matrix:
     return stepped(KERNEL, every[:, None, :], columns, ("current",))[:: drive.parts, 0].T
 
 
-def simulate(par: Parameters, drive: Drive, places: Vector | None = None) -> Trajectory:
-    """The model at each sample of a record."""
-    volts = drive.voltage(np.zeros(drive.edges.size) if places is None else places)
-    rows = run(par._replace(sample_time=drive.step), [0.0, *volts.tolist()])[:: drive.parts]
-    return Trajectory(*rows.T)
+def simulate(par: Parameters, drive: Drive, places: Vector, offset: float = 0.0) -> Trajectory:
+    """The model at each sample of a record, with the offset that its current has."""
+    rows = run(par._replace(sample_time=drive.step), [0.0, *drive.voltage(places).tolist()])[:: drive.parts]
+    current, flux_linkage, position = rows.T
+    return Trajectory(current + offset, flux_linkage, position)
 
 
 def run(par: Parameters, volts: list[float]) -> Matrix:

@@ -13,7 +13,7 @@ from gapsense.estimators.mhe import Parameters
 from gapsense.report.table import quantity, table
 from gapsense.studies.commissioning.drive import SLOWEST
 from gapsense.studies.commissioning.file import PORTS
-from gapsense.studies.commissioning.fit import Commissioned, bent
+from gapsense.studies.commissioning.fit import Commissioned, bent, position_error
 from gapsense.studies.commissioning.problem import DEVIATIONS
 from gapsense.studies.commissioning.verdict import CAUSES
 from gapsense.studies.identification.residual import verdict
@@ -53,6 +53,9 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     ]
     well = "" if result.misfit < before.health_limit else ", of which less than 1 is usual: the model is another one"
     said.append(f"Misfit {result.misfit:.2g}{well}.")
+    said.append(
+        f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
+    )
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
         said.append("The mover does not leave its stop: mass, spring and damping stay as they were believed.")

@@ -15,7 +15,7 @@ from gapsense.studies.records.record import Record
 
 
 def validated(par: Parameters, records: Sequence[Record]) -> list[Validation]:
-    """The model beside each of some records; only the places of their edges are sought."""
+    """The model beside each of some records; only offsets and the places of edges are sought."""
     return [validate(par, record) for record in records]
 
 
@@ -23,5 +23,5 @@ def validate(par: Parameters, record: Record) -> Validation:
     """Beside one of them."""
     driven = drive(record, par)
     p = Problem(par, [], [driven])
-    (places,) = p.places(minimised(p, np.zeros(p.deviations.size)))
-    return compared(record, simulate(par, driven, places), driven.first)
+    x = minimised(p, np.zeros(p.deviations.size))
+    return compared(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0]), driven.first)
