@@ -193,3 +193,20 @@ def test_gap_table_of_a_parameter_set_travels_in_the_fmus(data):
         with zipfile.ZipFile(data / "tabled" / f"{name}.fmu") as archive:
             assert archive.read("resources/mine.csv") == (data / "tables" / "mine.csv").read_bytes()
             assert not [n for n in archive.namelist() if n.endswith(".py") and str(data).encode() in archive.read(n)]
+
+
+def test_driver_is_taken_out_of_fit_and_validation_and_noted_in_the_file(data, gapsense, tmp_path):
+    files = [data / "fit.csv", "--validate", data / "other.csv", "--parameters", data / "known.toml"]
+    options = ["--voltage", "end", "--starts", "1", "--forms", "plain", "--driver", "series=2"]
+    result = gapsense("identify", *files, *options, "--out", tmp_path / "valve.toml")
+    assert result.exit_code in (0, 1) and "series, while on" in result.output
+    text = (tmp_path / "valve.toml").read_text("utf-8")
+    assert "# Taken out of the recorded voltage and current: series 2 Ohm." in text
+    assert values(tmp_path / "valve.toml")["coil.resistance"] < 75.0  # the rest of 76 Ohm, nearly
+
+
+def test_resistance_of_another_voltage_than_the_coils_is_refused(data, gapsense, tmp_path):
+    (tmp_path / "known.toml").write_text(KNOWN + '"coil.resistance" = 48\n', encoding="utf-8")
+    options = ["--voltage", "end", "--starts", "1", "--forms", "plain", "--parameters", tmp_path / "known.toml"]
+    result = gapsense("identify", data / "fit.csv", *options, "--out", tmp_path / "valve.toml")
+    assert result.exit_code == 1 and "PWM sampled in step" in " ".join(result.output.split())

@@ -147,13 +147,32 @@ def record(file: Path, volts: float, seed: int) -> None:
     np.savetxt(file, np.stack(columns, axis=1), delimiter=",", header=head, comments="")
 
 
+def lines_of(page: str) -> list[str]:
+    """Commands of a page, outside of blocks."""
+    return re.findall(r"^ {4}(gapsense .*)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.slow
+def test_commands_of_the_page_on_measuring_run(folder):
+    record(folder / "valve.csv", 30.0, 3)
+    for volts in (30.0, 24.0, 27.0):
+        record(folder / f"valve_{volts:g}.csv", volts, int(volts))
+    (folder / "known.toml").write_text('[values]\n"stop.upper" = 0.9e-3\n', encoding="utf-8")
+    commands = [c for c in lines_of("docs/measure-your-valve.md") if "gapsense study" not in c]
+    assert len(commands) == 4
+    for command in commands:
+        code, output = called("gapsense", shlex.split(command)[1:])
+        assert code == 0, (command, output)
+    assert (folder / "build" / "mine" / "BoundedUkf.fmu").is_file()
+
+
 @pytest.mark.slow
 def test_commands_of_the_readme_run(folder):
     """But for what CI runs anyway: make, pip and pytest, the 200 seeds of `make demo`, the test of all scenarios."""
     shutil.copytree(ROOT / "scenarios", folder / "scenarios")
     record(folder / "valve.csv", 30.0, 1)
     record(folder / "other.csv", 26.0, 2)
-    lines = re.findall(r"^ {4}(gapsense .*)$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    lines = lines_of("README.md")
     commands = [part.strip() for line in lines for part in line.split("&&")]
     commands = [c for c in commands if not c.startswith(("gapsense test", "gapsense sweep"))]
     assert len(commands) > 8

@@ -106,6 +106,8 @@ WRONG = {
     "gap [mm],inductance [mH]\n0,100\n1,80\n": "2 gaps found, at least 3 expected",
     "gap [mm],inductance [mH]\n-1,100\n0,90\n1,80\n": "a gap of -1 mm found",
     "gap [mm],inductance [mH]\n0,100\n1,-80\n2,70\n": "positive ones expected",
+    "gap [m],inductance [mH]\n0,100\n1,90\n2,80\n": "the largest gap is 2 m, 10 um to 200 mm expected",
+    "gap [mm],inductance [H]\n0,100\n1,90\n2,80\n": "the largest inductance is 100 H, 1 uH to 50 H expected",
     "gap [mm],inductance [mH]\n0,100\n1,wide\n2,70\n": "`wide` found, a number expected",
     "x [mm],y [mm],L [mH]\n0,1,100\n1,2,90\n2,3,70\n": "2 columns may be the gap. Choose one: `--column gap=x`",
     "gap [mm],La [mH],Lb [mH]\n0,1,2\n1,2,3\n2,3,4\n": "do not tell their frequencies",

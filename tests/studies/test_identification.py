@@ -120,7 +120,7 @@ def test_bad_minimum_is_rejected_by_its_cost():
     fit = Fit(Form(far))
     experiment = shortened(prepare(record())[0])
     alone = fit.least_squares(np.zeros(6), [experiment])
-    starts = fit.multi_start([experiment], 3, 1, lambda done, total: None)
+    starts = fit.multi_start([experiment], 3, 1)
     costs = sorted(s.cost for s in starts)
     assert costs[0] <= cost(residuals(Form(far), alone, [experiment])) + 1e-12
     assert costs[0] < 1e-3

@@ -14,7 +14,7 @@ more sharply.  The three are independent; with g_e, I_h and K of zero all is as 
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from gapsense.records import Scalar
 from gapsense.trace import cond, exp, fabs, square, where
@@ -58,6 +58,23 @@ class Core(Protocol):
     @property
     def length(self) -> Scalar:
         """Flux linkage l_h in which h turns over [Wb]."""
+
+
+class Acting(NamedTuple):
+    """What acts, for a model that has no more."""
+
+    voltage: Scalar
+    hysteresis: Scalar
+
+
+class Losses(NamedTuple):
+    """Coefficients, for a model that has no more."""
+
+    R: Scalar
+    lam_sat: Scalar
+    eddy: Scalar
+    amplitude: Scalar
+    length: Scalar
 
 
 def bent(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:

@@ -15,11 +15,11 @@ import numpy as np
 from gapsense.report.table import quantity
 from gapsense.studies.estimation.run import Estimate
 from gapsense.studies.identification.residual import noise_of
-from gapsense.studies.records.checks import begins_at_rest
 from gapsense.studies.records.flux import Flux
 from gapsense.studies.records.flux import estimate as integral
 from gapsense.studies.records.operations import operations
 from gapsense.studies.records.record import Record, Vector
+from gapsense.studies.records.refusals import begins_at_rest
 
 FAR = {
     "resistance": 0.1,

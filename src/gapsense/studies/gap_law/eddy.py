@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gapsense.studies.gap_law.laws import Vector
-from gapsense.studies.gap_law.table import Inductances
+from gapsense.studies.gap_law.possible import Inductances
 
 NOTICED = 0.01
 

@@ -13,7 +13,7 @@ from gapsense.report.table import quantity, table
 from gapsense.studies.gap_law.choice import Candidate, jackknife
 from gapsense.studies.gap_law.eddy import remarks
 from gapsense.studies.gap_law.laws import Vector, reluctance, total
-from gapsense.studies.gap_law.table import Inductances
+from gapsense.studies.gap_law.possible import Inductances
 
 POOR = 0.05  # relative error of the inductances left out from which a table is called coarse
 

@@ -15,9 +15,8 @@ import numpy as np
 
 from gapsense.files import Sheet, no_numbers, number, read_sheet
 from gapsense.problems import InputError, listing
-from gapsense.report.table import quantity
-from gapsense.studies.gap_law.choice import FEWEST
 from gapsense.studies.gap_law.laws import Vector
+from gapsense.studies.gap_law.possible import Inductances, impossible
 from gapsense.units import factor
 
 HEAD = re.compile(r"(?P<name>.*?)(?:\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]|_(?P<after>[A-Za-z\u00b5\u03bc]+))?")
@@ -25,7 +24,6 @@ FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*(k|M)?Hz", re.IGNORECASE)
 KILO = {"": 1.0, "k": 1e3, "m": 1e6}
 POSITIONS = ("gap", "position", "stroke")  # names of the column that counts, best first
 EXAMPLE = "`gap [mm]` and `inductance [mH]`, or `inductance 100Hz [mH]` for each frequency"
-FLAT = 0.01  # relative change of the inductance over all gaps that tells no gap
 
 
 class Column(NamedTuple):
@@ -35,16 +33,6 @@ class Column(NamedTuple):
     name: str
     scale: float  # of its unit
     frequency: float | None = None  # [Hz], where the head tells one
-
-
-class Inductances(NamedTuple):
-    """Inductances at gaps that rise, at the lowest frequency, and at the others."""
-
-    file: str
-    gap: Vector  # [m]
-    inductance: Vector  # [H]
-    frequency: float | None  # [Hz]
-    others: Mapping[float, Vector]  # inductance by frequency [H]
 
 
 def read_inductances(path: Path, names: Mapping[str, str] | None = None) -> Inductances:
@@ -131,38 +119,6 @@ def cells(sheet: Sheet, used: list[Column]) -> list[str]:
 def values(sheet: Sheet, used: Column) -> Vector:
     """Numbers of a column in SI units."""
     return used.scale * np.array([float(row[used.place]) for row in sheet.rows])
-
-
-def impossible(found: Inductances) -> list[str]:
-    """What no gap law can explain."""
-    h, L, file = found.gap, found.inductance, found.file
-    if np.unique(h).size < FEWEST:
-        return [f"{file}: {np.unique(h).size} gaps found, at least {FEWEST} expected, better 8. Measure at more gaps."]
-    told = []
-    if h[0] < 0.0:
-        told.append(
-            f"{file}: a gap of {quantity(float(h[0]), 'm')} found; gaps are counted from 0, closed. Shift them."
-        )
-    if (L <= 0.0).any():
-        told.append(f"{file}: an inductance of {quantity(float(L.min()), 'H')} found, positive ones expected.")
-    return told or _eddy(found)
-
-
-def _eddy(found: Inductances) -> list[str]:
-    """Inductances that do not fall with the gap."""
-    h, L = found.gap, found.inductance
-    change = float(np.polyfit(h, L / L.mean(), 1)[0] * np.ptp(h))
-    if change < -FLAT:
-        return []
-    at = "" if found.frequency is None else f" at {found.frequency:g} Hz, the lowest frequency of the table,"
-    if change < FLAT:
-        what = f"does not change by more than {100.0 * abs(change):.2g} % from the smallest to the largest gap"
-    else:
-        what = f"rises by {100.0 * change:.2g} % from the smallest to the largest gap, where it has to fall"
-    return [
-        f"{found.file}: the inductance{at} {what}: eddy currents keep the flux out of the iron. Measure at a lower"
-        " frequency, 20 to 100 Hz, or with steps of the voltage, or check that the gap counts from 0, closed."
-    ]
 
 
 def names_of(column: Sequence[str] | None) -> dict[str, str]:

@@ -10,13 +10,27 @@ from gapsense.studies.identification.coil import fit
 from gapsense.studies.identification.coil.fit import Coil
 from gapsense.studies.identification.valve import guess
 from gapsense.studies.records.conventions import AUTO
-from gapsense.studies.records.record import Record
+from gapsense.studies.records.operations import operations
+from gapsense.studies.records.record import Record, until
 from gapsense.workers import Progress
 
+MANY = 5000  # samples from which the first operations are looked at alone
+FAR = 2.0  # times what a coil may leave of them
 NEITHER = (
     "Nor does a coil without motion explain the current: what it leaves is {:.2g} times the noise. `--model coil` fits"
     " one all the same."
 )
+
+
+def quick(records: Sequence[Record], period: float | None, conventions: Sequence[str]) -> Coil | None:
+    """The coil of the first operations alone, if no coil explains any of them: then none explains the records."""
+    firsts = [until(record, operations(record, period)[0].stop) for record in records]
+    if not all(operations(record, period) for record in firsts):
+        return None
+    each = [fit.identify([record], period, conventions, False) for record in firsts]
+    if any(r.rms < FAR * r.limit for coil in each for r in coil.residuals):
+        return None
+    return max(each, key=lambda coil: coil.residuals[0].rms / coil.residuals[0].noise)
 
 
 def coil_of(
@@ -29,7 +43,9 @@ def coil_of(
 ) -> tuple[Coil | None, list[str]]:
     """The coil, if it is wanted or explains all records, and what to say; else the guess of a valve is checked."""
     found, told = None, list[str]()
-    if model in (AUTO, "coil"):
+    if model == AUTO and sum(record.times.size for record in records) > MANY:
+        found = quick(records, period, conventions)
+    if model == "coil" or (model == AUTO and found is None):
         found = fit.identify(records, period, conventions, model == "coil", progress)
         if model == "coil" or found.is_explained:
             return found, told

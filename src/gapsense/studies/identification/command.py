@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -11,11 +11,8 @@ from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
-    from gapsense.studies.identification.coil.fit import Coil
-    from gapsense.studies.identification.valve.file import Known
-    from gapsense.studies.identification.valve.fit import Identified
-    from gapsense.studies.identification.valve.gap.start import Gap
-    from gapsense.studies.records.record import Record
+    from gapsense.studies.identification.asked import Asked
+    from gapsense.studies.identification.finished import Finished
 
 MODELS = (AUTO, "coil", "solenoid_valve")
 
@@ -77,92 +74,38 @@ def identify(
     fringes are found where the evidence is for them. Prints values, standard errors and correlations, and names what
     the records do not identify.
     """
-    from gapsense.report import plot
     from gapsense.studies.commissioning.command import commissioned
-    from gapsense.studies.identification import choice, temperature
-    from gapsense.studies.identification.options import believed, sought
-    from gapsense.studies.identification.valve import drive, file, fit, known_gap
-    from gapsense.studies.records.checks import read_records, reading
-    from gapsense.studies.records.record import between
+    from gapsense.studies.identification import finished
+    from gapsense.studies.identification.asked import Asked, read
+    from gapsense.studies.identification.choice import coil_of
+    from gapsense.studies.identification.options import believed
+    from gapsense.studies.identification.valve import fit, known_gap
+    from gapsense.studies.records.checks import reading
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    if figure is not None:
-        plot.check_file(figure)
     how = reading(column, voltage, separator, decimal, clipped)
+    others = (model, period, temperatures, forms, hold or [], inductance, driver, accuracy)
     if commission:
-        others = (model, period, temperatures, forms, hold, inductance, driver, accuracy)
         commissioned(data, how, believed(parameters, others), to, validate or [], figure)
-    known, drive_at = file.read_known(parameters), drive.drive_of(driver, accuracy)
-    seeking = sought(forms, hold or [], known)
-    records = temperature.given(temperatures, read_records(data, how, period))
-    records = [record._replace(drive=drive_at.values) for record in records]
-    kept = read_records(validate or [], how, needs="rest")
-    conventions = CONVENTIONS if voltage == AUTO and not all(record.is_mean for record in records) else ()
+    asked = Asked(data, how, to, validate or [], figure, parameters, *others)
+    given = read(asked)
     with bar("looking for motion") as progress:
-        coil, told = choice.coil_of(model, records, known.parameters, period, conventions, progress)
+        coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
     if coil is not None:
-        kept = [record._replace(drive=drive_at.values) for record in kept]
-        finish_coil(coil, known.parameters.coil_turns if parameters else 0.0, kept, to, data, figure, told)
-    start = known_gap.known(known.parameters, records, seeking, inductance, conventions, period)
+        end(asked, finished.coil(asked, given, coil), told)
+    start = known_gap.known(given.known.parameters, given.records, given.sought, inductance, given.conventions, period)
     with bar("identifying") as progress:
-        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, drive_at)
-    kept = [between(record._replace(drive=result.drive), result.convention or voltage) for record in kept]
-    finish_valve(result, start, known, kept, to, data, figure, told)
+        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+    end(asked, finished.valve(asked, given, start, result), told)
 
 
-def finish_valve(
-    result: Identified,
-    start: Gap,
-    known: Known,
-    kept: list[Record],
-    to: Path,
-    data: list[Path],
-    figure: Path | None,
-    told: list[str],
-) -> None:
-    """Write and show a valve; ends the command."""
+def end(asked: Asked, result: Finished, told: list[str]) -> NoReturn:
+    """Show what was found; ends the command."""
     from gapsense.report import plot
-    from gapsense.studies.identification import temperature
-    from gapsense.studies.identification.noise import noises
-    from gapsense.studies.identification.valve import drive, file, validation
-    from gapsense.studies.identification.valve.gap import result as gap
-    from gapsense.studies.identification.valve.show import measured_and_identified, tables
 
-    records, R = start.records, result.resistance
-    coefficient = temperature.coefficient(records, result.fluxes)
-    checks = validation.validated(result.parameters, kept, coefficient)
-    notes = [*drive.notes(result.drive), *temperature.notes(R, coefficient)]
-    file.write_identified(to, result, gap.kept(known, result, to), data, noises(records), notes)
-    show(*start.told, *tables(result, records, checks), *gap.told(result, records))
-    doubts = drive.doubtful(R, known.resistance)
-    show(*temperature.tables(records, R, coefficient), *told, *doubts)
-    written(to)
-    if figure is not None:
-        written(plot.save(measured_and_identified(result, records, checks), figure))
-    raise typer.Exit(0 if result.is_explained and not doubts else FAILED)
-
-
-def finish_coil(
-    result: Coil,
-    turns: float,
-    kept: list[Record],
-    to: Path,
-    data: list[Path],
-    figure: Path | None,
-    told: list[str],
-) -> None:
-    """Write and show a coil; ends the command."""
-    from gapsense.report import plot
-    from gapsense.studies.identification.coil import file, validation
-    from gapsense.studies.identification.coil import show as shown
-    from gapsense.studies.identification.valve.prepared import without_causes
-
-    kept = [without_causes(record, result.convention) for record in kept]
-    checks = [validation.validate(result, record) for record in kept]
-    file.write(to, result, turns, data)
-    show(*shown.tables(result, turns, checks), *told)
-    written(to)
-    if figure is not None:
-        written(plot.save(shown.measured_and_identified(result, checks), figure))
+    show(*result.shown, *told)
+    written(asked.to)
+    if asked.figure is not None:
+        written(plot.save(result.figure(), asked.figure))
     raise typer.Exit(0 if result.is_explained else FAILED)

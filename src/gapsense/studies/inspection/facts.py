@@ -10,7 +10,6 @@ import numpy as np
 from gapsense.studies.inspection.drive import Carrier, Path, path
 from gapsense.studies.inspection.kinks import Kink, closing, opening
 from gapsense.studies.inspection.lag import Lag, lag
-from gapsense.studies.records.checks import begins_at_rest, operation_problems, rest_problems
 from gapsense.studies.records.flux import coil, estimate
 from gapsense.studies.records.operations import (
     Operation,
@@ -22,6 +21,7 @@ from gapsense.studies.records.operations import (
     resolution,
 )
 from gapsense.studies.records.record import Columns, Offset, Record, Vector
+from gapsense.studies.records.refusals import begins_at_rest, operation_problems, rest_problems
 from gapsense.studies.records.rest import FEWEST, offset
 from gapsense.studies.records.samples import clipping
 

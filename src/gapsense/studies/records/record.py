@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -93,3 +93,11 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
 def between(record: Record, convention: str) -> Record:
     """The record with another voltage between its samples."""
     return record if record.is_mean else record._replace(halves=halves(record.voltage, record.current, convention))
+
+
+def until(record: Record, last: int) -> Record:
+    """The record up to a sample."""
+    names = ("times", "voltage", "current", "halves", "position", "mode", "rows")
+    samples = {name: getattr(record, name) for name in names}
+    cut: dict[str, Any] = {name: x if x is None else x[: last + 1] for name, x in samples.items()}
+    return record._replace(**cut)

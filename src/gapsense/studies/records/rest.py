@@ -36,7 +36,8 @@ def without_offsets(record: Record) -> Record:
 def flows(record: Record, n: int) -> bool:
     """Whether a current flows in the first `n` samples: later it rests lower, though it never becomes negative."""
     i, least = record.current, max(SIGNIFICANT * noise(record.current) / np.sqrt(n), LOWER * np.ptp(record.current))
-    lowest = float(np.convolve(i, np.full(n, 1.0 / n), mode="valid").min())
+    sums = np.concatenate(([0.0], np.cumsum(i)))
+    lowest = float((sums[n:] - sums[:-n]).min()) / n
     return bool(lowest > -least and lowest < i[:n].mean() - 2.0 * least)
 
 

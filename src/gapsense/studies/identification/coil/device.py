@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.core_losses import advanced, lossy
+from gapsense.estimators.core_losses import Acting, Losses, advanced, lossy
 from gapsense.records import Scalar
 from gapsense.trace import fabs, where
 
@@ -53,23 +53,6 @@ class Outputs(NamedTuple):
     flux_linkage: Scalar
 
 
-class Acting(NamedTuple):
-    """What acts during an interval."""
-
-    voltage: Scalar
-    hysteresis: Scalar
-
-
-class Core(NamedTuple):
-    """The core as `core_losses` calls it."""
-
-    R: Scalar
-    lam_sat: Scalar
-    eddy: Scalar
-    amplitude: Scalar
-    length: Scalar
-
-
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Without flux."""
     at = State(0.0, 0.0)
@@ -102,5 +85,5 @@ def _current(lam: Scalar, held: Acting, par: Parameters) -> Scalar:
     return lossy((par.air + par.core / left) * lam, lam, held, _core(par))
 
 
-def _core(par: Parameters) -> Core:
-    return Core(par.resistance, FAR, par.eddy, par.hysteresis, par.turnover)
+def _core(par: Parameters) -> Losses:
+    return Losses(par.resistance, FAR, par.eddy, par.hysteresis, par.turnover)

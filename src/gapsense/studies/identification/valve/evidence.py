@@ -65,7 +65,7 @@ def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
 
 def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
     """The larger form, fitted from the smaller one on, and from the first guess of what was added, or of all."""
-    experiments, other = [first.experiment for first in firsts], Fit(form)
+    experiments, other = [first.of(form) for first in firsts], Fit(form)
     start = carried(before.form, before.ratios, form)
     starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
     ends = [other.least_squares(start, experiments) for start in starts]
@@ -78,7 +78,7 @@ def larger_trial(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -
 
 def trial(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
     """A form as it is fitted."""
-    experiments, par = [first.experiment for first in firsts], fit.form.at(ratios)
+    experiments, par = [first.of(fit.form) for first in firsts], fit.form.at(ratios)
     errors = [e.current - currents([par], e)[0] for e in experiments]
     return Trial(fit.form, ratios, fit.cost(ratios, experiments), errors)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from gapsense.studies.identification.residual import Residual, residual
 from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.course import Course, expected
 from gapsense.studies.identification.valve.device import Device, changed, value
 from gapsense.studies.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction, settled, taken, timed
 from gapsense.studies.identification.valve.errors import Uncertainty, doubts, uncertainty
@@ -22,7 +23,7 @@ from gapsense.studies.identification.valve.evidence import Trial
 from gapsense.studies.identification.valve.form import FACTOR, GUESSED, SHAPE, Form
 from gapsense.studies.identification.valve.forms import EVERYTHING, Sought, plain
 from gapsense.studies.identification.valve.minimise import Fit, Start
-from gapsense.studies.identification.valve.model import Experiment, Trajectory, cost
+from gapsense.studies.identification.valve.model import Experiment, Trajectory
 from gapsense.studies.identification.valve.prepared import Prepared, prepare
 from gapsense.studies.identification.valve.search import search
 from gapsense.studies.identification.valve.voltage import best_reading
@@ -128,9 +129,11 @@ def identify(
     drive : Drive
         What is known of the driver, and what is fitted.
     """
-    fit, method = Fit(plain(known, sought)), Method(starts, seed, progress, conventions)
+    method = Method(starts, seed, conventions)
     prepared = prepare([record._replace(drive=drive.values) for record in records], period)
+    fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
     beginning = begun(fit, prepared, method, sought, drive)
+    fit.course.begins("whole")
     at = _minimum(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
     result = _identified(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
@@ -146,8 +149,15 @@ class Method(NamedTuple):
 
     starts: int
     seed: int
-    progress: Progress
     conventions: Sequence[str]
+
+
+def course_of(prepared: Prepared, method: Method, sought: Sought, progress: Progress) -> Course:
+    """What is to be expected of a fit."""
+    firsts = sum(first.experiment.current.size for first in prepared.firsts)
+    whole = sum(e.current.size for e in prepared.experiments)
+    phases = expected(firsts, whole, method.starts, len(method.conventions), len(sought.forms))
+    return Course(progress, phases, whole)
 
 
 class Beginning(NamedTuple):
@@ -163,13 +173,15 @@ class Beginning(NamedTuple):
 def begun(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Drive) -> Beginning:
     """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
     firsts = [first.experiment for first in prepared.firsts]
-    found = fit.multi_start(firsts, method.starts, method.seed, method.progress) if method.starts else []
+    found = fit.multi_start(firsts, method.starts, method.seed) if method.starts else []
     found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
     ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
+    fit.course.begins("readings")
     if method.conventions:
         readings = [prepare(prepared.raw, prepared.period, name) for name in method.conventions]
         best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
         prepared = readings[best]
+    fit.course.begins("forms")
     if not found:
         return Beginning(ratios, prepared, found, [], drive.fitted)
     ratios, prepared = settled(fit, ratios, prepared, drive.fitted)
@@ -192,19 +204,21 @@ def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str]
     """
     experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
+        experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
+        ratios = fit.form.settled(ratios)
         ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.restarted(ratios))]
         ratios = min(ends, key=partial(fit.cost, experiments=experiments))
     for size in SIZES[-1:] * MOST if has_hysteresis else SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
-        before, experiments = experiments, [model.balanced(fit.form, ratios, e) for e in experiments]
+        before, experiments = experiments, fit.balanced(ratios, experiments)
         ratios = fit.form.settled(ratios)
         if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
             break
     for _ in range(ROUNDS if causes else 0):
         step = correction(fit, ratios, experiments, causes)
         prepared = prepared.moved(step.causes)
-        experiments = [model.balanced(fit.form, step.ratios, e) for e in prepared.experiments]
+        experiments = fit.balanced(step.ratios, prepared.experiments)
         ratios = fit.least_squares(fit.form.settled(step.ratios), experiments)
         if step.is_small:
             break
@@ -221,7 +235,7 @@ def _identified(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str
         parameters=par,
         form=form,
         uncertainty=uncertainty(form, ratios, experiments, doubts(prepared, left, accuracy), causes),
-        cost=cost(model.residuals(form, ratios, experiments)),
+        cost=fit.cost(ratios, experiments),
         starts=beginning.starts,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),
         fluxes=prepared.fluxes,

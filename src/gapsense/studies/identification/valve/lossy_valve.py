@@ -16,7 +16,7 @@ from typing import NamedTuple
 from gapsense.actuators import solenoid_valve
 from gapsense.actuators.magnetics import SATURATED
 from gapsense.actuators.solenoid_valve import Inputs
-from gapsense.estimators.core_losses import SHORTER, SHORTEST, advanced, lossy, share
+from gapsense.estimators.core_losses import SHORTER, SHORTEST, Acting, Losses, advanced, lossy, share
 from gapsense.records import Scalar
 from gapsense.trace import exp, fabs, square, where
 
@@ -52,23 +52,6 @@ class Outputs(NamedTuple):
     position: Scalar
 
 
-class Core(NamedTuple):
-    """Coefficients of the losses, as `core_losses` has them."""
-
-    R: Scalar
-    lam_sat: Scalar
-    eddy: Scalar
-    amplitude: Scalar
-    length: Scalar
-
-
-class Held(NamedTuple):
-    """What acts at an instant."""
-
-    voltage: Scalar
-    hysteresis: Scalar
-
-
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest, demagnetised."""
     valve, seen = solenoid_valve.initial(inputs, par.valve)
@@ -89,21 +72,21 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     valve, seen = solenoid_valve.step(state.valve, inputs._replace(voltage=(u - lost) * left), within)
     change = seen.flux_linkage - lam
     h = advanced(h, lam + 0.5 * change, change, core)
-    current = lossy(seen.current, seen.flux_linkage, Held(u, h), core)
+    current = lossy(seen.current, seen.flux_linkage, Acting(u, h), core)
     return State(valve, seen.current, h), Outputs(current, seen.flux_linkage, seen.position)
 
 
-def _core(par: Parameters) -> Core:
+def _core(par: Parameters) -> Losses:
     R = par.coil_factor * par.valve.coil_resistance
-    return Core(R, par.valve.core_saturation, par.core_eddy, par.core_hysteresis, par.core_turnover)
+    return Losses(R, par.valve.core_saturation, par.core_eddy, par.core_hysteresis, par.core_turnover)
 
 
-def _force(lam: Scalar, h: Scalar, core: Core) -> Scalar:
+def _force(lam: Scalar, h: Scalar, core: Losses) -> Scalar:
     """What hysteresis adds to the magnetomotive force over N [A]."""
     return h * (1.0 + square(lam / core.lam_sat))
 
 
-def _rate(state: State, change: Scalar, core: Core, valve: solenoid_valve.Parameters) -> Scalar:
+def _rate(state: State, change: Scalar, core: Losses, valve: solenoid_valve.Parameters) -> Scalar:
     """How fast the current changes with the flux linkage while the gap stays [1/H], at the flatter end of a change."""
     lam, h = state.valve.flux_linkage, state.hysteresis
     one, other = (fabs(at / core.lam_sat) for at in (lam, lam + change))
@@ -116,18 +99,18 @@ def _rate(state: State, change: Scalar, core: Core, valve: solenoid_valve.Parame
     )
 
 
-def _end(change: Scalar, core: Core) -> Scalar:
+def _end(change: Scalar, core: Losses) -> Scalar:
     """Value of h in the end."""
     return where(change >= 0.0, core.amplitude, -core.amplitude)
 
 
-def _length(lam: Scalar, core: Core) -> Scalar:
+def _length(lam: Scalar, core: Losses) -> Scalar:
     """Flux linkage in which h turns over there [Wb]."""
     rest = 1.0 - SHORTER * square(lam / core.lam_sat)
     return core.length * where(rest > SHORTEST, rest, SHORTEST)
 
 
-def _mean(h: Scalar, lam: Scalar, change: Scalar, core: Core) -> Scalar:
+def _mean(h: Scalar, lam: Scalar, change: Scalar, core: Losses) -> Scalar:
     """Mean of h while the flux linkage changes by `change` around `lam`."""
     end = _end(change, core)
     return end + (h - end) * _lag(fabs(change) / _length(lam, core))

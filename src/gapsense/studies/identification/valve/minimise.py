@@ -9,11 +9,11 @@ from scipy.optimize import least_squares
 
 from gapsense.studies.identification.causes import Matrix
 from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.course import Course
 from gapsense.studies.identification.valve.form import Form
-from gapsense.studies.identification.valve.many import responses
+from gapsense.studies.identification.valve.many import currents, responses
 from gapsense.studies.identification.valve.model import Experiment, cost
 from gapsense.studies.records.record import Vector
-from gapsense.workers import Progress
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
 STEP = 1e-5
@@ -28,10 +28,21 @@ class Start(NamedTuple):
 
 
 class Fit:
-    """The minimisation; counts the samples that it simulates."""
+    """The minimisation; counts the samples that it simulates, and tells them."""
 
-    def __init__(self, form: Form) -> None:
-        self.form, self.samples = form, 0
+    def __init__(self, form: Form, course: Course | None = None) -> None:
+        self.form, self.course, self._samples = form, course or Course(), 0
+
+    @property
+    def samples(self) -> int:
+        """Simulated so far."""
+        return self._samples
+
+    @samples.setter
+    def samples(self, count: int) -> None:
+        """More have been simulated."""
+        self._samples = count
+        self.course(count)
 
     def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
         """Weighted residuals; values far from any valve give large ones instead of NaN."""
@@ -60,14 +71,17 @@ class Fit:
         found = least_squares(self.residuals, ratios, self.jacobian, args=(experiments,), **options)
         return np.asarray(found.x)
 
-    def multi_start(self, experiments: list[Experiment], starts: int, seed: int, progress: Progress) -> list[Start]:
+    def balanced(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
+        """The experiments with resistances for which model and measurement have the same charge."""
+        par = self.form.at(ratios)
+        return [model.balanced(self.form, ratios, e, currents([par], e)[0]) for e in experiments]
+
+    def multi_start(self, experiments: list[Experiment], starts: int, seed: int) -> list[Start]:
         """Least squares from the first guess and from random points around it."""
         rng, width = np.random.default_rng(seed), np.log(SPREAD)
         found = []
         for k in range(starts):
-            progress(k, starts + 1)
             guess = rng.uniform(-width, width, self.form.start.size) if k else self.form.start
             ratios = self.least_squares(guess, experiments)
             found.append(Start(ratios, self.cost(ratios, experiments)))
-        progress(starts, starts + 1)
         return found

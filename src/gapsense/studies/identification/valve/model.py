@@ -159,14 +159,14 @@ def weighted(experiment: Experiment, model: Response | Trajectory) -> Vector:
     return np.concatenate(parts)
 
 
-def balanced(form: Form, ratios: Vector, experiment: Experiment) -> Experiment:
+def balanced(form: Form, ratios: Vector, experiment: Experiment, current: Vector | None = None) -> Experiment:
     """The experiment with resistances for which model and measurement have the same charge in every operation.
 
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    current = simulated(form.at(ratios), experiment).current
-    charges = [trapezoid(i) for i in (current, experiment.current)]
+    modelled = simulated(form.at(ratios), experiment).current if current is None else current
+    charges = [trapezoid(i) for i in (modelled, experiment.current)]
     scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
     return with_factors(
         scaled, [charges[0][o.inside].sum() / charges[1][o.inside].sum() for o in experiment.operations]

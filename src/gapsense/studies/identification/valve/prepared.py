@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from gapsense.studies.identification.causes import Signals, changed
 from gapsense.studies.identification.valve import model
+from gapsense.studies.identification.valve.form import FACTOR, Form
 from gapsense.studies.identification.valve.model import Experiment
 from gapsense.studies.records.flux import Flux
 from gapsense.studies.records.record import Record, between
@@ -20,6 +23,13 @@ class First(NamedTuple):
     record: Record
     experiment: Experiment
     start: int  # its first sample in the record
+    resistance: float  # of the last operation by (23), before and after which a core is magnetised alike [Ohm]
+
+    def of(self, form: Form) -> Experiment:
+        """What a form is fitted to: with the other resistance where the core stays magnetised after the first one."""
+        if FACTOR not in form.fitted:
+            return self.experiment
+        return model.with_resistance(self.experiment, np.full_like(self.experiment.resistance, self.resistance))
 
 
 class Prepared(NamedTuple):
@@ -45,8 +55,11 @@ class Prepared(NamedTuple):
     @property
     def firsts(self) -> list[First]:
         """Their first operations."""
-        starts = (flux.operations[0].start for flux in self.fluxes)
-        return [First(r, model.shortened(e), start) for r, e, start in zip(self.records, self.experiments, starts)]
+        every = zip(self.records, self.experiments, self.fluxes)
+        return [
+            First(record, model.shortened(e), flux.operations[0].start, float(flux.resistances[-1]))
+            for record, e, flux in every
+        ]
 
 
 def prepare(records: Sequence[Record], period: float | None, convention: str = "") -> Prepared:

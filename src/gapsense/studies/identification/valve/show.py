@@ -24,11 +24,7 @@ from gapsense.studies.records.record import Record
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
-WHAT = {
-    "series": "series: resistance while the voltage is on",
-    "drop": "drop: while the current falls",
-    "delay": "delay: of the current beside the voltage",
-}
+WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
@@ -90,9 +86,7 @@ def drive(result: Identified) -> list[Table]:
     for name, value in result.drive.items():
         unit, error = TAKEN[name], result.uncertainty.causes.get(name)
         stated = "given" if error is None else quantity(error, unit)
-        rows.append(
-            (name, quantity(value, unit), stated, CAUSES[name].sentence.removesuffix(", of").removesuffix(" by"))
-        )
+        rows.append((WHAT[name], quantity(value, unit), stated))
     return [table("Taken out of the records", ("", "value", "standard error"), rows)] if rows else []
 
 
