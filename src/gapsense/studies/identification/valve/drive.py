@@ -18,7 +18,7 @@ from gapsense.studies.identification.valve.linear import left_at, linear, scales
 from gapsense.studies.identification.valve.minimise import Fit
 from gapsense.studies.identification.valve.model import Experiment
 from gapsense.studies.identification.valve.prepared import Prepared
-from gapsense.studies.records.record import Vector
+from gapsense.studies.records.record import Record, Vector
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
 PERCENT = {"voltage": "PERCENT", "current": "PERCENT"}
@@ -36,6 +36,10 @@ class Drive(NamedTuple):
     values: Mapping[str, float] = {}
     fitted: tuple[str, ...] = ()
     accuracy: Mapping[str, float] = {}  # relative standard errors of the scales of voltage and current
+
+    def of(self, records: Sequence[Record]) -> list[Record]:
+        """The records, of which what is known is to be taken out."""
+        return [record._replace(drive=self.values) for record in records]
 
     @property
     def is_timed(self) -> bool:

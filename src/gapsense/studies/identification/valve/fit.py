@@ -130,7 +130,7 @@ def identify(
         What is known of the driver, and what is fitted.
     """
     method = Method(starts, seed, conventions)
-    prepared = prepare([record._replace(drive=drive.values) for record in records], period)
+    prepared = prepare(drive.of(records), period)
     fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
     beginning = begun(fit, prepared, method, sought, drive)
     fit.course.begins("whole")
