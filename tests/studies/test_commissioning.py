@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from gapsense.actuators.magnetics import fringing
 from gapsense.cli import app
 from gapsense.cosim import run
 from gapsense.estimators.mhe_model import device
-from gapsense.files import write_columns
+from gapsense.files import read_columns, write_columns
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.studies.commissioning import file, fit, problem
 from gapsense.studies.commissioning.drive import drive
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators import commissioned
 from gapsense.studies.estimators.parameters import CORE, blind, wrong
-from gapsense.studies.identification.transfer import parameters_of, read_values
+from gapsense.studies.identification.transfer import parameters_of, read_values, taken
 from gapsense.studies.records.record import Columns, to_record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -163,3 +164,47 @@ def test_a_record_that_begins_with_current_is_refused(tmp_path):
     saved(tmp_path / "record.csv", {name: x[300:] for name, x in columns().items()})
     done = commission(tmp_path)
     assert done.exit_code == 2 and "record from rest" in done.output
+
+
+def test_identify_takes_the_option_and_says_what_it_has_not(tmp_path):
+    saved(tmp_path / "record.csv", columns(samples=1100))
+    command = ["identify", "--commission", str(tmp_path / "record.csv"), "--out", str(tmp_path / "mine.toml")]
+    known = ["--parameters", str(SETS / "mhe.toml")]
+    figure = ["--figure", str(tmp_path / "fit.png"), "--validate", str(tmp_path / "record.csv")]
+    done = CliRunner().invoke(app, [*command, *known, *figure])
+    assert done.exit_code == 0 and "Validation" in done.output and (tmp_path / "fit.png").is_file(), done.output
+    assert commission(tmp_path, "--out", str(tmp_path / "same.toml")).exit_code == 0
+    texts = [(tmp_path / name).read_text() for name in ("mine.toml", "same.toml")]
+    assert texts[0] == texts[1] and '"gap.law" = "fringing"' in texts[0] and '"sample_time" = 2e-05' in texts[0]
+    refused = CliRunner().invoke(app, [*command, *known, "--forms", "eddy", "--period", "0.02"])
+    assert refused.exit_code == 2 and "--period, --forms found" in refused.output
+    missing = CliRunner().invoke(app, command)
+    assert missing.exit_code == 2 and "`--parameters` is missing" in missing.output
+
+
+def test_each_estimator_gets_the_device_that_was_found(found, tmp_path):
+    given = {name: value for name, value in read_values([SETS / "mhe.toml"]).items() if name != "sample_time"}
+    written = file.write(tmp_path / "mine.toml", found, {**given, "prior.resistance": 0.08}, "test")
+    names = ("mhe", "ekf", "ertss", "bounded_ukf", "semera", "integral_estimator")
+    sets = {folder.name: values for folder, values in taken([own(name) for name in names], [written]).items()}
+    par = found.parameters
+    assert sets["mhe"]["prior.resistance"] == 0.08
+    for name in ("semera", "integral_estimator"):
+        assert sets[name]["prior.resistance"] == pytest.approx(par.coil_resistance)
+        assert sets[name]["prior.inductance"] == pytest.approx(inductance_at_rest(par), rel=1e-6)
+    for name in ("ekf", "ertss", "bounded_ukf"):
+        for port, field in (("core.eddy", "core_eddy"), ("core.bend", "core_bend"), ("mover.mass", "mover_mass")):
+            assert sets[name][port] == pytest.approx(getattr(par, field)), (name, port)
+        assert sets[name]["noise.current"] == pytest.approx(NOISE, rel=0.1)
+    assert sets["ekf"]["gap.slope"] == pytest.approx(par.gap_slope * par.gap_factor)
+    law = read_columns(Path(sets["bounded_ukf"]["gap.file"]))
+    at = np.interp(0.9e-3, law["gap"], law["reluctance"])
+    R = par.gap_factor * fringing(0.9e-3, par.gap_slope, par.gap_fringing, par.gap_window)[0]
+    assert at == pytest.approx(R, rel=1e-3) and sets["bounded_ukf"]["prior.position"] == par.stop_upper
+    assert sets["mhe"]["sample_time"] == pytest.approx(DT)
+
+
+def inductance_at_rest(par):
+    """N^2 / (R_gap + R_c) at the upper stop."""
+    R = par.gap_factor * fringing(par.stop_upper, par.gap_slope, par.gap_fringing, par.gap_window)[0]
+    return par.coil_turns**2 / (R + par.core_reluctance)

@@ -272,3 +272,10 @@ def test_decimal_commas_between_commas_are_all_that_is_told(tmp_path):
     with pytest.raises(InputError) as caught:
         read_record(file)
     assert all("6 cells found, 3 expected" in problem for problem in caught.value.problems)
+
+
+def test_one_sample_that_hides_all_others_is_named(tmp_path):
+    values = {name: x.copy() for name, x in columns(seed=1).items()}
+    values["current"][500] = 40.0
+    with pytest.raises(InputError, match="beside row 502 with 40 A, which is to be corrected"):
+        read_record(write(tmp_path / "spike.csv", values))

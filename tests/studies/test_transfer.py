@@ -126,3 +126,25 @@ def test_later_files_win_and_all_problems_are_told(tmp_path):
 def test_estimators_begin_where_the_device_does(name, device, expected):
     names = [port.name for port in load_component(own(name)).of("parameter")]
     assert values_for(names, device)["prior.position"] == expected
+
+
+def test_a_factor_of_the_gap_goes_into_the_law_of_who_has_none(tmp_path):
+    law = {"gap.law": "fringing", "gap.reluctance": 1e6, "gap.slope": 4.7e10, "gap.fringing": 300.0, "gap.factor": 1.1}
+    assert values_for(("gap.slope", "gap.factor", "gap.fringing"), law)["gap.slope"] == 4.7e10
+    taken = values_for(("gap.slope", "gap.reluctance", "gap.fringing"), law)
+    assert taken == {"gap.slope": 1.1 * 4.7e10, "gap.reluctance": 1.1e6, "gap.fringing": 300.0}
+    (tmp_path / "law.csv").write_text((own("mhe") / "fringing_29.csv").read_text())
+    table = {"gap.law": "table", "gap.file": str(tmp_path / "law.csv"), "gap.factor": 1.1}
+    before = read_columns(tmp_path / "law.csv")
+    for names in (("gap.file",), ("gap.law", "gap.file", "gap.fringing")):
+        after = read_columns(Path(values_for(names, table)["gap.file"]))
+        assert after["gap"] == pytest.approx(before["gap"])
+        assert after["reluctance"] == pytest.approx(1.1 * before["reluctance"])
+    assert values_for(("gap.file", "gap.factor"), table)["gap.file"] == str(tmp_path / "law.csv")
+
+
+def test_a_deviation_of_the_resistance_is_not_taken_for_one():
+    """`Mhe` has priors of everything, `Semera` one of the resistance itself; each set says whose it is."""
+    names, values = ("prior.resistance", "prior.inductance"), {"coil.resistance": 48.0, "prior.resistance": 0.1}
+    assert values_for(names, {**values, "prior.eddy": 0.05})["prior.resistance"] == 48.0
+    assert values_for(names, {**values, "prior.resistance": 47.0})["prior.resistance"] == 47.0

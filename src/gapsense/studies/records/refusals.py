@@ -10,6 +10,7 @@ from gapsense.studies.records.flux import estimate
 from gapsense.studies.records.operations import SIGMAS, SMALL, Operation, noise, operations, starts
 from gapsense.studies.records.record import SHOWN, Record
 
+SPIKE = 0.2  # of the largest current: all others are smaller, if it is one sample's only
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
 
@@ -27,7 +28,8 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
     """A record in which nothing operates, or whose first operation does not begin at rest."""
     found = starts(record)
     if not found:
-        yield f"{file}: no current flows, so that nothing operates. Record at least one operation, from rest on."
+        where = f"{file}: no current flows{_spike(record)}"
+        yield f"{where}, so that nothing operates. Record at least one operation, from rest on."
         return
     yield from _slow(record, file, found[0])
     i, limit = float(record.current[: found[0] + 1].mean()), _largest_at_rest(record)
@@ -38,6 +40,15 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
             "linkage is an integral from rest on: record from rest, or cut the file to begin there; if the sensor shows"
             " this without current, subtract it."
         )
+
+
+def _spike(record: Record) -> str:
+    """The one sample whose current hides that of all others, if there is one."""
+    i = np.abs(record.current)
+    k = int(np.argmax(i))
+    others = np.delete(i, k)
+    is_one = bool(others.max(initial=0.0) < SPIKE * i[k])
+    return f" beside row {record.rows[k]} with {record.current[k]:.4g} A, which is to be corrected" if is_one else ""
 
 
 def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
