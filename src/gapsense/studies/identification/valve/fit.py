@@ -77,6 +77,13 @@ class Identified(NamedTuple):
         is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
         return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
 
+    def with_held(self, held: Sequence[str], before: Identified) -> Identified:
+        """What was held is no more certain for it: errors are no smaller than those of the fit `before`."""
+        errors = dict(zip(before.names, before.uncertainty.relative.tolist()))
+        least = np.array([errors[name] for name in self.names])
+        wider = self.uncertainty._replace(relative=np.maximum(self.uncertainty.relative, least))
+        return self._replace(held=held, uncertainty=wider)
+
     @property
     def poor(self) -> list[str]:
         """Parameters that the records do not identify."""
@@ -141,7 +148,7 @@ def identify(
     if not held:
         return result
     at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
-    return _identified(fit, at, beginning, drive.accuracy)._replace(held=held)
+    return _identified(fit, at, beginning, drive.accuracy).with_held(held, result)
 
 
 class Method(NamedTuple):
