@@ -10,8 +10,9 @@ from valve_records import GUESS, record
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve.errors import long_run, uncertainty
-from gapsense.studies.identification.valve.fit import POOR, identify
+from gapsense.studies.identification.valve.fit import identify
 from gapsense.studies.identification.valve.form import FITTED, Form
+from gapsense.studies.identification.valve.identified import POOR
 from gapsense.studies.identification.valve.many import currents
 from gapsense.studies.identification.valve.minimise import Fit
 from gapsense.studies.identification.valve.model import (

@@ -12,7 +12,8 @@ from valve_records import GUESS
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve.device import value
 from gapsense.studies.identification.valve.drive import doubtful, drive_of
-from gapsense.studies.identification.valve.fit import Identified, identify
+from gapsense.studies.identification.valve.fit import identify
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.show import remarks
 from gapsense.studies.records.conventions import CONVENTIONS
 

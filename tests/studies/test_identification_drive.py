@@ -14,8 +14,9 @@ from gapsense.studies.devices import VALVE
 from gapsense.studies.identification import choice
 from gapsense.studies.identification.residual import residual, verdict
 from gapsense.studies.identification.valve.drive import UNKNOWN, doubtful, drive_of, notes
-from gapsense.studies.identification.valve.fit import Identified, identify
+from gapsense.studies.identification.valve.fit import identify
 from gapsense.studies.identification.valve.forms import Sought
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.model import prepare, simulated
 from gapsense.studies.identification.valve.prepared import without_causes
 from gapsense.studies.identification.valve.show import labels, remarks

@@ -16,9 +16,9 @@ from gapsense.studies.identification.coil import validation as coil_validation
 from gapsense.studies.identification.coil.fit import Coil
 from gapsense.studies.identification.noise import noises
 from gapsense.studies.identification.valve import drive, file, show, validation
-from gapsense.studies.identification.valve.fit import Identified
 from gapsense.studies.identification.valve.gap import result as gap
 from gapsense.studies.identification.valve.gap.start import Gap
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.prepared import without_causes
 from gapsense.studies.records.record import between
 

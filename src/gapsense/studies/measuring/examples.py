@@ -9,6 +9,7 @@ import numpy as np
 
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve import fit
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.measuring.bench import Drive, Instruments, measured
 from gapsense.studies.records.conventions import CONVENTIONS
 from gapsense.studies.records.record import Record, to_record
@@ -103,7 +104,7 @@ def outcome(condition: Condition, seeds: int) -> Outcome:
     )
 
 
-def identified(condition: Condition, seed: int) -> fit.Identified:
+def identified(condition: Condition, seed: int) -> Identified:
     """What `identify` makes of records of one seed."""
     drive = GOOD[0]._replace(**(condition.drive or {}))
     instruments = GOOD[1]._replace(**(condition.instruments or {}))

@@ -21,9 +21,9 @@ from gapsense.problems import InputError
 from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, parameters_of, read_values
 from gapsense.studies.identification.valve import lossy_valve
 from gapsense.studies.identification.valve.device import value
-from gapsense.studies.identification.valve.fit import Identified
 from gapsense.studies.identification.valve.form import TABLE
 from gapsense.studies.identification.valve.forms import LOSSES
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}

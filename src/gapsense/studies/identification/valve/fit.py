@@ -13,82 +13,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.studies.identification.residual import Residual, residual
+from gapsense.studies.identification.residual import residual
 from gapsense.studies.identification.valve import model
-from gapsense.studies.identification.valve.course import Course, expected
-from gapsense.studies.identification.valve.device import Device, changed, value
-from gapsense.studies.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction, settled, taken, timed
-from gapsense.studies.identification.valve.errors import Uncertainty, doubts, uncertainty
-from gapsense.studies.identification.valve.evidence import Trial
-from gapsense.studies.identification.valve.form import FACTOR, GUESSED, SHAPE, Form
+from gapsense.studies.identification.valve.beginning import Beginning, Method, begun, course_of
+from gapsense.studies.identification.valve.device import Device, changed
+from gapsense.studies.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction
+from gapsense.studies.identification.valve.errors import doubts, uncertainty
+from gapsense.studies.identification.valve.form import FACTOR, Form
 from gapsense.studies.identification.valve.forms import EVERYTHING, Sought, plain
-from gapsense.studies.identification.valve.minimise import Fit, Start
-from gapsense.studies.identification.valve.model import Experiment, Trajectory
+from gapsense.studies.identification.valve.identified import Identified
+from gapsense.studies.identification.valve.minimise import Fit
+from gapsense.studies.identification.valve.model import Experiment
 from gapsense.studies.identification.valve.prepared import Prepared, prepare
 from gapsense.studies.identification.valve.search import search
-from gapsense.studies.identification.valve.voltage import best_reading
-from gapsense.studies.records.flux import Flux
 from gapsense.studies.records.record import Record, Vector
 from gapsense.workers import Progress
 
-POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
-ROUGH = 0.3  # the same of what hardly anything was known of
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 AT_REST = 1e-5  # relative change of the resistances
 MOST = 8  # times that charges are balanced
-
-
-class Identified(NamedTuple):
-    """What was found, and how."""
-
-    parameters: Device  # complete set, known ones included
-    form: Form  # what was sought
-    uncertainty: Uncertainty  # in that order
-    cost: float  # J of (24)
-    starts: list[Start]  # empty for the multi-directional search
-    evaluations: int  # simulations of all records; a shorter one counts in proportion
-    fluxes: list[Flux]  # resistances and flux linkage of each record
-    models: list[Trajectory]  # what the model does, from the first operation of each record on
-    convention: str  # the voltage between samples, see `record.halves`
-    residuals: list[Residual]  # of each record
-    ratios: Vector  # logarithms, of the fitted parameters to their first guesses
-    trials: list[Trial]  # forms that were tried
-    drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
-    held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The fitted parameters, and the resistance."""
-        return (*(n for n in self.form.fitted if n != FACTOR and not n.startswith(SHAPE)), "coil_resistance")
-
-    @property
-    def resistance(self) -> float:
-        """Of all records [Ohm]."""
-        return float(value(self.parameters, "coil_resistance"))
-
-    @property
-    def is_explained(self) -> bool:
-        """Whether the model explains all records."""
-        return all(residual.is_explained for residual in self.residuals)
-
-    @property
-    def at_bounds(self) -> list[str]:
-        """Parameters at a limit of the search."""
-        is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
-        return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
-
-    def with_held(self, held: Sequence[str], before: Identified) -> Identified:
-        """What was held is no more certain for it: errors are no smaller than those of the fit `before`."""
-        errors = dict(zip(before.names, before.uncertainty.relative.tolist()))
-        least = np.array([errors[name] for name in self.names])
-        wider = self.uncertainty._replace(relative=np.maximum(self.uncertainty.relative, least))
-        return self._replace(held=held, uncertainty=wider)
-
-    @property
-    def poor(self) -> list[str]:
-        """Parameters that the records do not identify."""
-        errors = zip(self.names, self.uncertainty.relative)
-        return [name for name, error in errors if not error < (ROUGH if name in GUESSED else POOR)]
 
 
 class Found(NamedTuple):
@@ -149,52 +92,6 @@ def identify(
         return result
     at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
     return _identified(fit, at, beginning, drive.accuracy).with_held(held, result)
-
-
-class Method(NamedTuple):
-    """How the minimum is sought; see `identify`."""
-
-    starts: int
-    seed: int
-    conventions: Sequence[str]
-
-
-def course_of(prepared: Prepared, method: Method, sought: Sought, progress: Progress) -> Course:
-    """What is to be expected of a fit."""
-    firsts = sum(first.experiment.current.size for first in prepared.firsts)
-    whole = sum(e.current.size for e in prepared.experiments)
-    phases = expected(firsts, whole, method.starts, len(method.conventions), len(sought.forms))
-    return Course(progress, phases, whole)
-
-
-class Beginning(NamedTuple):
-    """What the first operations tell."""
-
-    ratios: Vector
-    prepared: Prepared
-    starts: list[Start]
-    trials: list[Trial]
-    causes: Sequence[str]  # that are fitted
-
-
-def begun(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Drive) -> Beginning:
-    """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
-    firsts = [first.experiment for first in prepared.firsts]
-    found = fit.multi_start(firsts, method.starts, method.seed) if method.starts else []
-    found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
-    ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
-    fit.course.begins("readings")
-    if method.conventions:
-        readings = [prepare(prepared.raw, prepared.period, name) for name in method.conventions]
-        best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
-        prepared = readings[best]
-    fit.course.begins("forms")
-    if not found:
-        return Beginning(ratios, prepared, found, [], drive.fitted)
-    ratios, prepared = settled(fit, ratios, prepared, drive.fitted)
-    prepared, trials, causes = timed(fit, ratios, prepared, sought, drive)
-    fit.form, ratios = taken(trials)[:2]
-    return Beginning(ratios, prepared, found, trials, causes)
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:

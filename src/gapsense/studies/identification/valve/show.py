@@ -15,8 +15,8 @@ from gapsense.studies.identification.causes import CAUSES
 from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.drive import TAKEN
 from gapsense.studies.identification.valve.file import PORTS, found
-from gapsense.studies.identification.valve.fit import Identified
 from gapsense.studies.identification.valve.form import FACTOR
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.misfit import likely
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.validation import Validation

@@ -17,9 +17,9 @@ from gapsense.studies.identification.residual import EXPLAINED
 from gapsense.studies.identification.transfer import TABLE_UNITS
 from gapsense.studies.identification.valve.device import value
 from gapsense.studies.identification.valve.file import Known
-from gapsense.studies.identification.valve.fit import Identified
 from gapsense.studies.identification.valve.form import shape
 from gapsense.studies.identification.valve.gap.usable import EXACT
+from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.records.record import Record
 
