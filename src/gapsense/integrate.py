@@ -133,7 +133,9 @@ def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, a
     ) -> tuple[tuple[Scalar, ...], Scalar]:
         slope = at_low - at_high
         secant = high + at_high * (high - low) / where(slope > 0.0, slope, 1.0)
-        trial = clip(secant, low + 0.5 * width, high - 0.5 * width)
+        lowest = low + 0.5 * width
+        lowest = where(lowest > low, lowest, 0.5 * (low + high))  # single precision loses half the width
+        trial = clip(secant, lowest, high - 0.5 * width)
         found = value(trial)
         is_beyond = found < 0.0
         # Illinois: an end that stays for the second time counts half, or it would stay for ever
