@@ -14,6 +14,7 @@ from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 KERNEL = Kernel(pot_magnet)
 REST = pot_magnet.Inputs(0.0, 0.0, 0.0)
+TINIEST = 1e-300  # J; products that are smaller have no digits
 VOLTAGES = st.lists(st.one_of(st.just(0.0), st.floats(-100.0, 100.0)), min_size=1, max_size=30)
 CYCLE = [24.0] * 50 + [0.0] * 50
 few = settings(max_examples=40)
@@ -96,7 +97,7 @@ def test_energy_balance_closes_under_any_voltage(voltages):
         found = drive(par, voltages)
         outputs = found[-1][1]
         scale = abs(outputs.supplied_energy) + outputs.dissipated_energy + outputs.created_energy
-        assert abs(surplus(found) - outputs.created_energy) <= 1e-6 * scale
+        assert abs(surplus(found) - outputs.created_energy) <= 1e-6 * scale + TINIEST
 
 
 @few
