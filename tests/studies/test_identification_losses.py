@@ -30,6 +30,7 @@ CASES = {
     "both": ({"eddy": 0.5e-3, "amplitude": 5e-3, "length": 2e-3}, ("eddy", "hysteresis")),
     "fringes": ({"par": FRINGED}, ("fringing",)),
 }
+QUICK = ("eddy", "hysteresis", "both")  # for every run of the tests
 
 
 @cache
@@ -85,7 +86,7 @@ def test_models_with_losses_that_are_simulated_together_have_the_bits_that_they_
         np.testing.assert_array_equal(current, model.simulated(one, experiment).current)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
 def test_losses_and_fringes_are_found_within_their_errors(name):
     result = found(name)
     assert set(result.form.added) == set(CASES[name][1])
@@ -136,6 +137,7 @@ def test_sound_record_stays_plain():
     assert len(identify([record()], GUESS, starts=1).trials) == 1  # nothing is left that could be told
 
 
+@pytest.mark.slow
 def test_voltage_between_samples_is_found_in_spite_of_eddy_currents():
     result = found("strong eddy", conventions=CONVENTIONS)
     assert result.convention == "trapezoid" and result.form.added == ("eddy",)

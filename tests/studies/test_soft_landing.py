@@ -57,7 +57,7 @@ def forward(par, cycles, micro_step=2e-6):
         pytest.param(RTS_VALVE._replace(eddy_currents=0.0), FIG_5, 2e-6, id="no eddy currents"),
         pytest.param(RTS_VALVE._replace(saturation=0.0), FIG_5, 2e-6, id="no saturation"),
         pytest.param(TABLE, FIG_5, 2e-6, id="table"),
-        pytest.param(WIDE, SLOW, 1e-6, id="wide and slow: unstable for longer"),
+        pytest.param(WIDE, SLOW, 1e-6, id="wide and slow: unstable for longer", marks=pytest.mark.slow),
     ],
 )
 def test_forward_simulation_gives_the_trajectory_back(par, trajectory, step):
