@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,20 +20,28 @@ from gapsense.native import NativeError
 ROOT = Path(__file__).resolve().parents[1]
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # of the many processes: to start threads takes half the time of numpy
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 
 
-def built(factory: pytest.TempPathFactory, name: str, *options: str) -> Path:
-    """Folder with the FMU of every component, built once for all workers."""
+def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """A folder that is made once for all workers."""
     base = factory.getbasetemp()
     out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
     with out.with_suffix(".lock").open("a+b") as file:
         while not locks.lock(file):
             time.sleep(0.1)
         if not out.is_dir():
-            build(out.with_suffix(".part"), *options)
+            make(out.with_suffix(".part"))
             out.with_suffix(".part").rename(out)
     return out
+
+
+def built(factory: pytest.TempPathFactory, name: str, *options: str) -> Path:
+    """Folder with the FMU of every component."""
+    return once(factory, name, lambda out: build(out, *options))
 
 
 def build(out: Path, *options: str) -> None:
@@ -49,6 +59,12 @@ def build(out: Path, *options: str) -> None:
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The Python FMUs."""
     return built(tmp_path_factory, "fmus")
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Maker of folders that all workers have together."""
+    return partial(once, tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

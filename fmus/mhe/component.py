@@ -16,9 +16,9 @@ LEARNT = (  # output, prior, unit, what it is, relative deviation before the fir
     ("hysteresis", "hysteresis", "A", "Amplitude I_h of the hysteresis", 1.0),
     ("mass", "mass", "kg", "Mass of the mover", 0.04),
     ("rest_position", "rest", "m", "Position without spring force", 0.04),
-    ("viscous_damping", "damping", "N.s/m", "Viscous damping", None),
-    ("core_reluctance", "core", "1/H", "Reluctance R_c of the core without its knee, over N^2", None),
-    ("gap_bend", "bend", "1", "Bend of the gap law, zero at both stops", None),
+    ("viscous_damping", "damping", "N.s/m", "Viscous damping", 0.1),
+    ("core_reluctance", "core", "1/H", "Reluctance R_c of the core without its knee, over N^2", 0.2),
+    ("gap_bend", "bend", "1", "Bend of the gap law, zero at both stops", 0.1),
 )
 
 
@@ -82,11 +82,14 @@ COMPONENT = Component(
         parameter("gap.bend", "1", "Bend of the gap law, zero at both stops", 0.0),
         option("option.further", "Learn damping, core reluctance and bend of the gap law too", False),
         option("option.command", "A window ends where the input command changes, not after a landing", False),
+        option("option.mean", "The voltage is the mean since the last sample: that of a held or switched one", False),
+        option("option.zero", "The current that is left after `window.tail` without voltage is an offset", False),
         parameter("noise.voltage", "V", "Standard deviation of the voltage noise", 0.03, min=0.0),
         parameter("model.error", "A", "Standard deviation of the model's error of the current", 1e-3, min=0.0),
         parameter("edge", "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9),
         parameter("window.tail", "s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9),
         parameter("window.longest", "s", "Longest window; at most 2000 samples", 20e-3, min=1e-9),
+        parameter("publish.within", "s", "Age beyond which a sample is not published; 0: all are", 0.0, min=0.0),
         *(
             parameter(f"prior.{prior}", "1", f"{what}: relative deviation before the first window", start, min=0.0)
             for _, prior, _, what, start in LEARNT

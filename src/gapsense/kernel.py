@@ -8,7 +8,7 @@ A kernel module defines named tuples `Parameters`, `State`, `Inputs`, `Outputs` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -134,6 +134,17 @@ class Kernel:
     def step(self, state: Any, inputs: Any, par: Any) -> tuple[Any, Any]:
         """State and outputs after one step, as records, computed by the scalar code."""
         return self._records(self.scalar["step"](flat(state), flat(inputs), flat(par)))
+
+    def run(self, given: Iterable[Sequence[float]], par: Any) -> tuple[Any, list[Sequence[float]]]:
+        """Last state, as a record, and flat outputs of all samples, by the scalar code with constants computed once."""
+        rows, entries = iter(given), flat(par)
+        constants, advance = self.scalar["constants"](entries), self.scalar["advance"]
+        state, outputs = self.scalar["initial"](next(rows), entries)
+        found = [outputs]
+        for row in rows:
+            state, outputs = advance(state, row, constants)
+            found.append(outputs)
+        return record(self.module.State, state), found
 
     def _records(self, entries: tuple[Any, Any]) -> tuple[Any, Any]:
         return record(self.module.State, entries[0]), record(self.module.Outputs, entries[1])

@@ -55,6 +55,16 @@ def outer(a: Any, b: Any) -> Any:
     return matrix([[x * y for y in b] for x in a])
 
 
+def swept(A: Any) -> Any:
+    """A symmetric positive definite matrix with its first row and column swept, as the last ones.
+
+    After as many turns as it has rows it is minus its inverse, with the rows in their old order.
+    """
+    p, row = pivot(A[0, 0]), A[0, 1:]
+    rest = A[1:, 1:] - outer(row, row / p)
+    return matrix([*([*r, x] for r, x in zip(rest, row / p)), [*(row / p), -1.0 / p]])
+
+
 def nonnegative(P: Any) -> Any:
     """Covariance with the upper triangle of `P`; what rounding has made a negative variance is zero, with its row."""
     positive = [variance > 0.0 for variance in P.diagonal()]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from enum import EnumMeta, IntEnum
 from functools import cache, partial
+from itertools import islice
 from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
@@ -32,6 +33,7 @@ Memory = partial(Field, "memory")  # n values, zero at the start, that `load` an
 Table = partial(Field, "table")  # a parameter of any length
 T = TypeVar("T")
 ARRAYS = ("memory", "table")
+NESTED = (tuple, list, np.ndarray)
 
 
 class Choice(IntEnum):
@@ -107,8 +109,17 @@ def leaves(value: Any) -> Iterator[tuple[str, Field, Any]]:
         yield from leaves(item) if _is_record(at) else [(name, at, item)]
 
 
+@cache
+def _is_plain(cls: Any) -> bool:
+    """Whether each field of a record is one entry."""
+    return not any(_is_record(at) or at.kind in ("vector", "covariance") for at in _layout(cls).values())
+
+
 def flat(value: Any) -> list[Any]:
     """Flat entries of a record."""
+    cls: Any = type(value)
+    if _is_plain(cls):
+        return [*value]
     entries: list[Any] = []
     for _, field, item in leaves(value):
         if field.kind == "vector":
@@ -123,6 +134,8 @@ def flat(value: Any) -> list[Any]:
 def record(cls: Any, entries: Iterable[Any]) -> Any:
     """Record of class `cls` from its flat entries."""
     rest = iter(entries)
+    if _is_plain(cls):
+        return cls(*islice(rest, len(cls._fields)))
     return cls(*(record(at, rest) if _is_record(at) else _take(at, rest) for at in _layout(cls).values()))
 
 
@@ -144,9 +157,12 @@ def zeros(size: int) -> list[float]:
 
 def flatten(value: Any) -> list[Any]:
     """Scalars of any nested structure of tuples, lists and arrays, in order."""
-    if isinstance(value, (tuple, list, np.ndarray)):
-        return [scalar for item in value for scalar in flatten(item)]
-    return [value]
+    if not isinstance(value, NESTED):
+        return [value]
+    found: list[Any] = []
+    for item in value:
+        found += flatten(item) if isinstance(item, NESTED) else [item]
+    return found
 
 
 def rebuild(like: T, scalars: Iterator[Any]) -> T:

@@ -95,6 +95,7 @@ POSITIVE = Kind("a positive number", lambda v: is_number(v) and v > 0, {"type": 
 NOT_NEGATIVE = Kind("a number not below 0", lambda v: is_number(v) and v >= 0, {"type": "number", "minimum": 0})
 COUNT = Kind("a whole number of at least 1", lambda v: is_count(v, 1), {"type": "integer", "minimum": 1})
 INDEX = Kind("a whole number of at least 0", lambda v: is_count(v, 0), {"type": "integer", "minimum": 0})
+TRUTH = Kind("true or false", lambda value: isinstance(value, bool), {"type": "boolean"})
 TEXT = Kind("a text", lambda value: isinstance(value, str), {"type": "string"})
 TABLE = Kind("a table", lambda value: isinstance(value, dict), {"type": "object"})
 TABLES = Kind("an array of tables", lambda value: is_list(value, TABLE.accepts), {"type": "array"})

@@ -170,7 +170,7 @@ def _scalar(value: Any) -> Any:
 
 def is_traced(*values: Any) -> bool:
     """Whether any of the scalars is traced."""
-    return any(isinstance(v, Expr) for v in values)
+    return Expr in map(type, values)
 
 
 def _tape(*values: Any) -> Tape:

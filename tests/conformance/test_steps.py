@@ -8,6 +8,7 @@ import pytest
 from stimuli import rows
 from subjects import ERROR, OK, Answer, Instance, Subject, refused
 
+from gapsense.fmi.ports import Component
 from gapsense.fmi.sentences import say
 
 
@@ -149,6 +150,12 @@ SAME = [
 ]
 
 
+def longer_than_a_sample(component: Component) -> set[str]:
+    """Times of which a sample may only be a part."""
+    powers = [dict(limit.powers) for limit in component.limits]
+    return {name for known in powers if known.get("sample_time") == 1 for name in known if known[name] == -1}
+
+
 @pytest.fixture
 def on_grids(subject: Subject, one: Instance) -> dict[str, list[list[float]]]:
     """Outputs at the end of every so many steps of each grid; inputs are held over them."""
@@ -156,7 +163,9 @@ def on_grids(subject: Subject, one: Instance) -> dict[str, list[list[float]]]:
     for name, (sample, per, grid) in GRIDS.items():
         one.all(("Reset",))
         if subject.period:
-            one.set(next(port for port in component.ports if port.name == "sample_time"), sample)
+            told = {"sample_time": sample} | {name: 100.0 * sample for name in longer_than_a_sample(component)}
+            for port in (port for port in component.ports if port.name in told):
+                one.set(port, told[port.name])
         one.bring("running", grid[0][0])
         stimulus, calls = rows(component, len(grid) // per), []
         for k, (time, step) in enumerate(grid):

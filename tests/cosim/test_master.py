@@ -12,7 +12,7 @@ from faulty import FAULTY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gapsense.cosim import FmuError, Master, prepare, run, run_once
+from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
 from gapsense.cosim.instance import summary
 from gapsense.cosim.loop import library
 from gapsense.cosim.scenario import Experiment
@@ -128,6 +128,42 @@ def test_loop_is_cut_where_there_is_no_feedthrough(write, fmus):
         fed_back = -3.0 * y
         expected.append(y)
     assert result["lag.y"].tolist() == expected
+
+
+def test_loop_is_cut_where_a_connection_is_delayed(write, fmus):
+    result = run(write(LOOP + "delayed = true\n"), fmus=fmus)
+    assert result.run.order == ("gain", "lag")
+    assert result.run.delayed == ("lag.y -> gain.u",)
+    y, expected = 0.0, [0.0]
+    for _ in range(10):
+        y += 0.1 / 0.5 * (2.0 * (-3.0 * y) + 1.0 - y)
+        expected.append(y)
+    assert result["lag.y"].tolist() == expected
+
+
+OWN = """
+title = "A gain that feeds itself"
+[experiment]
+stop = 0.5
+base_step = 0.1
+[components.gain]
+fmu = "Gain"
+set = { gain = 2.0 }
+[[connections]]
+from = "gain.y"
+to = "gain.u"
+bias = 1.0
+delayed = true
+"""
+
+
+def test_component_may_have_its_own_output_of_the_step_before(write, fmus):
+    assert run(write(OWN), fmus=fmus)["gain.y"].tolist() == [2.0 * (2.0**k - 1.0) for k in range(1, 7)]
+
+
+def test_what_waits_for_the_step_before_of_each_other_is_refused(write, fmus):
+    both = LOOP.replace('unit = "V"', 'unit = "V"\ndelayed = true') + "delayed = true\n"
+    assert "algebraic loop" in "".join(check(write(both), fmus=fmus))
 
 
 @given(st.floats(-1e3, 1e3), st.sampled_from([1e-4 / 3, 1 / 60, 25e-6, 0.1, 1 / 7]), st.integers(1, 10**6))

@@ -7,11 +7,11 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from kernel_cases import kernel
 from table_i import defaults
 
+from gapsense.actuators import pot_magnet
 from gapsense.estimators import hybrid_ekf
-from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
+from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED, driven
 
 T_S = 1e-4
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
@@ -40,14 +40,9 @@ class Signals(NamedTuple):
 @cache
 def magnet(pulses: str = "cycle", orientation: str = "consistent") -> Signals:
     """The plant during pulses of the voltage, from rest."""
-    plant, par = kernel("gapsense.actuators.pot_magnet"), PLANTS[orientation]
-    voltage = [0.0] * 5 + [u for duration, u in PULSES[pulses][0] for _ in range(round(duration / T_S))]
-    state, outputs = plant.initial(plant.module.Inputs(0.0, 0.0, 0.0), par)
-    rows = [outputs]
-    for k, u in enumerate(voltage[:-1], 1):
-        state, outputs = plant.step(state, plant.module.Inputs(k * T_S, T_S, u), par)
-        rows.append(outputs)
-    return Signals(np.array(voltage), np.array([[o.current, o.position, o.velocity, o.mode] for o in rows]))
+    held = [0.0] * 5 + [u for duration, u in PULSES[pulses][0] for _ in range(round(duration / T_S))]
+    voltage, names = np.array(held), ("current", "position", "velocity", "mode")
+    return Signals(voltage, driven(pot_magnet, PLANTS[orientation], voltage, T_S, *names))
 
 
 def exact(orientation: str = "consistent", **changes: float) -> Any:

@@ -14,7 +14,18 @@ from c_code import CKernel
 
 from gapsense.emit import compiled
 from gapsense.estimators import mhe
-from gapsense.estimators.mhe_model import Device, Model, Point, advance, corrected, current, device, model, point
+from gapsense.estimators.mhe_model import (
+    Device,
+    Model,
+    Point,
+    advance,
+    corrected,
+    current,
+    device,
+    mean_of,
+    model,
+    point,
+)
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel, trace
 from gapsense.records import Scalar, fields, flat, names, record
@@ -51,7 +62,7 @@ def _advance() -> Callable[..., Any]:
 
     def follow(p: Point, u: Level, m: Model) -> tuple[Point, Seen]:
         new = advance(p, u.voltage, m)
-        return new, Seen(current(new, 0.5 * (p.voltage + u.voltage), m))
+        return new, Seen(current(new, mean_of(p.voltage, u.voltage, m), m))
 
     return compiled(trace(follow, {"p": Point, "u": Level, "m": Model}))
 
@@ -105,6 +116,18 @@ def state_of(c: CKernel) -> mhe.State:
     return found
 
 
+def entry_of(c: CKernel, name: str) -> float:
+    """One number of the state."""
+    return float(c.state[_place(name)])
+
+
+@cache
+def _place(name: str) -> int:
+    """Among the numbers of the state without its array memory."""
+    kinds = {field: at.kind for field, at in fields(mhe.State).items()}
+    return [entry for entry in names(mhe.State) if kinds.get(entry) != "memory"].index(name)
+
+
 def rows(voltage: np.ndarray, current: np.ndarray, command: np.ndarray | None = None, dt: float = T_S) -> np.ndarray:
     """Inputs of all samples."""
     n = voltage.size
@@ -113,10 +136,16 @@ def rows(voltage: np.ndarray, current: np.ndarray, command: np.ndarray | None = 
 
 def run(par: mhe.Parameters, given: np.ndarray, seen: Callable[[CKernel], Any] | None = None) -> dict[str, np.ndarray]:
     """Outputs of all samples by name; `seen` is called with the kernel before each step."""
-    c, found = kernel(), []
+    c = kernel()
+    found = _watched(c, par, given, seen) if seen else c.run(given, par)
+    return dict(zip(names(mhe.Outputs), found.T))
+
+
+def _watched(c: CKernel, par: mhe.Parameters, given: np.ndarray, seen: Callable[[CKernel], Any]) -> np.ndarray:
+    found = []
     for k, row in enumerate(given):
-        if k and seen:
+        if k:
             seen(c)
         c.call("step" if k else "initial", row, par)
         found.append(c.outputs.copy())
-    return dict(zip(names(mhe.Outputs), np.array(found).T))
+    return np.array(found)

@@ -29,9 +29,10 @@ def valve_like(
     rise, fall = np.clip((phase - 4e-3) / 1e-3, 0.0, 1.0), np.clip((phase - 12e-3) / 1e-3, 0.0, 1.0)
     smooth = [s * s * (3.0 - 2.0 * s) for s in (rise, fall)]
     l = 0.052 + 0.068 * np.where(resting, 0.0, smooth[0] - smooth[1]) * moving
-    i = np.zeros(count)
+    currents, volts, inductances = [0.0], v.tolist(), l.tolist()
     for k in range(1, count):  # v = r i + (l_k i_k - l_(k-1) i_(k-1)) / dt
-        i[k] = (v[k] * DT + l[k - 1] * i[k - 1]) / (r * DT + l[k])
+        currents.append((volts[k] * DT + inductances[k - 1] * currents[-1]) / (r * DT + inductances[k]))
+    i = np.array(currents)
     rng = np.random.default_rng(seed)
     u = v + noise * 15e-3 * rng.standard_normal(count)
     return Signal(u, i + noise * 1e-3 * rng.standard_normal(count), l, l * i)

@@ -9,7 +9,7 @@ from valve_signals import T_S
 
 from gapsense.estimators import ertss
 from gapsense.kernel import Kernel
-from gapsense.records import flat, names
+from gapsense.records import names
 
 KERNEL = Kernel(ertss)
 SHOWN = ("position", "velocity", "flux_linkage", "position_std", "velocity_std")
@@ -19,12 +19,7 @@ def stepped(voltage: Any, current: Any, mode: Any, par: Any, debounce: float = 0
     """Outputs at samples 0, T_s, 2 T_s, ... for parameters of the filter."""
     columns = (np.arange(len(mode)) * T_S, voltage, current, mode, np.zeros(len(mode)))  # no resistance is wired
     given = list(zip(*(np.asarray(column, float).tolist() for column in columns)))
-    constants = KERNEL.scalar["constants"](flat(ertss.Parameters(par, debounce)))
-    state, outputs = KERNEL.scalar["initial"](given[0], flat(ertss.Parameters(par, debounce)))
-    rows = [outputs]
-    for inputs in given[1:]:
-        state, outputs = KERNEL.scalar["advance"](state, inputs, constants)
-        rows.append(outputs)
+    _, rows = KERNEL.run(given, ertss.Parameters(par, debounce))
     return dict(zip(names(ertss.Outputs), np.array(rows, float).T))
 
 

@@ -24,13 +24,8 @@ KERNEL = Kernel(ekf)
 def run(s: Signals, par: Any, current: np.ndarray | None = None) -> tuple[dict[str, np.ndarray], Any]:
     """Outputs of all samples by name, and the last state."""
     iota = s.current if current is None else current
-    given_ = [ekf.Inputs(*map(float, row)) for row in zip(s.voltage, iota, s.mode)]
-    state, outputs = KERNEL.initial(given_[0], par)
-    rows = [outputs]
-    for inputs in given_[1:]:
-        state, outputs = KERNEL.step(state, inputs, par)
-        rows.append(outputs)
-    return dict(zip(names(ekf.Outputs), np.array([flat(row) for row in rows], float).T)), state
+    state, rows = KERNEL.run([(*map(float, row), 0.0) for row in zip(s.voltage, iota, s.mode)], par)
+    return dict(zip(names(ekf.Outputs), np.array(rows, float).T)), state
 
 
 def textbook_step(

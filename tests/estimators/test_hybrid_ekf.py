@@ -23,11 +23,7 @@ both = pytest.mark.parametrize("orientation", sorted(PLANTS))
 
 def run(voltage: np.ndarray, current: np.ndarray, par: Any) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    state, outputs = KERNEL.initial(Inputs(float(voltage[0]), float(current[0])), par)
-    rows = [outputs]
-    for u, i in zip(voltage[1:].tolist(), current[1:].tolist()):
-        state, outputs = KERNEL.step(state, Inputs(u, i), par)
-        rows.append(outputs)
+    _, rows = KERNEL.run(zip(voltage.tolist(), current.tolist()), par)
     return dict(zip(hybrid_ekf.Outputs._fields, np.array(rows, float).T))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mhe_plant import CYCLE, CYCLES, START, T_S, errors, noisy, plant, published, says
-from mhe_signals import blind, kernel, rows, run, state_of
+from mhe_signals import at_rest, blind, entry_of, kernel, model_run, rows, run, state_of
 
 from gapsense.estimators import mhe_window, readings
+from gapsense.estimators.mhe_model import device, model
 from gapsense.estimators.rts import motions
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators.parameters import wrong
@@ -55,6 +56,22 @@ def test_the_gap_table_is_as_good_as_the_law() -> None:
     assert errors(run(blind(gap_law=1.0), rows(s.voltage, noisy(s))), s).causal < 8.5
 
 
+@pytest.mark.parametrize("changes", [{}, {"option_further": 1.0}])
+def test_a_voltage_that_is_a_mean_drives_the_period_before_its_sample(changes: dict[str, float]) -> None:
+    """Nothing is left of the current of the model itself under voltages that are held, through windows too."""
+    par = blind(option_mean=1.0, edge=50.0, option_command=1.0, **changes)
+    k, m = np.arange(4000), model(par, device(par))
+    levels = np.random.default_rng(1).uniform([20.0, -6.0], [30.0, 6.0], (k.size, 2))
+    voltage = np.r_[0.0, np.where(k % 1000 < 500, *levels.T)[:-1]]
+    exact = model_run(at_rest(m), voltage[1:].tolist(), m)
+    found = run(par, rows(voltage, exact.current, (k % 1000 < 500).astype(float)))
+    assert np.unique(exact.points[:, 2]).size > 300 and found["windows"][-1] >= 5.0
+    assert np.abs(found["innovation"]).max() < 1e-7 and found["misfit"][-1] < 1e-9
+    np.testing.assert_allclose(found["position"], exact.points[:, 2], atol=1e-7)
+    linear = run(par._replace(option_mean=0.0), rows(voltage, exact.current, (k % 1000 < 500).astype(float)))
+    assert np.abs(linear["innovation"]).max() > 1e-3
+
+
 def test_what_else_can_be_learnt() -> None:
     s = plant()
     found = run(blind(option_further=1.0), rows(s.voltage, noisy(s)))
@@ -95,7 +112,7 @@ def test_windows_that_cannot_be_solved_are_given_up(seed: int) -> None:
     s, given_up = plant(), []
     garbage = np.random.default_rng(seed).choice([-2.0, 2.0], 4 * s.current.size)
     voltage, current = np.tile(s.voltage, 7), np.r_[garbage, np.tile(noisy(s), 3)]
-    found = run(blind(), rows(voltage, current), lambda c: given_up.append(state_of(c).work.learnt.given_up))
+    found = run(blind(), rows(voltage, current), lambda c: given_up.append(entry_of(c, "given_up")))
     assert max(given_up) > 0.0 and given_up[-1] == 0.0
     told = says(found, readings.RESTARTED)
     assert told.any() and np.all(found["health"][-3 * CYCLE :] == 1.0)

@@ -15,6 +15,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import least_squares
 
 from gapsense.estimators import mhe, mhe_model
+from gapsense.estimators.gap import bump, gap_law
 from gapsense.estimators.mhe_model import Model, Point, derived, device, model
 from gapsense.linalg import matrix
 from gapsense.studies.estimators.parameters import VALVE
@@ -41,9 +42,9 @@ def test_the_slope_of_the_core_is_its_derivative(share: float) -> None:
 def test_the_slopes_of_the_gap_are_its_derivatives(z: float, bend: float) -> None:
     m = model(blind(), device(blind())._replace(gap=1.1, bend=bend))
     e = 1e-8
-    (above, steeper), (below, flatter) = (mhe_model.gap(z + s * e, m) for s in (1.0, -1.0))
-    curvature = m.d.gap * mhe_model.gap_law(z, m)[2] + bend * mhe_model.bump(z, m)[2]
-    assert mhe_model.gap(z, m)[1] == pytest.approx((above - below) / (2.0 * e), rel=1e-5)
+    (above, steeper), (below, flatter) = (mhe_model.gap_at(z + s * e, m) for s in (1.0, -1.0))
+    curvature = m.d.gap * gap_law(z, m.gap)[2] + bend * bump(z, m.gap)[2]
+    assert mhe_model.gap_at(z, m)[1] == pytest.approx((above - below) / (2.0 * e), rel=1e-5)
     assert curvature == pytest.approx((steeper - flatter) / (2.0 * e), rel=1e-4)
 
 
@@ -51,10 +52,10 @@ def test_both_gap_laws_are_the_same_curve() -> None:
     """The table in the component's folder holds the fringing law; the bend keeps the stops."""
     laws = [model(blind(gap_law=law), device(blind())._replace(bend=0.1)) for law in (0.0, 1.0)]
     for z in np.linspace(0.4e-3, 1.4e-3, 50):
-        (R, slope), (R_table, slope_table) = (mhe_model.gap(float(z), m) for m in laws)
+        (R, slope), (R_table, slope_table) = (mhe_model.gap_at(float(z), m) for m in laws)
         assert R_table == pytest.approx(R, rel=1e-3) and slope_table == pytest.approx(slope, rel=2e-2)
     for z in (0.4e-3, 1.4e-3):
-        assert mhe_model.bump(z, laws[0])[0] == 0.0
+        assert bump(z, laws[0].gap)[0] == 0.0
 
 
 def test_the_core_that_is_nearest_to_froehlichs() -> None:
@@ -121,6 +122,14 @@ def test_energy_of_a_cycle_is_lost_in_hysteresis_damping_and_impacts() -> None:
     }
     assert impacts.size == 2 and abs(lam[-1]) < 0.02 * lam.max()
     assert min(spent.values()) > 0.0 and np.trapezoid(f, lam) == pytest.approx(sum(spent.values()), rel=0.01)
+
+
+def test_a_mean_is_taken_as_it_is() -> None:
+    """It is the same as a voltage that was there at the sample before too, to the bit."""
+    m = model(blind(option_mean=1.0), device(blind()))
+    at, other = at_rest(m, 0.01), model(blind(), device(blind()))
+    for u in (-7.3, 0.0, 29.9):
+        assert mhe_model.advance(at._replace(voltage=12.0), u, m) == mhe_model.advance(at._replace(voltage=u), u, other)
 
 
 # derivatives

@@ -13,7 +13,8 @@ from lossy_valve import square_wave
 from mhe_signals import START, at_rest, blind, model_run, rows, run, state_of, true_device
 from scipy.optimize import least_squares
 
-from gapsense.estimators import mhe, mhe_records, mhe_window
+from gapsense import linalg
+from gapsense.estimators import mhe, mhe_records
 from gapsense.estimators.mhe_model import corrected, device, model, point
 from gapsense.linalg import matrix
 from gapsense.records import triangle
@@ -34,7 +35,7 @@ def test_twelve_turns_are_minus_the_inverse(seed: int, spread: float) -> None:
     A = scale[:, None] * (root @ root.T) * scale
     found = matrix(A.tolist())
     for _ in range(12):
-        found = mhe_window.swept(found)
+        found = linalg.swept(found)
     identity = (-np.array(found, float) * scale[:, None] * scale) @ (root @ root.T)
     np.testing.assert_allclose(identity, np.eye(12), atol=1e-9)
 

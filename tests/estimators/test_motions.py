@@ -128,7 +128,7 @@ def published_once(times: list[tuple[int, int]], debounce: int) -> None:
 lengths = st.one_of(st.integers(1, 4), st.integers(1, 60))
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.lists(st.tuples(lengths, lengths), max_size=12), st.integers(0, 6))
 def test_every_motion_is_published_once_and_in_order(times: list[tuple[int, int]], debounce: int) -> None:
     published_once(times, debounce)

@@ -19,7 +19,7 @@ from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
 from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernel import Kernel
-from gapsense.records import flat, names
+from gapsense.records import names
 from gapsense.studies.devices import POT_MAGNET, VALVE, driven
 
 Columns = Mapping[str, np.ndarray]
@@ -78,21 +78,14 @@ def _noisy(signal: np.ndarray, std: float) -> np.ndarray:
 
 
 @cache
-def compiled(module: ModuleType) -> dict[str, Any]:
-    """The scalar Python that the FMUs run."""
-    return Kernel(module).scalar
+def compiled(module: ModuleType) -> Kernel:
+    """Whose scalar Python the FMUs run."""
+    return Kernel(module)
 
 
 def run(at: Case, inputs: Columns) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    code, par = compiled(at.kernel), flat(at.par)
-    constants = code["constants"](par)
-    rows = list(zip(*(column.tolist() for column in inputs.values())))
-    state, outputs = code["initial"](rows[0], par)
-    found = [outputs]
-    for given in rows[1:]:
-        state, outputs = code["advance"](state, given, constants)
-        found.append(outputs)
+    _, found = compiled(at.kernel).run(zip(*(column.tolist() for column in inputs.values())), at.par)
     return dict(zip(names(at.kernel.Outputs), np.array(found, float).T))
 
 

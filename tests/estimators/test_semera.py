@@ -26,11 +26,7 @@ AFTER = REST + 400  # first sample of the second cycle
 
 def run(signal: Signal, par: semera.Parameters = TABLE_II) -> tuple[dict[str, np.ndarray], Any]:
     """Outputs of all samples by name, and the last state; in generated Python."""
-    state, outputs = KERNEL.initial(semera.Inputs(float(signal.u[0]), float(signal.iota[0])), par)
-    rows = [outputs]
-    for u, iota in zip(signal.u[1:].tolist(), signal.iota[1:].tolist()):
-        state, outputs = KERNEL.step(state, semera.Inputs(u, iota), par)
-        rows.append(outputs)
+    state, rows = KERNEL.run(zip(signal.u.tolist(), signal.iota.tolist()), par)
     return dict(zip(semera.Outputs._fields, np.array(rows, float).T)), state
 
 

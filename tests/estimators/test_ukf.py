@@ -20,8 +20,9 @@ from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.valve_model import Held
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import VALVE as SOLENOID_VALVE
+from gapsense.studies.devices import driven
 
-KERNEL, PLANT = Kernel(ukf), Kernel(solenoid_valve)
+KERNEL = Kernel(ukf)
 FIELDS = ukf.Outputs._fields
 FILTERS = {"bounded_ukf": 0.0, "unbounded_ukf": 1.0, "bounded_ekf": 2.0, "open_loop": 3.0}
 ON, OFF, END, DT = 10, 510, 1010, 20e-6
@@ -34,22 +35,13 @@ def record(volts: float = 30.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Voltage held after each sample, and the valve's outputs: 10 samples of rest, 10 ms on, 10 ms off."""
     par = SOLENOID_VALVE._replace(coil_resistance=77.5, gap_law=2.0)
     voltage = np.where((np.arange(END) >= ON) & (np.arange(END) < OFF), volts, 0.0)
-    state, outputs = PLANT.initial(solenoid_valve.Inputs(0.0, 0.0, 0.0), par)
-    rows = [outputs]
-    for k in range(1, END):
-        state, outputs = PLANT.step(state, solenoid_valve.Inputs(k * DT, DT, float(voltage[k - 1])), par)
-        rows.append(outputs)
-    return voltage, dict(zip(solenoid_valve.Outputs._fields, np.array(rows, float).T))
+    names = solenoid_valve.Outputs._fields
+    return voltage, dict(zip(names, driven(solenoid_valve, par, voltage, DT, *names).T))
 
 
 def run(voltage: Any, current: Any, par: Any) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    given_ = [ukf.Inputs(float(v), float(i)) for v, i in zip(voltage, current)]
-    state, outputs = KERNEL.initial(given_[0], par)
-    rows = [outputs]
-    for inputs in given_[1:]:
-        state, outputs = KERNEL.step(state, inputs, par)
-        rows.append(outputs)
+    _, rows = KERNEL.run([(float(v), float(i), 0.0) for v, i in zip(voltage, current)], par)
     return dict(zip(FIELDS, np.array(rows, float).T))
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ from hosting import SLAVE, SLAVES, build_slaves
 from parts import FOLDERS, Part, tuned
 
 from gapsense.fmi.components import load_component
+
+Shared = Callable[[str, Callable[[Path], object]], Path]
 
 
 @pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
@@ -41,20 +45,29 @@ def all_fmus(fmus: Path) -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rebuilt(shared: Shared) -> Path:
     """Folder with the FMUs of a second build by another process, from elsewhere, with another seed of hashes."""
-    folder = tmp_path_factory.mktemp("rebuilt")
-    command = [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(folder)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONHASHSEED": "12345"}
-    subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
-    return folder
+
+    def build(folder: Path) -> None:
+        folder.mkdir()
+        command = [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(folder)]
+        env = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONHASHSEED": "12345"}
+        subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
+
+    return shared("rebuilt", build)
 
 
 @pytest.fixture(scope="session")
-def second(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+def second(shared: Shared) -> tuple[Path, dict[str, str]]:
     """Folder with a second version of every FMU, and the parameter of each whose start value has changed."""
-    folder = tmp_path_factory.mktemp("second")
-    return folder / "fmus", fresh("build_second_versions", [str(f) for f in FOLDERS], folder, folder / "fmus")
+
+    def build(folder: Path) -> None:
+        folder.mkdir()
+        changed = fresh("build_second_versions", [str(f) for f in FOLDERS], folder, folder / "fmus")
+        (folder / "changed.json").write_text(json.dumps(changed), encoding="utf-8")
+
+    folder = shared("second", build)
+    return folder / "fmus", json.loads((folder / "changed.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="session")

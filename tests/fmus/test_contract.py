@@ -25,7 +25,7 @@ from gapsense.units import UNITS
 
 ERROR = 3
 FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
-EXITS = 50
+EXITS = [16, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
 
 
 # What is in the file --------------------------------------------------------------------------------------------------
@@ -172,11 +172,22 @@ def all_traces(all_fmus: list[str]) -> dict[str, Any]:
 def test_two_versions_in_one_process_do_not_mix(
     part: Part, fmu: str, life: dict[str, Any], second: tuple[Path, dict[str, str]]
 ) -> None:
+    """Of this component first, second, first; and second, first of all components in one process."""
     other = second[0] / part.path.name
-    alone = fresh("together", other)[0]
+    alone = second_traces(second[0])[other.name]
     assert alone != life["first"]
     assert fresh("together", fmu, other, fmu) == [life["first"], alone, life["first"]]
-    assert fresh("together", other, fmu) == [alone, life["first"]]
+    pairs = [path for name in names_in(second[0]) for path in (second[0] / name, part.path.parent / name)]
+    assert fresh("together", *pairs)[2 * names_in(second[0]).index(other.name) :][:2] == [alone, life["first"]]
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.glob("*.fmu"))
+
+
+def second_traces(folder: Path) -> dict[str, Any]:
+    """Of the second versions by name, with no first one in the process."""
+    return dict(zip(names_in(folder), fresh("together", *(folder / name for name in names_in(folder)))))
 
 
 def test_second_version_has_its_own_description_and_start_value(
@@ -272,17 +283,18 @@ def test_other_instance_works_after_exceptions(faults: dict[str, Any], life: dic
 # Exit -----------------------------------------------------------------------------------------------------------------
 
 
-def test_processes_always_exit_cleanly(all_fmus: list[str], broken: Path) -> None:
+@pytest.mark.parametrize("count", EXITS)
+def test_processes_always_exit_cleanly(all_fmus: list[str], broken: Path, count: int) -> None:
     """Heaps are damaged or not by chance, so there are many: one FMU, two, after an exception, freed or not."""
     failing = [str(broken / Path(path).name) for path in all_fmus]
     jobs = []
-    for k in range(EXITS):
+    for k in range(count):
         one, two = all_fmus[k % len(all_fmus)], all_fmus[(k // 2 + 1) % len(all_fmus)]
         paths = ([one], [one, two], [failing[k % len(failing)]], [failing[k % len(failing)], two])[k % 4]
         jobs.append((paths, 20 + k, k % 3 > 0))
     with ThreadPoolExecutor(2) as pool:
         runs = list(pool.map(lambda job: call("end", *job), jobs))
-    assert [run.returncode for run in runs] == [0] * EXITS, [run.stderr for run in runs if run.returncode]
+    assert [run.returncode for run in runs] == [0] * count, [run.stderr for run in runs if run.returncode]
     failed = [json.loads(run.stdout)[0] >= ERROR for run in runs]
     assert failed == [paths[0] in failing for paths, *_ in jobs]
 

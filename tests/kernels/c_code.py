@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,17 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", 
 
 # gcc unrolls a short loop that starts from a constant and then folds these, rounded otherwise than by the library
 NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tanh"))
+
+# all samples of a record in one call
+RUN = """
+void run(int samples, int inputs, int outputs, real *state, real *const *memory, const real *given, const real *par,
+    const real *const *tables, const int *sizes, real *found)
+{
+    %(name)s_initial(state, memory, given, par, tables, sizes, state, found);
+    for (int k = 1; k < samples; k++)
+        %(name)s_step(state, memory, given + k * inputs, par, tables, sizes, state, found + k * outputs);
+}
+"""
 
 
 def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...] = ()) -> ctypes.CDLL:
@@ -50,11 +62,12 @@ class CKernel:
 
     def __init__(self, kernel: Kernel, folder: Path, single: bool = False) -> None:
         self.kernel, self.real = kernel, np.float32 if single else np.float64
-        self.library = build(kernel.c(), folder, single)
+        self.library = build(kernel.c() + RUN % {"name": kernel.name}, folder, single)
         state = fields(kernel.module.State)
         self.memory = [np.zeros(f.size, self.real) for f in state.values() if f.kind == "memory"]
         self.state = self._scalars(kernel.module.State)
         self.outputs = self._scalars(kernel.module.Outputs)
+        self.par: tuple[Any, Values] = (None, self._values(()))  # those of the last call, and as arrays
 
     def _scalars(self, cls: type) -> np.ndarray:
         arrays = [key for key, f in fields(cls).items() if f.kind in ("memory", "table")]
@@ -62,20 +75,51 @@ class CKernel:
 
     def call(self, function: str, inputs: Any, par: Any) -> None:
         """Call `initial` or `step` in place: the state in is the state out."""
-        scalars = [v for v in flat(par) if not isinstance(v, list)]
-        tables = [np.array(v, self.real) for v in flat(par) if isinstance(v, list)]
-        sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
-        given = [np.array(values, self.real) for values in (list(inputs), scalars)]
+        if par is not self.par[0]:
+            self.par = par, self._values(flat(par))
+        given, own = np.array([*inputs], self.real), self.par[1]
         getattr(self.library, f"{self.kernel.name}_{function}")(
             _address(self.state),
             _addresses(self.memory),
-            _address(given[0]),
-            _address(given[1]),
-            _addresses(tables),
-            sizes,
+            _address(given),
+            _address(own.scalars),
+            own.addresses,
+            own.sizes,
             _address(self.state),
             _address(self.outputs),
         )
+
+    def run(self, given: np.ndarray, par: Any) -> np.ndarray:
+        """Outputs of all rows of inputs, the first of which is the start."""
+        rows, own = np.ascontiguousarray(given, self.real), self._values(flat(par))
+        found = np.empty((len(rows), self.outputs.size), self.real)
+        sizes = (ctypes.c_int(size) for size in (*rows.shape, self.outputs.size))
+        self.library.run(
+            *sizes,
+            _address(self.state),
+            _addresses(self.memory),
+            _address(rows),
+            _address(own.scalars),
+            own.addresses,
+            own.sizes,
+            _address(found),
+        )
+        return found
+
+    def _values(self, entries: Sequence[Any]) -> Values:
+        scalars = np.array([v for v in entries if not isinstance(v, list)], self.real)
+        tables = [np.array(v, self.real) for v in entries if isinstance(v, list)]
+        sizes = (ctypes.c_int * max(1, len(tables)))(*map(len, tables))
+        return Values(scalars, tables, _addresses(tables), sizes)
+
+
+class Values(NamedTuple):
+    """Parameters as C takes them."""
+
+    scalars: np.ndarray
+    tables: list[np.ndarray]
+    addresses: Any  # of the tables
+    sizes: Any
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:

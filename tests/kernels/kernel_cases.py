@@ -21,7 +21,7 @@ from gapsense.fmi.tables import column_name, read_table
 from gapsense.kernel import Kernel
 from gapsense.records import fields, leaves, names, record, triangle
 
-PACKAGES = ("gapsense.actuators", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
+PACKAGES = ("gapsense.actuators", "gapsense.control", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
 CONTRACT = ("Parameters", "State", "Inputs", "Outputs", "initial", "step")
 FMUS = Path(__file__).parents[2] / "fmus"
 

@@ -21,7 +21,9 @@ from kernel_cases import (
 
 from gapsense.records import flat, names, record
 
-SEQUENCES, LENGTH, RUNS = 8, 50, 8
+RUNS = 8
+FEW, MANY = (3, 30), (8, 50)  # random sequences, and their lengths
+SMALL = ("gapsense.estimators.integral", "gapsense.sensor.sensor", "gapsense.actuators.pot_magnet")
 MODULES = kernel_modules()
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN
 
@@ -60,13 +62,14 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_source_python_and_c_agree_bit_for_bit(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("sequences", "length"), [FEW, pytest.param(*MANY, marks=pytest.mark.slow)])
+def test_source_python_and_c_agree_bit_for_bit(name: str, sequences: int, length: int, tmp_path: Path) -> None:
     k, c = kernel(name), CKernel(kernel(name), tmp_path)
     compared = 0
-    for seed in range(SEQUENCES):
+    for seed in range(sequences):
         rng = random.Random(seed)
         par = parameters(name, rng)
-        inputs = list(input_sequence(name, rng, LENGTH + 1))
+        inputs = list(input_sequence(name, rng, length + 1))
         state, outputs = k.module.initial(inputs[0], par)
         state_py, outputs_py = k.initial(inputs[0], par)
         c.call("initial", inputs[0], par)
@@ -92,7 +95,7 @@ def test_source_python_and_c_agree_bit_for_bit(name: str, tmp_path: Path) -> Non
         else:  # after an error nothing goes on from the memory
             for a, b, d in zip(memory(state), memory(state_py), c.memory):
                 assert same(a, b) and same(a, d)
-    assert compared >= 0.75 * SEQUENCES * LENGTH, f"only {compared} steps could be compared"
+    assert compared >= 0.75 * sequences * length, f"only {compared} steps could be compared"
 
 
 def _copied(state: Any, own: Any) -> Any:
@@ -109,6 +112,21 @@ def test_scalar_python_has_plain_floats_only(name: str) -> None:
         state, outputs = k.step(state, given, par)
         kinds = {type(v) for v in [*flat(state), *flat(outputs)] if not isinstance(v, list)}
         assert kinds <= {float, int, bool}, kinds
+
+
+def test_a_record_in_one_call_equals_its_steps(name: str, tmp_path: Path) -> None:
+    """By scalar Python, and by C where it is compiled at once."""
+    rng, k = random.Random(2), kernel(name)
+    par, inputs = parameters(name, rng), list(input_sequence(name, rng, 20, degenerate=False))
+    state, outputs = k.initial(inputs[0], par)
+    expected = [flat(outputs)]
+    for given in inputs[1:]:
+        state, outputs = k.step(state, given, par)
+        expected.append(flat(outputs))
+    last, found = k.run(inputs, par)
+    assert same(found, expected) and same(scalars(last), scalars(state))
+    if name in SMALL:
+        assert same(CKernel(k, tmp_path).run(np.array(inputs), par), expected)
 
 
 def test_numpy_batch_equals_scalar(name: str) -> None:
@@ -130,7 +148,7 @@ def test_numpy_batch_equals_scalar(name: str) -> None:
 
 def test_single_precision_c_stays_finite(name: str, tmp_path: Path) -> None:
     c = CKernel(kernel(name), tmp_path, single=True)
-    for seed in range(SEQUENCES):
+    for seed in range(MANY[0]):
         rng = random.Random(200 + seed)
         par = parameters(name, rng)
         inputs = list(input_sequence(name, rng, 201, degenerate=False))
@@ -142,7 +160,8 @@ def test_single_precision_c_stays_finite(name: str, tmp_path: Path) -> None:
                 assert np.all(c.state[covariance_diagonal(name)] >= 0.0), c.state
 
 
-def test_generated_code_names_its_source(name: str) -> None:
-    k = kernel(name)
+@pytest.mark.parametrize("small", SMALL)
+def test_generated_code_names_its_source(small: str) -> None:
+    k = kernel(small)
     for text in (k.python(), k.numpy(), k.c()):
         assert k.module.__name__ in text.splitlines()[0]

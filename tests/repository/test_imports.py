@@ -26,10 +26,11 @@ OF_FILES = (  # likewise
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"cosim", "embedded", "fmi", "lanes"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"control", "cosim", "embedded", "fmi", "lanes"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
+    "control": FOUNDATIONS | {"control", "estimators"},
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi"},
@@ -42,7 +43,7 @@ MAY_IMPORT = {
 }
 REACHES_UP = {"src/gapsense/cosim/show.py": {"report"}}  # in functions, when someone wants to see a result
 PACKAGES = {  # beside the standard library
-    **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"lanes"}},
+    **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
     "fmi": {"pythonfmu", "markdown_it"},
     "embedded": set(),
     **{part: {"numpy", "tomli"} for part in GENERAL},

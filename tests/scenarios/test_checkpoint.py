@@ -20,6 +20,7 @@ CASES = [
     ("pot_magnet", None, "gauss-seidel"),
     ("profiles", None, "jacobi"),
     ("estimators", "other_physics", "gauss-seidel"),
+    ("run_to_run", "model", "gauss-seidel"),
 ]
 COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are in the midst of theirs
 

@@ -7,6 +7,7 @@ has fringes.
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from valve_records import DT, ON, PERIOD, REST
@@ -60,7 +61,13 @@ def stepped(state, u, par, losses):
 
 
 def simulated(volts, par, losses, dt=DT):
-    """Current and gap at samples, the voltage of each half interval being given."""
+    """Current and gap at samples, the voltage of each half interval being given; the same ones only once."""
+    given = {name: tuple(value) if isinstance(value, list) else value for name, value in par._asdict().items()}
+    return _simulated(tuple(volts), type(par)(**given), losses, dt).copy()
+
+
+@cache
+def _simulated(volts, par, losses, dt):
     state = (0.0, par.stop_upper, 0.0, 0.0)
     rows, count = [], round(0.5 * dt / FINE)
     for k, u in enumerate(volts):

@@ -11,7 +11,7 @@ from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, uncertain
 from gapsense.studies.smoother.models import errors, gap_means, noise, perturbed
 from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoothed
 
-RUNS = 4
+RUNS = 3
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 VARIANTS = [Variant(), Variant(0.0, 1.0), Variant(1.0, 0.0)]
@@ -34,8 +34,15 @@ def assert_equal(rows, run, estimates, samples, states):
     assert not np.any(estimates.cov[samples][:, known]) and not np.any(estimates.mean[samples][:, known])
 
 
-@pytest.mark.parametrize("variant", VARIANTS, ids=["complete", "without e_i", "without e_F"])
-@pytest.mark.parametrize(("width", "memory"), [(0.01, 1.0), (0.3, 1.0), (0.3, 0.97)])
+@pytest.mark.parametrize(
+    ("width", "memory", "variant"),
+    [
+        *((0.3, 0.97, variant) for variant in VARIANTS),
+        (0.01, 1.0, VARIANTS[0]),
+        *(pytest.param(0.01, 1.0, variant, marks=pytest.mark.slow) for variant in VARIANTS[1:]),
+        *(pytest.param(0.3, 1.0, variant, marks=pytest.mark.slow) for variant in VARIANTS),
+    ],
+)
 def test_filter_and_smoother_equal_the_scalar_kernel(study, variant, width, memory):
     s, m = study.samples, study.model._replace(memory=memory)
     varied = perturbed(m, width * errors(3, 0, RUNS))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reluctance_dop853 import Oracle
+from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.actuators.reluctance_actuator import Inputs
 from gapsense.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
@@ -34,19 +34,17 @@ def cycles():
 
 def forward(par, cycles, micro_step=2e-6):
     """Positions of the actuator's kernel at the rows of each cycle, under the mean voltage between two rows."""
-    kernel = Kernel(reluctance_actuator)
     par = par._replace(micro_step=micro_step, initial_position=par.stop_upper)
-    state, _ = kernel.initial(Inputs(0.0, 0.0, 0.0), par)
-    found = []
+    given, places = [(0.0, 0.0, 0.0)], []  # a row of a cycle is so many steps after the start
     for cycle in cycles:
-        positions = [state.position]
-        rows = np.column_stack([cycle.time, cycle.voltage]).tolist()
+        place, rows = [len(given) - 1], np.column_stack([cycle.time, cycle.voltage]).tolist()
         for (t, u), (t_next, u_next) in zip(rows[:-1], rows[1:]):
-            if t_next > t:
-                state, _ = kernel.step(state, Inputs(t_next, t_next - t, 0.5 * (u + u_next)), par)
-            positions.append(state.position)
-        found.append(np.array(positions))
-    return found
+            given += [(t_next, t_next - t, 0.5 * (u + u_next))] if t_next > t else []
+            place.append(len(given) - 1)
+        places.append(place)
+    _, outputs = Kernel(reluctance_actuator).run(given, par)
+    positions = np.array(outputs)[:, reluctance_actuator.Outputs._fields.index("position")]
+    return [positions[place] for place in places]
 
 
 @pytest.mark.parametrize(
@@ -67,15 +65,16 @@ def test_forward_simulation_gives_the_trajectory_back(par, trajectory, step):
 
 
 def test_independent_model_gives_the_trajectory_back(cycles):
+    """The voltage is a spline through its rows: at the corners of straight lines a method of order 8 would crawl."""
     cycle, segments = cycles[0], []
     ends = [0, *(np.flatnonzero(np.diff(cycle.time) == 0.0) + 1), cycle.time.size]
     for a, b in zip(ends[:-1], ends[1:]):
         t, u = cycle.time[a:b], cycle.voltage[a:b]
         if t[-1] > t[0]:
-            segments.append((t[0], t[-1], lambda x, t=t, u=u: np.interp(x, t, u)))
+            segments.append((t[0], t[-1], CubicSpline(t, u)))
     found, _, _ = Oracle(RTS_VALVE).run(segments, cycle.time)
-    assert np.abs(found[:, 2] - cycle.position).max() < CLOSE
-    assert np.abs(found[:, 0] - cycle.flux).max() < 1e-5 * cycle.flux.max()
+    assert np.abs(found[:, 2] - cycle.position).max() < 1e-3 * CLOSE
+    assert np.abs(found[:, 0] - cycle.flux).max() < 1e-8 * cycle.flux.max()
 
 
 def test_reproduction_is_limited_by_the_steps_of_the_voltage_only():

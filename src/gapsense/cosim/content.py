@@ -104,7 +104,7 @@ class Content:
             self.set(f"{name}.{variable}", value)
         return self
 
-    def connect(self: Self, source: str | Mapping[str, str], *targets: str, **conversion: float | str) -> Self:
+    def connect(self: Self, source: str | Mapping[str, str], *targets: str, **conversion: float | str | bool) -> Self:
         """Connect an output to inputs, which get nothing else any more.
 
         Parameters
@@ -114,8 +114,8 @@ class Content:
             the targets, which are components too. A mapping gives the output for each input, as `[connect]` does.
         targets : str
             Inputs.
-        conversion : float or str
-            `factor`, `bias` and `unit` as in `[[connections]]`.
+        conversion : float, str or bool
+            `factor`, `bias`, `unit` and `delayed` as in `[[connections]]`.
         """
         if not isinstance(source, str):
             for target, output in source.items():

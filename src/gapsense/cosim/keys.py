@@ -122,7 +122,7 @@ CONNECT = Section(
 )
 CONNECTION = Section(
     "[[connections]]",
-    "A connection that converts: the input becomes `factor * source + bias`.",
+    "A connection that converts, the input becomes `factor * source + bias`, or that is delayed.",
     (
         Key("from", kinds.TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
         Key("to", kinds.TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
@@ -134,6 +134,13 @@ CONNECTION = Section(
             "Unit after the conversion; it must be that of the input",
             '"V"',
             otherwise="not checked",
+        ),
+        Key(
+            "delayed",
+            kinds.TRUTH,
+            "The component with the input steps first, and gets the value of one step before: so a loop is closed",
+            "true",
+            default=False,
         ),
     ),
 )
@@ -317,7 +324,7 @@ FILE = Section(
         Key("experiment", kinds.TABLE, "Time grid", required=True, section=EXPERIMENT),
         Key("components", kinds.TABLE, "FMU instances", required=True, section=COMPONENTS),
         Key("connect", kinds.TABLE, "Wiring", section=CONNECT),
-        Key("connections", kinds.TABLES, "Wiring that converts", section=CONNECTION),
+        Key("connections", kinds.TABLES, "Wiring that converts, or is delayed", section=CONNECTION),
         Key("inputs", kinds.TABLE, "Inputs that no output drives", section=INPUTS),
         Key("seeds", kinds.TABLE, "Seeds", section=SEEDS),
         Key("sweep", kinds.TABLE, "Sweep", section=SWEEP),

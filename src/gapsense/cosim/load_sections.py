@@ -27,7 +27,7 @@ ROWS = "rows"  # of `[sweep]`: a file, no parameter
 
 
 def read_connections(table: Table) -> tuple[Connection, ...]:
-    """Connections: those of `[connect]`, target = source, then those of `[[connections]]`, which may convert."""
+    """Connections: those of `[connect]`, target = source, then those of `[[connections]]`."""
     connect = table.table("connect")
     sources = by_port(connect, connect.flat(kinds.TEXT))
     ends = [(split(connect, str(target), source), target) for target, source in sources.items()]
@@ -41,8 +41,8 @@ def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
     own = table.read(keys.CONNECTION)
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
-    how = (own["factor"], own["bias"], own["unit"])
-    return Connection(source, target, *how, table.place) if source and target else None
+    how = (own["factor"], own["bias"], own["unit"], own["delayed"])
+    return Connection(source, target, *how, place=table.place) if source and target else None
 
 
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:

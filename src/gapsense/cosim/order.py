@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Connection
@@ -23,7 +23,8 @@ class FeedthroughCycleError(ValueError):
     def __init__(self, cycle: Sequence[Connection]) -> None:
         super().__init__(
             f"algebraic loop through {', '.join(map(str, cycle))}: every input on it has direct feedthrough. "
-            "Break it with a component without feedthrough, such as a delay or a lag."
+            "Break it with a component without feedthrough, such as a delay or a lag, or with `delayed = true` in "
+            "`[[connections]]`."
         )
 
 
@@ -31,13 +32,15 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
     """Order in which every component follows those that drive it, as far as there are no loops.
 
     In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these
-    inputs then carry the value of one step before. Among equals the order of the file decides, that of `names`.
+    inputs then carry the value of one step before. Where a connection is to be delayed, its source follows its target.
+    Among equals the order of the file decides, that of `names`.
     Raises FeedthroughCycleError if a loop has nothing but direct feedthrough.
     """
-    left, done, delayed = list(names), [], []
+    left, done, delayed = list(names), [], [c for c in connections if c.delayed]
+    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
     while left:
-        edges = [c for c in connections if {c.source.component, c.target.component} <= set(left)]
-        direct = [c for c in edges if c.target.variable in descriptions[c.target.component].direct_inputs]
+        edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
+        direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
         driven = {c.target.component for c in edges}
         chosen = next((name for name in left if name not in driven), None) or first_cut(left, edges, direct)
         if chosen is None:
@@ -46,6 +49,16 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
         left.remove(chosen)
         done.append(chosen)
     return Order(tuple(done), tuple(delayed))
+
+
+def turned(connection: Connection) -> Connection:
+    """The way from target to source."""
+    return replace(connection, source=connection.target, target=connection.source)
+
+
+def is_own(connection: Connection) -> bool:
+    """True if the component takes what it gives itself."""
+    return connection.source.component == connection.target.component
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:

@@ -60,13 +60,17 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written."""
+    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written.
+
+    A connection that is `delayed` carries the value of one step before: its target steps before its source.
+    """
 
     source: Port
     target: Port
     factor: float | None = None
     bias: float | None = None
     unit: str | None = None
+    delayed: bool = False
     place: str = ""
 
     @property

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.mhe_model import Device, Point, advance, current, device, model, point, with_device
+from gapsense.estimators.mhe_effort import USUAL
+from gapsense.estimators.mhe_model import Device, Point, advance, current, device, mean_of, model, point, with_device
 from gapsense.estimators.mhe_records import (
     RING,
     START,
@@ -24,15 +25,16 @@ from gapsense.estimators.mhe_records import (
     published,
     put,
 )
-from gapsense.estimators.mhe_window import LOGARITHMS, work_on
+from gapsense.estimators.mhe_window import BAD, LOGARITHMS, work_on
 from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.linalg import vector
 from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
-from gapsense.trace import clip, cond, fabs, load, not_, square, store, where
+from gapsense.trace import clip, cond, fabs, floor, load, not_, square, store, where
 
 JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
+SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
 LARGE = 20.0  # noises that such a current must have
@@ -69,12 +71,15 @@ class Parameters(NamedTuple):
     gap_bend: Scalar  # added to it between the stops [1]
     option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
     option_command: Scalar  # 1: a window ends when the input `command` changes
+    option_zero: Scalar  # 1: the current that is left after a long time without voltage is the sensor's offset
+    option_mean: Scalar  # 1: the voltage is the mean since the last sample
     noise_voltage: Scalar  # sigma_v [V]
     noise_current: Scalar  # sigma_i [A]
     model_error: Scalar  # of the current, the same over `SAME` samples [A]
     edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
     window_tail: Scalar  # at rest after a landing until the window ends [s]
     window_longest: Scalar  # [s]
+    publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
     prior_resistance: Scalar  # relative standard deviations before the first window
     prior_eddy: Scalar
     prior_gap: Scalar
@@ -83,6 +88,9 @@ class Parameters(NamedTuple):
     prior_hysteresis: Scalar
     prior_mass: Scalar
     prior_rest: Scalar
+    prior_damping: Scalar  # with `option_further`
+    prior_core: Scalar  # the same; standard deviation [1/H]
+    prior_bend: Scalar  # the same [1]
     range_voltage: Scalar  # a reading beyond counts as lost [V]
     range_current: Scalar  # [A]
     health_limit: Scalar  # largest misfit [1]
@@ -97,6 +105,7 @@ class Held(NamedTuple):
     held_current: Scalar
     held_drift: Scalar  # last current less its mean
     held_resistance: Scalar  # at the end of the last one that was long and large enough; or 0
+    zero: Scalar  # current that was measured at the end of the last one without voltage that was long enough
 
 
 class State(NamedTuple):
@@ -198,7 +207,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         first_work(at, inputs.time, par),
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
-    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
+    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
     state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
@@ -210,27 +219,37 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     before, can_read = Point(*state.causal), _has_current(inputs, par)
     has_voltage = can_be_read(inputs.voltage, par.range_voltage)
     u = where(has_voltage, inputs.voltage, before.voltage)
-    i = where(can_read, inputs.current, load(state.samples.currents, state.samples.newest))
+    zero = where(par.option_zero > 0.0, state.held.zero, 0.0)
+    i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
     is_edge = _is_edge(u, before.voltage, par)
     has_current = can_read & not_(_is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
-    held = _held(state.held, u, i, par)
+    held = _held(_forgotten(state.held, inputs.command == state.last_command, par), u, i + zero, par)
     smoothed = (state.fluxes, state.positions)
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     first = model(par, device(par))
     work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, first, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
-    believed = cond(is_new | is_first, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
+    is_told = _is_told_late(work, state.work.learnt, par)
+    is_other = is_new | is_first | is_told
+    believed = cond(is_other, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
     work = work._replace(follows=where(caught, 1.0, work.follows))
     m = with_device(first, Device(*get(believed, START)))
+    before = Point(*cond(is_told, lambda: vector(point(*before[:4], before.voltage, m)), lambda: state.causal))
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
-    innovation = where(has_current, i - current(now, 0.5 * (before.voltage + u), m), 0.0)
+    innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
     state = State(inputs.command, at, believed, held, work, samples, *smoothed)
     is_lost = not_(has_voltage & has_current)
     return state, _outputs(now, m.d, innovation, shown, work.learnt, get(work.learnt.deviations, START), is_lost, par)
+
+
+def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
+    """What a window has told is so late, with `option.further`, that the causal estimate does not wait for the next."""
+    is_told, is_late = work.learnt.windows > before.windows, work.age > USUAL.later
+    return (par.option_further > 0.0) & is_told & is_late & (work.learnt.misfit < BAD)
 
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
@@ -268,10 +287,16 @@ def weight(par: Parameters) -> Scalar:
     return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
 
 
+def _forgotten(held: Held, goes_on: Scalar, par: Parameters) -> Held:
+    """With a command the resistance of a voltage that was held in the operation before is an old one."""
+    return held._replace(held_resistance=where(goes_on | not_(par.option_command > 0.0), held.held_resistance, 0.0))
+
+
 def _held(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
-    R = _resistance(before, par)
+    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    is_off = is_long & (fabs(before.held_voltage) < par.edge)
     return Held(
         held=where(changes, 0.0, before.held + 1.0),
         held_level=where(changes, u, before.held_level),
@@ -279,6 +304,7 @@ def _held(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
         held_current=before.held_current + share * (i - before.held_current),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
         held_resistance=where(changes & (R > 0.0), R, before.held_resistance),
+        zero=where(changes & is_off, before.held_current, before.zero),
     )
 
 
@@ -286,8 +312,10 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     """Voltage over current, if both are held and large enough; else 0."""
     is_long = held.held >= par.window_tail / par.sample_time
     is_large = (fabs(held.held_current) > LARGE * par.noise_current) & (fabs(held.held_voltage) > par.edge)
-    is_settled = fabs(held.held_drift) < SETTLED * fabs(held.held_current)
-    ratio = held.held_voltage / where(is_large, held.held_current, 1.0)
+    settled = where(par.option_further > 0.0, SETTLED_WELL, SETTLED)
+    is_settled = fabs(held.held_drift) < settled * fabs(held.held_current)
+    through = held.held_current - where(par.option_zero > 0.0, held.zero, 0.0)
+    ratio = held.held_voltage / where(is_large, through, 1.0)
     return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
 
 
@@ -297,19 +325,26 @@ def _published(
     """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
     fluxes, positions = smoothed
 
-    def ready() -> tuple[Scalar, Shown]:
-        spot = where(work.shown < RING - 1.0, work.shown + 1.0, 0.0)
-        age = where(spot > newest, newest + RING - spot, newest - spot)
+    def ready() -> tuple[Scalar, Scalar, Shown]:
+        oldest = where(work.shown >= newest, newest + RING - work.shown, newest - work.shown) - 1.0
+        late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
+        skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
+        before, spot = (_behind(work.shown + skipped + k) for k in (0.0, 1.0))
         z = load(positions, spot)
-        v = (z - load(positions, work.shown)) / par.sample_time
-        return spot, Shown(1.0, time - age * par.sample_time, z, v, load(fluxes, spot))
+        v = (z - load(positions, before)) / par.sample_time
+        age = oldest - skipped
+        return spot, work.ready - 1.0 - skipped, Shown(1.0, time - age * par.sample_time, z, v, load(fluxes, spot))
 
-    def none() -> tuple[Scalar, Shown]:
-        return work.shown, Shown(0.0, time, now.position, now.velocity, now.flux_linkage)
+    def none() -> tuple[Scalar, Scalar, Shown]:
+        return work.shown, 0.0, Shown(0.0, time, now.position, now.velocity, now.flux_linkage)
 
-    is_ready = work.ready > 0.0
-    spot, shown = cond(is_ready, ready, none)
-    return work._replace(shown=spot, ready=where(is_ready, work.ready - 1.0, 0.0)), shown
+    spot, left, shown = cond(work.ready > 0.0, ready, none)
+    return work._replace(shown=spot, ready=left), shown
+
+
+def _behind(spot: Scalar) -> Scalar:
+    """A place in the memory that may be beyond its end."""
+    return where(spot < RING, spot, spot - RING)
 
 
 def _outputs(

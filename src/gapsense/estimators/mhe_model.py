@@ -12,13 +12,12 @@ R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
-from gapsense.interpolate import spline
+from gapsense.estimators.gap import Gap, bump, gap, make_gap
 from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Scalar, Table
-from gapsense.trace import clip, cond, exp, fabs, log, not_, square, where
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, cond, exp, fabs, not_, square, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
@@ -54,20 +53,12 @@ class Model(NamedTuple):
 
     d: Device
     T_s: Scalar
+    is_mean: Scalar  # a voltage is the mean since the last sample
     stiffness: Scalar
     length: Scalar  # l_h [Wb]
     lower: Scalar
     upper: Scalar
-    gap_is_table: Scalar
-    gap_knots: Annotated[Array, Table()]  # [m]
-    gap_reluctance: Annotated[Array, Table()]  # [1/H]
-    gap_curvature: Annotated[Array, Table()]  # [1/(H m^2)]
-    gap_scale: Scalar  # 1/N^2
-    gap_offset: Scalar
-    gap_slope: Scalar
-    gap_fringing: Scalar
-    gap_window: Scalar
-    gap_bump: Scalar  # see `bump` [1/(H m^2)]
+    gap: Gap
     through: Scalar  # 1 / (1 + R g_e)
     load: Scalar  # R / (1 + R g_e) [ohm]
 
@@ -89,29 +80,19 @@ class Point(NamedTuple):
 
 def model(par: Parameters, d: Device) -> Model:
     """The model of a device."""
-    scale = 1.0 / square(par.coil_turns)
     m = Model(
         d=d,
         T_s=par.sample_time,
+        is_mean=par.option_mean,
         stiffness=par.spring_stiffness,
         length=par.core_turnover,
         lower=par.stop_lower,
         upper=par.stop_upper,
-        gap_is_table=par.gap_law == GapLaw.table,
-        gap_knots=par.gap_file_gap,
-        gap_reluctance=par.gap_file_reluctance,
-        gap_curvature=par.gap_file_spline,
-        gap_scale=scale,
-        gap_offset=par.gap_reluctance * scale,
-        gap_slope=par.gap_slope * scale,
-        gap_fringing=par.gap_fringing,
-        gap_window=par.gap_window,
-        gap_bump=0.0,
+        gap=make_gap(par),
         through=1.0,
         load=0.0,
     )
-    rise = gap_law(m.upper, m)[0] - gap_law(m.lower, m)[0]
-    return with_device(m._replace(gap_bump=2.0 * rise / square(m.upper - m.lower)), d)
+    return with_device(m, d)
 
 
 def with_device(m: Model, d: Device) -> Model:
@@ -148,36 +129,9 @@ def corrected(d: Device, q: Array) -> Device:
 # reluctances
 
 
-def gap_law(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
-    """Believed R_g(z) without factor and bend, its first and its second derivative [1/H]."""
-    return cond(m.gap_is_table, lambda: _tabulated(z, m), lambda: _fringing(z, m))
-
-
-def _tabulated(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
-    R, slope, curvature = spline(z, m.gap_knots, m.gap_reluctance, m.gap_curvature)
-    return m.gap_scale * R, m.gap_scale * slope, m.gap_scale * curvature
-
-
-def _fringing(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
-    """R_g0 + R_g0' z / (1 + k z ln(c/z))."""
-    z = where(z > SMALLEST_GAP, z, SMALLEST_GAP)
-    k, ratio = m.gap_fringing, log(m.gap_window / z)
-    w, rise = 1.0 + k * z * ratio, 1.0 + k * z
-    slope = m.gap_slope / (w * w)
-    curvature = slope * k * (w - 2.0 * rise * (ratio - 1.0)) / w
-    return m.gap_offset + m.gap_slope * z / w, slope * rise, curvature
-
-
-def bump(z: Scalar, m: Model) -> tuple[Scalar, Scalar, Scalar]:
-    """What a bend of 1 adds to R_g: in the middle half of its rise from stop to stop; and the derivatives [1/H]."""
-    most = m.gap_bump
-    return most * (z - m.lower) * (m.upper - z), most * (m.lower + m.upper - 2.0 * z), -2.0 * most
-
-
-def gap(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+def gap_at(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """R_g of the device, and its derivative."""
-    (R, slope, _), (more, steeper, _) = gap_law(z, m), bump(z, m)
-    return m.d.gap * R + m.d.bend * more, m.d.gap * slope + m.d.bend * steeper
+    return gap(z, m.gap, m.d.gap, m.d.bend)[:2]
 
 
 def core(lam: Scalar, d: Device) -> tuple[Scalar, Scalar, Scalar]:
@@ -197,7 +151,7 @@ def core(lam: Scalar, d: Device) -> tuple[Scalar, Scalar, Scalar]:
 
 def point(lam: Scalar, h: Scalar, z: Scalar, v: Scalar, u: Scalar, m: Model) -> Point:
     """The model in a given state."""
-    R, slope = gap(z, m)
+    R, slope = gap_at(z, m)
     f, f_lam = magnetomotive(lam, h, R, m)
     return Point(lam, h, z, v, (pull(z, lam, slope, m) - m.d.damping * v) / m.d.mass, u, R, slope, f, f_lam)
 
@@ -212,6 +166,11 @@ def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, 
     share, S, slope = core(lam, m.d)
     f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
     return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
+
+
+def mean_of(before: Scalar, voltage: Scalar, m: Model) -> Scalar:
+    """The mean voltage of a sampling period: given as such, or from sample to sample linear."""
+    return where(m.is_mean > 0.0, voltage, 0.5 * (before + voltage))
 
 
 def current(p: Point, mean: Scalar, m: Model) -> Scalar:
@@ -256,13 +215,13 @@ def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
 
 def advance(p: Point, voltage: Scalar, m: Model) -> Point:
     """The next sample, whose voltage is given; the motion by Verlet's method."""
-    e, rests = electric(p, 0.5 * (p.voltage + voltage), m), is_resting(p, m)
+    e, rests = electric(p, mean_of(p.voltage, voltage, m), m), is_resting(p, m)
     free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
     z = where(rests, p.position, clip(free, m.lower, m.upper))
     change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
     lam = p.flux_linkage + change
     h = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
-    R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap(z, m))
+    R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap_at(z, m))
     f, f_lam = magnetomotive(lam, h, R, m)
     stands, force = rests | not_(z == free), pull(z, lam, slope, m)
     a = (force - where(stands, 0.0, m.d.damping * (p.velocity + m.T_s * p.acceleration))) / m.d.mass
@@ -294,7 +253,7 @@ def derived(
         return [t[0] + change, kept * (t[1] + e.steepness * change) + rise[k], z, v]
 
     def moving() -> Any:
-        curvature = m.d.gap * gap_law(p.position, m)[2] + m.d.bend * bump(p.position, m)[2]
+        _, _, curvature = gap(p.position, m.gap, m.d.gap, m.d.bend)
         stiffness = (m.stiffness + 0.5 * curvature * square(p.flux_linkage)) / m.d.mass
         by_lam, by_v, half, rows = by_z / m.d.mass, m.d.damping / m.d.mass, 0.5 * dt, []
         for k, t in zip(which, T):
@@ -312,7 +271,7 @@ def partials(p: Point, e: Electric, m: Model) -> tuple[Array, Array]:
     """Of R i - g_e dlambda/dt + f and of the acceleration by the corrections in a given state; (12,), the last 0."""
     d, lam = m.d, p.flux_linkage
     share, S, slope = core(lam, d)
-    more, steeper, _ = bump(p.position, m)
+    more, steeper, _ = bump(p.position, m.gap)
     half = -0.5 * lam * lam / d.mass
     drive = NOTHING._replace(
         resistance=e.current,

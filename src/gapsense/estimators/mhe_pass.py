@@ -12,6 +12,7 @@ from gapsense.estimators.mhe_model import (
     corrected,
     current,
     derived,
+    mean_of,
     point,
     with_device,
 )
@@ -123,7 +124,7 @@ def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> tuple[Walk, 
     """The next sample, and w^2 r of it."""
     before, spot = Point(*walk.at), place(samples.newest, work.age - walk.done - 1.0)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
-    at, mean = advance(before, u, m), 0.5 * (before.voltage + u)
+    at, mean = advance(before, u, m), mean_of(before.voltage, u, m)
     r = i - current(at, mean, m)
     is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
     new = walk._replace(

@@ -20,7 +20,6 @@ USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping
 PAIRS = triangle(N)
 DERIVING, SOLVING, TRYING, RENEWING = 0.0, 1.0, 2.0, 3.0  # phases
 FIXED = 1e-6  # least standard deviation of a correction
-FURTHER = (0.1, 0.2, 0.1)  # deviations of the last three before the first window
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
 
 
@@ -77,6 +76,7 @@ class Work(NamedTuple):
     tangents: Annotated[Array, Memory(48)]  # row by row
     normal: Annotated[Array, Memory(78)]  # H, or what is being inverted; upper triangle
     gradient: Annotated[Array, Memory(12)]
+    whole: Annotated[Array, Memory(78)]  # H + Pi
     prior: Annotated[Array, Memory(78)]  # Pi
     phase: Scalar = DERIVING
     begins: Scalar = 2.0  # 1: a pass is to begin; 2: the very first one
@@ -89,7 +89,7 @@ class Work(NamedTuple):
     has_grown: Scalar = 0.0  # 1: it was made longer
     tries: Scalar = 0.0
     shortenings: Scalar = 0.0
-    start: Scalar = 0.0  # of `STARTS` that is tried, from 1 on; 0: none; -1: all were
+    start: Scalar = 0.0  # of the starts that is tried, from 1 on; 0: none; -1: all were
     best: Scalar = 0.0  # of them
     least_total: Scalar = 0.0  # its cost
     total: Scalar = 0.0  # cost at q
@@ -104,15 +104,16 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
     """The first window begins; what is known before it comes into memory with the next sample."""
     n = len(PAIRS)
     learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, zeros(START))
-    vectors, rest = (zeros(5), zeros(N), zeros(N), zeros(N), zeros(START)), (zeros(4 * N), zeros(n), zeros(N), zeros(n))
+    vectors = (zeros(5), zeros(N), zeros(N), zeros(N), zeros(START))
+    rest = (zeros(4 * N), zeros(n), zeros(N), zeros(n), zeros(n))
     return Work(started(at, par), learnt, *vectors, *rest)
 
 
 def priors(par: Parameters) -> list[Scalar]:
     """Standard deviations of the corrections before the first window; any, of those that are not learnt."""
-    usual = [getattr(par, f"prior_{name}") for name in Device._fields[: len(FURTHER) * -1]]
-    further = [where(par.option_further > 0.0, s, 1.0) for s in FURTHER]
-    return [*(where(s > FIXED, s, FIXED) for s in usual), *further]
+    given = [getattr(par, f"prior_{name}") for name in Device._fields]
+    known = [where(s > FIXED, s, FIXED) for s in given]
+    return [s if k in USUAL else where(par.option_further > 0.0, s, 1.0) for k, s in enumerate(known)]
 
 
 def start_deviation(par: Parameters) -> Scalar:

@@ -2,15 +2,17 @@
 
 The cost of corrections q is sum w^2 (i - i_model)^2 + (q - q0)' Pi (q - q0), with the posterior of the window before as
 arrival cost.  Phases: a pass with derivatives J of the current sums up H = sum w^2 J J' and g = sum w^2 J r; H + Pi is
-inverted; a trial without derivatives must lower the cost, or the step is shortened; then comes another pass with
-derivatives, or this was the last trial: the smoothed estimate.  The inverse then becomes the next Pi.  Work per sample
-is bounded: `PACE` samples of a pass, or two pivots of an inverse.
+inverted; a trial without derivatives must lower the cost, or the step is shortened (or sought again with more on the
+diagonal, by Levenberg and Marquardt, if `option.further` has it so); then comes another pass with derivatives, or this
+was the last trial: the smoothed estimate.  The inverse then becomes the next Pi.  Work per sample is bounded: `PACE`
+samples of a pass, or two pivots of an inverse.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from gapsense.estimators.mhe_effort import effort, start_of
 from gapsense.estimators.mhe_model import Model, Point
 from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, walked
 from gapsense.estimators.mhe_records import (
@@ -35,9 +37,9 @@ from gapsense.estimators.mhe_records import (
     put_matrix,
     start_deviation,
 )
-from gapsense.linalg import deviation, diagonal, matrix, outer, pivot, vector
+from gapsense.linalg import deviation, diagonal, swept, vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, load, log, not_, square, store, where
+from gapsense.trace import clip, cond, exp, fabs, load, log, not_, square, store, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
@@ -45,19 +47,15 @@ if TYPE_CHECKING:
 LOGARITHMS = 9  # the first ones
 # standard deviations of what a window adds to the corrections, fields of `Device`
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
-TRIES = 5.0  # passes with derivatives
-SHORTENED, SHORTENINGS = 0.25, 3.0  # of a step whose trial is worse than what it left; the last one to nothing
+SHORTENED = 0.25  # of a step whose trial is worse than what it left
+DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
 LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
+POOR = 2.0  # misfit of a window that goes before one that nothing explains, and what was learnt is wrong
 LITTLE, BAD = 0.03, 6.0  # of the cost that noise and model error make: see `_verdict`
-# samples behind the end of a window after which a cost far below the promised one is no reason for another pass with
-# derivatives, and after which there is none
-LATE, LATER = 140.0, 300.0
 DOUBT, WIDEST = (
     0.25,
     4.0,
 )  # what is left of the information after a window that taught nothing, down to `priors` so often
-# where a search begins if nothing explains the currents: field of `Device`, and how many deviations off
-STARTS = tuple((k, by) for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -130,20 +128,9 @@ def _deriving(work: Work) -> Work:
 
 def _informed(work: Work, causal: Point, par: Parameters) -> Work:
     """What is known before the first window."""
-    deviations = priors(par)
-    prior = diagonal([1.0 / square(s) for s in (*deviations, start_deviation(par))])
-    known = work.learnt._replace(deviations=put(work.learnt.deviations, published(deviations, par)))
-    return work._replace(origin=put(work.origin, origin_of(causal)), prior=put_matrix(work.prior, prior), learnt=known)
-
-
-def swept(A: Array) -> Array:
-    """A symmetric positive definite matrix with its first row and column swept, as the last ones.
-
-    After as many turns as it has rows it is minus its inverse, with the rows in their old order.
-    """
-    p, row = pivot(A[0, 0]), A[0, 1:]
-    rest = A[1:, 1:] - outer(row, row / p)
-    return matrix([*([*r, x] for r, x in zip(rest, row / p)), [*(row / p), -1.0 / p]])
+    prior = put_matrix(work.prior, _blind(par))
+    known = work.learnt._replace(deviations=put(work.learnt.deviations, published(priors(par), par)))
+    return work._replace(origin=put(work.origin, origin_of(causal)), prior=prior, learnt=known)
 
 
 def _turned(work: Work, par: Parameters) -> Work:
@@ -170,38 +157,61 @@ def _derived(work: Work, held: Scalar, par: Parameters) -> Work:
         return _deriving(work._replace(q=store(work.q, 0, q), has_jumped=1.0))
 
     again = (fabs(off) > JUMP) & (work.has_jumped < 1.0) & (work.tries < 1.0)
-    return cond(again, jumped, lambda: _solving(work))
+    return cond(again, jumped, lambda: _solving(work, par))
 
 
-def _solving(work: Work) -> Work:
+def _solving(work: Work, par: Parameters) -> Work:
     """The arrival cost joins the normal equations."""
     Pi, d, gradient = get_matrix(work.prior), get(work.q, N) - get(work.q_prior, N), work.gradient
     pull = Pi @ d
     gradient = put(gradient, get(gradient, N) - pull)
-    normal, total = put_matrix(work.normal, get_matrix(work.normal) + Pi), work.walk.cost + d @ pull
-    return work._replace(phase=SOLVING, turn=0.0, normal=normal, gradient=gradient, total=total)
+    whole, total = get_matrix(work.normal) + Pi, work.walk.cost + d @ pull
+    known = work._replace(gradient=gradient, total=total, whole=put_matrix(work.whole, whole), tries=work.tries + 1.0)
+    return _damped(known, 0.0, par)
+
+
+def _damped(work: Work, n: Scalar, par: Parameters) -> Work:
+    """A step is sought again, the n-th time: with more on the diagonal, but for the last one, which goes nowhere."""
+    A, more = get_matrix(work.whole), damping(work, n, par)
+    for k in range(N):
+        A[k, k] = A[k, k] + more * A[k, k]
+    return work._replace(phase=SOLVING, turn=0.0, normal=put_matrix(work.normal, A), shortenings=n)
+
+
+def damping(work: Work, n: Scalar, par: Parameters) -> Scalar:
+    """Share of the diagonal that comes to it when a step is sought for the n-th time again."""
+    has_damping = (par.option_further > 0.0) & (n > 0.0) & (n < effort(work.learnt, par).retries)
+    return where(has_damping, DAMPED * exp(log(10.0) * (n - 1.0)), 0.0)
 
 
 def _solved(work: Work, par: Parameters) -> Work:
-    """The step of Gauss-Newton, no logarithm farther than `LARGEST`; one that promises little is not worth its pass."""
-    gradient, farthest = get(work.gradient, N), 0.0
+    """The step of Gauss-Newton; one that promises little is not worth its pass."""
+    gradient, retries = get(work.gradient, N), effort(work.learnt, par).retries
     full = -(get_matrix(work.normal) @ gradient)
-    for x in full[:LOGARITHMS]:
-        farthest = where(fabs(x) > farthest, fabs(x), farthest)
-    share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
     promised = work.total - full @ gradient
-    steps = enumerate(zip(get(work.q, N), full))
-    is_little = (work.tries >= 1.0) & (work.total - promised < LITTLE * usual(work.walk, par))
-    change = [_bounded(q, where(is_little, 0.0, share) * x, k) for k, (q, x) in steps]
+    is_first, is_little = work.shortenings < 1.0, work.total - promised < LITTLE * usual(work.walk, par)
+    is_little = is_first & (work.tries > 1.0) & is_little
+    stays = is_little | (work.shortenings >= retries)
+    steps = enumerate(zip(get(work.q, N), _limited(full, par)))
+    change = [_bounded(q, where(stays, 0.0, x), k) for k, (q, x) in steps]
     return work._replace(
         phase=TRYING,
         begins=where(is_little, 0.0, 1.0),
         over=where(is_little, 1.0, 0.0),
         change=put(work.change, change),
         promised=promised,
-        shortenings=where(is_little, SHORTENINGS, 0.0),
-        tries=work.tries + 1.0,
+        shortenings=where(is_little, retries, work.shortenings),
     )
+
+
+def _limited(full: Array, par: Parameters) -> list[Scalar]:
+    """The step: no logarithm goes farther than `LARGEST`, by a shorter step, or each by itself if more is learnt."""
+    farthest: Scalar = 0.0
+    for x in full[:LOGARITHMS]:
+        farthest = where(fabs(x) > farthest, fabs(x), farthest)
+    share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
+    each = [clip(x, -LARGEST, LARGEST) for x in full]
+    return [where(par.option_further > 0.0, one, share * x) for one, x in zip(each, full)]
 
 
 def _bounded(q: Scalar, step: Scalar, k: int) -> Scalar:
@@ -234,11 +244,12 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     walk, unit = work.walk, usual(work.walk, par)
     d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
     total, misfit = walk.cost + d @ (get_matrix(work.prior) @ d), walk.cost / unit
-    is_last, is_bad = work.shortenings >= SHORTENINGS, misfit > BAD
+    worth = effort(work.learnt, par)
+    is_last, is_bad = work.shortenings >= worth.retries, misfit > worth.bad
     missing, late = total - work.promised, work.age - work.end
-    surprise = where(late > LATE, missing, fabs(missing))
-    is_good, is_late = surprise < LITTLE * unit, (late > LATER) & not_(is_bad)
-    is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= TRIES) | is_late | is_last
+    surprise = where(late > worth.late, missing, fabs(missing))
+    is_good, is_late = surprise < LITTLE * unit, late > where(is_bad, worth.latest, worth.later)
+    is_final = (is_good & (work.shortenings < 1.0)) | (work.tries >= worth.tries) | is_late | is_last
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
     may_grow = (work.has_grown < 1.0) & (work.end < longest) & not_(is_late | (par.option_command > 0.0))
@@ -268,24 +279,20 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
         is_done = found.is_final & not_(found.grows)
         return cond(is_done, lambda: _finished(moved(), found.misfit, samples, time, par), again)
 
-    return cond(found.is_better, lambda: cond(found.seeks, sought, better), lambda: _shortened(work))
+    def worse() -> Work:
+        n = work.shortenings + 1.0
+        return cond(par.option_further > 0.0, lambda: _damped(work, n, par), lambda: _shortened(work, n, par))
 
-
-def offset(start: Scalar, par: Parameters) -> list[Scalar]:
-    """Corrections of one of the `STARTS`."""
-    deviations, offset = priors(par), [0.0] * N
-    for n, (k, by) in enumerate(STARTS):
-        offset[k] = where(start == n + 1.0, by * deviations[k], offset[k])
-    return offset
+    return cond(found.is_better, lambda: cond(found.seeks, sought, better), worse)
 
 
 def _seeking(work: Work, par: Parameters) -> Work:
-    """A trial of one of the `STARTS`, from what was found."""
-    return work._replace(change=put(work.change, offset(work.start, par)), begins=1.0)
+    """A trial of one of the starts, from what was found."""
+    return work._replace(change=put(work.change, start_of(work.start, work.learnt, par)), begins=1.0)
 
 
 def _sought(work: Work, par: Parameters) -> Work:
-    """The next of the `STARTS`; after the last one Gauss-Newton from the best, or a last trial where none is better."""
+    """The next of the starts; after the last one Gauss-Newton from the best, or a last trial where none is better."""
     d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
     total = work.walk.cost + d @ (get_matrix(work.prior) @ d)
     is_best = total < work.least_total
@@ -293,23 +300,25 @@ def _sought(work: Work, par: Parameters) -> Work:
     more = work._replace(best=best, least_total=least, start=work.start + 1.0)
 
     def chosen() -> Work:
-        found = work._replace(q=put(work.q, get(work.q, N) + vector(offset(best, par))), start=-1.0, begins=1.0)
-        again = found._replace(phase=where(best > 0.0, DERIVING, TRYING), tries=0.0, shortenings=SHORTENINGS)
-        return again._replace(change=put(work.change, [0.0] * N))
+        q, retries = get(work.q, N) + vector(start_of(best, work.learnt, par)), effort(work.learnt, par).retries
+        found = work._replace(q=put(work.q, q), start=-1.0, begins=1.0, change=put(work.change, [0.0] * N))
+        again = found._replace(phase=where(best > 0.0, DERIVING, TRYING), tries=0.0, shortenings=retries)
+        has_damping = (par.option_further > 0.0) & not_(best > 0.0)  # of the inverse, which is to be the posterior
+        return cond(has_damping, lambda: _damped(again, retries, par), lambda: again)
 
-    return cond(work.start < len(STARTS), lambda: _seeking(more, par), chosen)
+    return cond(work.start < effort(work.learnt, par).starts, lambda: _seeking(more, par), chosen)
 
 
-def _shortened(work: Work) -> Work:
-    """A trial of a shorter step."""
-    n = work.shortenings + 1.0
-    change = where(n >= SHORTENINGS, 0.0, SHORTENED) * get(work.change, N)
+def _shortened(work: Work, n: Scalar, par: Parameters) -> Work:
+    """A trial of a shorter step, the n-th one, or of none."""
+    change = where(n >= effort(work.learnt, par).retries, 0.0, SHORTENED) * get(work.change, N)
     return work._replace(shortenings=n, change=put(work.change, change), begins=1.0)
 
 
 def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
     """The smoothed estimate is ready; the posterior, wider by misfit and drift, is to become the next prior."""
-    P = where(misfit > 1.0, misfit, 1.0) * -get_matrix(work.normal)
+    wider = where(misfit > 1.0, misfit, 1.0) * (1.0 + damping(work, work.shortenings, par))
+    P = wider * -get_matrix(work.normal)
     learnt = _learnt(work, misfit, P, time, par)
     for k, drift in enumerate(DRIFT):
         P[k, k] = P[k, k] + square(drift)
@@ -327,7 +336,12 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         q = store(work.q, START, 0.0)
         return finished._replace(phase=RENEWING, turn=0.0, normal=put_matrix(work.normal, P), q=q)
 
-    return cond(misfit < BAD, renewing, lambda: _rejected(finished, par))
+    is_lost = (par.option_further > 0.0) & (work.learnt.misfit >= POOR)
+
+    def rejected() -> Work:
+        return cond(is_lost, lambda: _forgotten(finished, par), lambda: _rejected(finished, par))
+
+    return cond(misfit < BAD, renewing, rejected)
 
 
 def _learnt(work: Work, misfit: Scalar, P: Array, time: Scalar, par: Parameters) -> Learnt:
@@ -352,7 +366,26 @@ def _rejected(work: Work, par: Parameters) -> Work:
     Pi[:START, :START] = DOUBT * Pi[:START, :START]
     for k, s in enumerate(priors(par)):
         Pi[k, k] = Pi[k, k] + (1.0 - DOUBT) / square(WIDEST * s)
-    return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi)))
+    origin = cond(par.option_command > 0.0, lambda: _by_voltage(work.origin, par), lambda: work.origin)
+    return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi), origin=origin))
+
+
+def _by_voltage(origin: Array, par: Parameters) -> Array:
+    """Where an operation must have ended: at the lower stop with a voltage, at that of the spring without one."""
+    u = load(origin, 4)
+    origin = store(origin, 2, where(fabs(u) > par.edge, par.stop_lower, par.stop_upper))
+    return store(origin, 3, 0.0)
+
+
+def _forgotten(work: Work, par: Parameters) -> Work:
+    """Two windows in a row that were not explained: what was learnt is wrong, and it begins as at the start, now."""
+    known = put(work.q, [0.0] * N)
+    return _opened(work._replace(q=known, prior=put_matrix(work.prior, _blind(par)), age=RING))
+
+
+def _blind(par: Parameters) -> Array:
+    """Arrival cost before the first window."""
+    return diagonal([1.0 / square(s) for s in (*priors(par), start_deviation(par))])
 
 
 def _renewed(work: Work) -> Work:

@@ -25,10 +25,7 @@ POT_MAGNET_PRINTED = POT_MAGNET._replace(orientation=pot_magnet.Orientation.prin
 
 def driven(plant: Any, par: Any, voltage: npt.NDArray[np.float64], dt: float, *names: str) -> npt.NDArray[np.float64]:
     """Outputs of an actuator at multiples of `dt` [s], one column per name; each voltage [V] is held until the next."""
-    kernel = Kernel(plant)
-    state, outputs = kernel.initial(plant.Inputs(0.0, 0.0, 0.0), par)
-    rows = [outputs]
-    for k, u in enumerate(voltage[:-1].tolist(), 1):
-        state, outputs = kernel.step(state, plant.Inputs(k * dt, dt, u), par)
-        rows.append(outputs)
-    return np.array([[getattr(row, name) for name in names] for row in rows], dtype=float)
+    steps = ((k * dt, dt, u) for k, u in enumerate(voltage[:-1].tolist(), 1))
+    _, rows = Kernel(plant).run([(0.0, 0.0, 0.0), *steps], par)
+    places = [plant.Outputs._fields.index(name) for name in names]
+    return np.array([[row[place] for place in places] for row in rows], dtype=float)

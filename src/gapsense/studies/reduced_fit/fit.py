@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,8 +57,9 @@ class Fitted(NamedTuple):
 def of_reference_cycle(par: Any, progress: Progress = lambda done, total: None) -> list[Fitted]:
     """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
     m, found = normalised(par), []
+    simulated = cache(lambda *changes: sampled(soft_landing(RTS_VALVE._replace(**dict(changes)))[-1], par.sample_time))
     for title, changes in SIMPLER.items():
-        s = sampled(soft_landing(RTS_VALVE._replace(**changes))[-1], par.sample_time)
+        s = simulated(*changes.items())
         chosen = s.mode == MOVING if "motion" in title else np.full(s.mode.shape, True)
         found.append(_fitted(title, s.position[chosen], s.flux_linkage[chosen], s.current[chosen], m))
         progress(len(found), len(SIMPLER))

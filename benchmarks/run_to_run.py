@@ -1,0 +1,67 @@
+"""What a step of `Mhe` and `RunToRun` costs in their FMUs, in the closed loop of the example without a contact.
+
+python benchmarks/run_to_run.py [FOLDER ...]    after `python build_fmus.py` and `python build_fmus.py --native`
+
+Each FMU by itself in a loop in C, on the inputs that it had in the scenario; of each of the steps the shortest of some
+runs, since others disturb single ones.  Exit code 1 if both together take 20 us or more at the median in one of the
+folders, or 60 us in any step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from actuator_steps import Run, alone, recorded
+from c_loop import Rows
+from experiment import ROOT
+from rich.console import Console
+from rich.table import Table
+
+from gapsense.cosim.scenario import Port
+
+SCENARIO, VARIANT = ROOT / "scenarios" / "run_to_run", "model"
+PARTS = {"mhe": "Mhe", "controller": "RunToRun"}
+FOLDERS = [ROOT / "build" / "fmus", ROOT / "build" / "native"]
+MEDIAN, LARGEST = 20.0, 60.0  # us, of both together
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="*", type=Path, default=FOLDERS, help="folders of FMUs")
+    parser.add_argument("--times", type=int, default=7, help="runs of which the shortest steps are taken")
+    options = parser.parse_args()
+    table, holds = Table(title="Microseconds of a step"), True
+    for column in ("FMUs", "", "median", "99 %", "largest", "over the median"):
+        table.add_column(column, justify="left" if column in ("FMUs", "") else "right")
+    for folder in options.folders:
+        run = recorded(SCENARIO, folder.resolve(), Port("actuator", "mode"), (2.0,), VARIANT)
+        steps = {title: shortest(run, name, options.times) for name, title in PARTS.items()}
+        for title, each in {**steps, "together": sum(steps.values())}.items():
+            table.add_row(folder.name, title, *shown(each))
+        holds &= is_fast(sum(steps.values()))
+    Console(width=None if sys.stdout.isatty() else 100).print(table)
+    return 0 if holds else 1
+
+
+def shortest(run: Run, name: str, times: int) -> Rows:
+    """Microseconds of each step, the shortest of some runs."""
+    return 1e6 * np.min([alone(run.experiment, run.rows[1:], name, {}) for _ in range(times)], axis=0)
+
+
+def shown(each: Rows) -> list[str]:
+    """Cells of a row."""
+    median, most, largest = np.median(each), np.quantile(each, 0.99), np.max(each)
+    return [f"{median:.2f}", f"{most:.2f}", f"{largest:.2f}", f"{largest / median:.1f}"]
+
+
+def is_fast(each: Rows) -> bool:
+    """Whether the steps hold what is demanded."""
+    return bool(np.median(each) < MEDIAN and np.max(each) < LARGEST)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

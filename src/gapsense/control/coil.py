@@ -1,0 +1,93 @@
+"""Flux linkage by the integral of u - R i over a cycle, and the resistance with which a cycle closes."""
+
+from __future__ import annotations
+
+from gapsense.control.records import Coil, Inputs, Parameters
+from gapsense.estimators.gap import gap, make_gap
+from gapsense.records import Scalar
+from gapsense.trace import clip, fabs, square, where
+
+RECENT = 0.32e-3  # time constant of the means of late [s]
+LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
+TREND = 0.1  # part of a change of the resistance that is expected again
+HOLDS = 0.1  # of the usual current: less does not tell the resistance
+FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
+SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
+JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
+
+
+def first_coil(inputs: Inputs, par: Parameters) -> Coil:
+    """Without flux."""
+    R = par.coil_resistance
+    return Coil(0.0, 0.0, 0.0, inputs.current, 0.0, R, R, 0.0, inputs.voltage, inputs.current, 0.0)
+
+
+def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
+    """The next sample."""
+    i, T_s = inputs.current - coil.zero, par.sample_time
+    mean, share = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s)
+    return coil._replace(
+        flux=coil.flux + T_s * (inputs.voltage - coil.resistance * mean),
+        charge=coil.charge + T_s * mean,
+        last_current=i,
+        change=i - coil.last_current,
+        held_voltage=coil.held_voltage + share * (inputs.voltage - coil.held_voltage),
+        held_current=coil.held_current + share * (i - coil.held_current),
+    )
+
+
+def zeroed(coil: Coil) -> Coil:
+    """After an ordinary opening, which leaves no current."""
+    off = coil.held_current
+    return coil._replace(zero=coil.zero + off, held_current=0.0, last_current=coil.last_current - off)
+
+
+def held_resistance(coil: Coil, par: Parameters) -> Scalar:
+    """Of an ordinary closing, at its end: voltage over current."""
+    usual = par.voltage_hold / par.coil_resistance
+    is_large = coil.held_current > HOLDS * usual
+    R = coil.held_voltage / where(is_large, coil.held_current, 1.0)
+    return where(is_large, _possible(R, par), coil.resistance)
+
+
+def _possible(R: Scalar, par: Parameters) -> Scalar:
+    return clip(R, LOWEST * par.coil_resistance, HIGHEST * par.coil_resistance)
+
+
+def open_flux(coil: Coil, par: Parameters) -> Scalar:
+    """Flux linkage of the current of late, with an open gap [Wb]."""
+    R_g, _, _ = gap(par.stop_upper, make_gap(par), par.gap_factor, par.gap_bend)
+    return coil.held_current / (R_g + par.core_reluctance / square(par.coil_turns))
+
+
+def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
+    """With which the integral over the cycle ends where its last current says."""
+    has_charge = coil.charge > HOLDS * par.voltage_hold / par.coil_resistance * par.closing_travel
+    off = coil.flux - open_flux(coil, par)
+    return where(
+        has_charge, _possible(coil.resistance + off / where(has_charge, coil.charge, 1.0), par), coil.resistance
+    )
+
+
+def closed(coil: Coil, cycles: Scalar, is_open: Scalar, par: Parameters) -> Coil:
+    """The next cycle begins; the resistance is that of the last one, and its trend."""
+    R, end = cycle_resistance(coil, par), open_flux(coil, par)
+    more = where(cycles > YOUNG, TREND * ((R - coil.measured) - coil.trend), 0.0)
+    off = end - coil.remanence
+    start = coil.remanence + where(fabs(off) > FAR, 1.0, NEAR) * off
+    start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
+    trend = coil.trend + more
+    return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start)
+
+
+def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
+    """The next cycle begins; flux linkage and resistance are those of an estimator, once it has solved an operation."""
+    has_solved = (inputs.windows >= SOLVED) & (inputs.estimated_resistance > 0.0)
+    R = _possible(where(has_solved, inputs.estimated_resistance, coil.measured), par)
+    is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
+    used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
+    return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R)
+
+
+def _restarted(coil: Coil, start: Scalar) -> Coil:
+    return coil._replace(flux=start, charge=0.0)

@@ -1,0 +1,68 @@
+"""How an operation went: when the mover landed, by the contact or by an estimator, and what follows from it."""
+
+from __future__ import annotations
+
+from gapsense.control import laws
+from gapsense.control.profile import arrival
+from gapsense.control.records import BAD, Heard, Inputs, Parameters, State
+from gapsense.control.tracking import planned
+from gapsense.records import Scalar
+from gapsense.trace import cond, not_, where
+
+LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
+GOOD = 2.0  # misfit of a window that is solved well
+
+
+def listened(state: State, inputs: Inputs) -> Heard:
+    """The contact at a sample: the last take-off before the first landing, and that."""
+    heard, is_closing = state.heard, state.running.command > 0.5
+    start, stop = where(is_closing, UPPER, LOWER), where(is_closing, LOWER, UPPER)
+    has_landed, age = heard.landing > 0.0, state.running.age
+    leaves = (heard.last_mode == start) & (inputs.mode == MOVING) & not_(has_landed)
+    lands = (heard.last_mode == MOVING) & (inputs.mode == stop) & not_(has_landed) & (heard.takeoff > 0.0)
+    return heard._replace(
+        last_mode=where(inputs.mode > 0.0, inputs.mode, heard.last_mode),
+        takeoff=where(leaves, age, heard.takeoff),
+        landing=where(lands, age, heard.landing),
+    )
+
+
+def judged_by_contact(state: State, par: Parameters) -> State:
+    """With its end: what the contact has said of it."""
+    heard, is_plain = state.heard, state.running.is_plain > 0.0
+    says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0)
+    state = state._replace(noted=state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen)))
+    has_landed = where(heard.landing > 0.0, 1.0, 0.0)
+    return _judged(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
+
+
+def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Once an estimator has solved the window of the last operation; it may be late and solve an older one."""
+    is_new = inputs.windows > state.seen_windows
+    is_last = is_new & (state.turns - inputs.windows < state.behind + 0.5)
+    until = where(inputs.smoothed_published > 0.0, inputs.smoothed_time, state.smoothed_until)
+    noted = state.noted._replace(solved=where(is_new, 1.0, state.noted.solved))
+    well = where(is_new, where(inputs.misfit < GOOD, state.solved_well + 1.0, 0.0), state.solved_well)
+    state = state._replace(seen_windows=inputs.windows, smoothed_until=until, noted=noted, solved_well=well)
+    half = 1.0 - state.running.command
+    length = laws.read(state.laws, half).length
+    landing = inputs.landing_time - inputs.time + (state.running.age + length) * par.sample_time
+    has_landed = where((landing > 0.0) & (landing <= length * par.sample_time) & (inputs.misfit < BAD), 1.0, 0.0)
+    is_known = is_last | (is_new & (has_landed > 0.0))
+    return cond(is_known & (length > 0.0), lambda: _judged(state, half, has_landed, landing, par), lambda: state)
+
+
+def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
+    """What follows from a landing so long after the command, or from none: the next approach, a stronger hold."""
+    law = laws.read(state.laws, half)
+    plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
+    after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
+    is_late = laws.is_late(has_landed, after, law)
+    plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0))
+    law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
+    is_weak = (half > 0.0) & (has_landed < 1.0)
+    return state._replace(
+        laws=laws.write(state.laws, half, law),
+        fell=where(is_late, 1.0, 0.0),
+        is_strong=where(is_weak, 1.0, state.is_strong),
+    )

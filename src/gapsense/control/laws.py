@@ -1,0 +1,70 @@
+"""What is known of the two kinds of operation, in memory, and how an approach gets slower from cycle to cycle.
+
+A landing in time makes the next approach slower; one that comes late, or not at all, makes it faster, and leaves a
+floor below which it does not come for a while.
+"""
+
+from __future__ import annotations
+
+from gapsense.control.records import LAW, Law, Parameters
+from gapsense.linalg import diagonal, matrix, vector
+from gapsense.records import Array, Scalar, triangle
+from gapsense.trace import load, store, where
+
+BEFORE = (0.2, 0.15, 0.2)  # standard deviations of a, b, q before anything is learnt
+SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
+HIGHEST_FLOOR = 0.25  # [m/s]
+UNJUDGED = 0.4  # operations that did not arrive: what one counts for until it is judged
+LATE = 0.4  # travels after the planned arrival
+STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
+LIMITED = 5.0  # samples at a limit of the voltage that are too many
+PAIRS = triangle(3)
+
+
+def read(laws: Array, half: Scalar) -> Law:
+    """What is known of a kind of operation."""
+    entries = [load(laws, half * LAW + k) for k in range(LAW)]
+    P = entries[3:9]
+    cov = matrix([[P[PAIRS.index((min(i, j), max(i, j)))] for j in range(3)] for i in range(3)])
+    return Law(vector(entries[:3]), cov, *entries[9:])
+
+
+def write(laws: Array, half: Scalar, law: Law) -> Array:
+    """The memory with it."""
+    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law[2:]]
+    for k, entry in enumerate(entries):
+        laws = store(laws, half * LAW + k, entry)
+    return laws
+
+
+def first(travel: Scalar, par: Parameters) -> Law:
+    """Before anything is learnt."""
+    cov = diagonal([s * s for s in BEFORE])
+    return Law(vector([0.0] * 3), cov, par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0)
+
+
+def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:
+    """Whether an operation fell short whose landing came so long after it was planned, if it came."""
+    return (has_landed < 1.0) | (after > LATE * law.travel)
+
+
+def judged(law: Law, has_landed: Scalar, fell_short: Scalar, par: Parameters) -> Law:
+    """After a soft operation."""
+    raised, faster, slower = RAISE * law.speed, law.speed / SHRINK, SHRINK * law.speed
+    higher = where(law.floor > raised, law.floor, raised)
+    higher = where(higher < HIGHEST_FLOOR, higher, HIGHEST_FLOOR)
+    floor = where(fell_short, higher, par.approach_least + KEEP * (law.floor - par.approach_least))
+    faster = where(faster < par.approach_first, faster, par.approach_first)
+    speed = where(fell_short, faster, where(slower > floor, slower, floor))
+    return law._replace(speed=speed, floor=floor, missed=missed_by(law, has_landed))
+
+
+def missed_by(law: Law, has_landed: Scalar) -> Scalar:
+    """Operations in a row that did not arrive; one that nobody has judged counts as `UNJUDGED`."""
+    return where(has_landed > 0.0, 0.0, law.missed + (1.0 - UNJUDGED))
+
+
+def stretched(law: Law, first: Scalar) -> Scalar:
+    """A longer travel, as the voltage was at its limit for more than some samples."""
+    travel, longest = STRETCH * law.travel, LONGEST_TRAVEL * first
+    return where(travel < longest, travel, longest)

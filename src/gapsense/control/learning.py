@@ -1,0 +1,116 @@
+"""What a contact teaches: three mechanical numbers of an operation, from when the mover took off and landed.
+
+The motion is computed without stops along the flux linkage that was measured, from rest at the take-off to the
+landing.  There it should be at the stop.  (The impact speed and the time of the landing themselves have a cusp where
+the landing is soft; this position has none.)
+"""
+
+from __future__ import annotations
+
+from gapsense.control import laws
+from gapsense.control.mover import Motion, Mover, depth, make_mover, moved, squared_flux, squares, started
+from gapsense.control.profile import stops
+from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
+from gapsense.estimators.kalman import Gaussian, condition
+from gapsense.linalg import diagonal, matrix, vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, cond, fabs, load, log, square, where
+
+AT_ONCE = 2  # samples of a pass that are taken in a step
+BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
+PLACE = 80e-6  # error of the position at the landing [m]
+INSTANT = 0.5  # error of the time of the landing, in samples
+SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
+LITTLE = 1e-4  # flux linkage [Wb]
+UNKNOWN = 1e6  # variance of what was not measured
+FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
+DRIFT = 0.005  # of a, b, q from operation to operation
+STUCK = 0.05  # change of a where the mover did not leave its stop
+
+
+def worked(state: State, par: Parameters) -> State:
+    """A piece of the pass; after the last one its result."""
+    is_due = state.course.last >= state.course.at
+    return cond(is_due, lambda: _gone(state, par), lambda: state)
+
+
+def _gone(state: State, par: Parameters) -> State:
+    course, m = state.course, with_law(make_mover(par), laws.read(state.laws, state.course.half).mean)
+    for _ in range(AT_ONCE):
+        course = _next(course, state, m, par)
+    state = state._replace(course=course)
+    return cond(course.at > course.last, lambda: _concluded(state, m, par), lambda: state)
+
+
+def with_law(m: Mover, mean: Array) -> Mover:
+    """A mover with a, b, q."""
+    return m._replace(balance=mean[0], slope=mean[1], lightness=mean[2])
+
+
+def measured(state: State, at: Scalar) -> Scalar:
+    """Flux linkage of a sample of the pass, by the resistance that is known now [Wb]."""
+    place = state.course.half * LONGEST + at
+    return load(state.fluxes, place) - state.course.correction * load(state.charges, place)
+
+
+def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
+    """The next sample, if there is one."""
+    at = where(course.at <= course.last, course.at, course.last)
+    z, v, *rest = course.motion
+    squared = squares(measured(state, at - 1.0), measured(state, at))
+    new = moved(Motion(z, v, vector(rest[:3]), vector(rest[3:])), squared, par.sample_time, m)
+    is_new = course.at <= course.last
+    motion = vector([where(is_new, a, b) for a, b in zip(_entries(new), course.motion)])
+    return course._replace(motion=motion, at=where(is_new, at + 1.0, course.at))
+
+
+def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: Parameters) -> State:
+    """A pass over the operation that has ended; none, if the mover did not leave its stop."""
+    contact, law = state.heard, laws.read(state.laws, half)
+    has_left = (contact.began > 0.0) & (contact.takeoff > 0.0)
+    has_landed = has_left & (contact.landing > contact.takeoff)
+    z0, _ = stops(half > 0.0, make_mover(par))
+    last = where(has_landed, contact.landing, contact.takeoff)
+    span = (contact.takeoff, contact.takeoff, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
+    course = Pass(half, *span, correction, impact, _entries(started(z0)))
+    is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0)
+    a = law.mean[0] + where(is_stuck, where(half > 0.0, STUCK, -STUCK), 0.0)
+    law = law._replace(mean=vector([clip(a, -LARGEST, LARGEST), *law.mean[1:]]))
+    return state._replace(course=course, laws=laws.write(state.laws, half, law))
+
+
+def _entries(at: Motion) -> Array:
+    return vector([at.position, at.velocity, *at.by_position, *at.by_velocity])
+
+
+def _concluded(state: State, m: Mover, par: Parameters) -> State:
+    """One step of a Kalman filter: take-off, landing, impact speed."""
+    course, law = state.course, laws.read(state.laws, state.course.half)
+    (z0, z1), (z, v, *slopes) = stops(course.half > 0.0, m), course.motion
+    before, after = measured(state, course.left - 1.0), measured(state, course.left)
+    mean, change = 0.5 * (before + after), fabs(after - before)
+    mean = where(mean > LITTLE, mean, LITTLE)
+    believed = squared_flux(z0, 0.0, 0.0, with_law(m, vector([0.0] * 3)))
+    x0 = depth(z0, m)
+    late = (course.last - course.left) * par.sample_time / law.travel
+    late = where(late > 1.0, late, 1.0)
+    has_landed, has_heard = course.landed > 0.0, (course.landed > 0.0) & (course.impact > 0.0)
+    heard = where(course.half > 0.0, -course.impact, course.impact)
+    innovation = vector([log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0), z1 - z, heard - v])
+    noise = vector(
+        [
+            square(BALANCE) + square(PART * change / mean),
+            where(has_landed, square(PLACE * late * late * late) + square(INSTANT * par.sample_time * v), UNKNOWN),
+            where(has_heard, square(SPEED * late * late), UNKNOWN),
+        ]
+    )
+    H = matrix([[1.0, x0, 0.0], slopes[:3], slopes[3:]])
+    return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise)))
+
+
+def _learnt(law: Law, innovation: Array, H: Array, noise: Array) -> Law:
+    """No number changes by much at once."""
+    q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
+    change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
+    mean = vector([clip(old + more, -LARGEST, LARGEST) for old, more in zip(law.mean, change)])
+    return law._replace(mean=mean, cov=P + diagonal([square(DRIFT)] * 3))

@@ -1,0 +1,157 @@
+"""From one operation to the next: what an operation leaves, what a cycle tells, and how the next operation begins."""
+
+from __future__ import annotations
+
+from gapsense.control import laws, learning
+from gapsense.control.coil import closed, held_resistance, told, zeroed
+from gapsense.control.judging import LOWER, UPPER, judged_by_contact
+from gapsense.control.mover import balance
+from gapsense.control.profile import stops
+from gapsense.control.records import CLOSING, OPENING, Coil, Heard, Inputs, LawKind, Noted, Parameters, Running, State
+from gapsense.control.tracking import believed, mover_of
+from gapsense.linalg import vector
+from gapsense.records import Array, Scalar
+from gapsense.trace import cond, not_, sqrt, where
+
+ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
+SOLVED = 3.0  # windows in a row that an estimator has to solve well before it is followed
+LOST = 0.1  # windows per operation that an estimator may give up, and so never count
+YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
+WARM = 0.85  # share of the voltage that the resistance may need
+UNSEEN, TOO_FAST, USED_UP, UNLEARNT = 1.0, 2.0, 4.0, 8.0  # warnings
+
+
+def turned(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An operation ends, and the next one begins."""
+    behind, usual = state.turns - inputs.windows, state.behind + LOST
+    behind = where(behind < usual, behind, usual)
+    state = state._replace(turns=state.turns + 1.0, behind=behind)
+    state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
+    return _begun(state, inputs, par)
+
+
+# the end of an operation
+
+
+def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
+    """What an operation leaves; the resistance of its samples is to be corrected."""
+    running, half, known = state.running, state.running.command, state.laws
+    law = laws.read(known, half)._replace(length=running.age, was_plain=running.is_plain)
+    first = where(half > 0.0, par.closing_travel, par.opening_travel)
+    is_warm = running.strain > WARM
+    is_limited = running.limited > laws.LIMITED
+    law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
+    law = law._replace(missed=law.missed + where(running.is_plain > 0.0, 0.0, laws.UNJUDGED))
+    noted = state.noted._replace(
+        too_fast=where(is_limited & not_(is_warm), 1.0, state.noted.too_fast),
+        used_up=where(is_warm, 1.0, state.noted.used_up),
+    )
+    state = state._replace(laws=laws.write(known, half, law), noted=noted)
+
+    def by_contact() -> State:
+        return learning.begun(judged_by_contact(state, par), half, correction, inputs.impact_speed, par)
+
+    return cond(par.law == LawKind.contact, by_contact, lambda: state)
+
+
+def _held(state: State, inputs: Inputs, par: Parameters) -> State:
+    """A closing has ended; an ordinary one tells the resistance."""
+    coil, is_plain = state.coil, state.running.is_plain > 0.0
+    R = where(is_plain, held_resistance(coil, par), coil.resistance)
+    state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
+    return _ended(state, R - coil.resistance, inputs, par)
+
+
+def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An opening has ended, and a cycle with it; before the first command there was none."""
+    return cond(state.cycles > 0.0, lambda: _next_cycle(state, inputs, par), lambda: _informed(state, par))
+
+
+def _informed(state: State, par: Parameters) -> State:
+    """The first cycle begins."""
+    known = laws.write(state.laws, CLOSING, laws.first(par.closing_travel, par))
+    known = laws.write(known, OPENING, laws.first(par.opening_travel, par))
+    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), laws=known, cycles=1.0)
+
+
+def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
+    is_plain, by_contact = state.running.is_plain > 0.0, par.law == LawKind.contact
+    coil: Coil = cond(is_plain, lambda: zeroed(state.coil), lambda: state.coil)
+    is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
+    new = cond(
+        by_contact,
+        lambda: closed(coil, state.cycles, is_open, par),
+        lambda: told(coil, state.cycles, inputs, par),
+    )
+    used = where(by_contact, new.measured, new.resistance)
+    state = _ended(state, used - coil.resistance, inputs, par)
+    known = cond(state.cycles == YOUNG, lambda: _grown(state.laws, par), lambda: state.laws)
+    return state._replace(
+        coil=new,
+        laws=known,
+        cycles=state.cycles + 1.0,
+        since_plain=state.since_plain + 1.0,
+        warned=_warnings(state.noted, par),
+        noted=Noted(0.0, 0.0, 0.0, 0.0),
+    )
+
+
+def _grown(known: Array, par: Parameters) -> Array:
+    """What was short while the model was young is forgotten."""
+    for half in (CLOSING, OPENING):
+        known = laws.write(known, half, laws.read(known, half)._replace(floor=par.approach_least))
+    return known
+
+
+def _warnings(noted: Noted, par: Parameters) -> Scalar:
+    unlearnt = where((par.law == LawKind.model) & (noted.solved < 1.0), 1.0, 0.0)
+    return UNSEEN * noted.unseen + TOO_FAST * noted.too_fast + USED_UP * noted.used_up + UNLEARNT * unlearnt
+
+
+# the beginning of an operation
+
+
+def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Soft, if a cycle begins for which enough is known."""
+    half, by_contact = 1.0 - state.running.command, par.law == LawKind.contact
+    law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
+    goes_on, falls_back = not_(is_closing) & (state.running.is_plain > 0.0), is_closing & _falls_back(state)
+    is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
+    starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
+    learnt = vector([*_learnt(inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
+    m = mover_of(learnt, par)
+    z0, _ = stops(is_closing, m)
+    start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
+    plan = (start, law.speed, law.travel, learnt, sqrt(balance(z0, m)))
+    began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
+    return state._replace(
+        running=Running(half, 0.0, where(is_plain, 1.0, 0.0), *plan, 0.0, 0.0, 0.0, 0.0),
+        heard=Heard(inputs.mode, began, 0.0, 0.0),
+        since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
+        is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
+        solved_well=where(starts_again, 0.0, state.solved_well),
+    )
+
+
+def _falls_back(state: State) -> Scalar:
+    """Whether an ordinary cycle is due."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    return ((closing.missed >= ROW) | (opening.missed >= ROW)) & (state.since_plain > APART)
+
+
+def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
+    """Whether enough is known for soft cycles: one that the contact has heard, or two by an estimator in time."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    cycle, by_contact = (closing.length + opening.length) * par.sample_time, par.law == LawKind.contact
+    is_good = (state.solved_well >= SOLVED) & not_(inputs.estimated_mass == state.first_mass)
+    is_told = (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
+    is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
+    return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & is_told)
+
+
+def _learnt(inputs: Inputs, par: Parameters) -> list[Scalar]:
+    """Factor and bend of the gap, rest, mass, damping: those that an estimator has learnt, if there is one."""
+    has_learnt = (par.law == LawKind.model) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
+    gap = (inputs.estimated_gap_factor, inputs.estimated_gap_bend)
+    found = (*gap, inputs.estimated_rest_position, inputs.estimated_mass, inputs.estimated_viscous_damping)
+    return [where(has_learnt, new, old) for new, old in zip(found, believed(par))]

@@ -1,0 +1,100 @@
+"""Soft landing from cycle to cycle: a flux linkage that the voltage follows, learnt from what the last cycles did.
+
+An operation begins with its command.  The mover is to follow a path that ends slowly; the flux linkage that this needs
+is the profile, and the voltage follows it with the integral of u - R i.  The first cycles are ordinary ones.  From a
+contact three mechanical numbers of each kind of operation are learnt; without one the mover is that of an estimator,
+which also tells afterwards what the loop's flux linkage was wrong by.  Approaches get slower as long as they arrive in
+time.  After two operations in a row that do not arrive comes an ordinary cycle.
+"""
+
+from __future__ import annotations
+
+from gapsense.control import correction, learning
+from gapsense.control.coil import first_coil, integrated
+from gapsense.control.judging import judged_by_estimator, listened
+from gapsense.control.operations import turned
+from gapsense.control.records import (
+    CLOSING,
+    LAW,
+    LONGEST,
+    OPENING,
+    Heard,
+    Inputs,
+    LawKind,
+    Noted,
+    Outputs,
+    Parameters,
+    Pass,
+    Running,
+    State,
+)
+from gapsense.control.tracking import believed, tracked
+from gapsense.linalg import vector
+from gapsense.records import Scalar, zeros
+from gapsense.trace import cond, where
+
+MANY = 1e6  # operations
+IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Open, without flux; nothing happens before the first command."""
+    learnt = vector([*believed(par), 0.0, 0.0, 0.0])
+    plan = (0.0, par.approach_first, par.opening_travel)
+    state = State(
+        coil=first_coil(inputs, par),
+        running=Running(OPENING, 0.0, 1.0, *plan, learnt, 0.0, 0.0, 0.0, 0.0, 0.0),
+        heard=Heard(inputs.mode, 0.0, 0.0, 0.0),
+        course=Pass(0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, vector([0.0] * 8)),
+        noted=Noted(0.0, 0.0, 0.0, 0.0),
+        laws=zeros(2 * LAW),
+        fluxes=zeros(2 * LONGEST),
+        charges=zeros(2 * LONGEST),
+        errors=zeros(2 * LONGEST),
+        cycles=0.0,
+        since_plain=0.0,
+        seen_windows=inputs.windows,
+        turns=0.0,
+        behind=MANY,
+        solved_well=0.0,
+        first_mass=inputs.estimated_mass,
+        smoothed_until=inputs.time,
+        is_ready=0.0,
+        is_strong=0.0,
+        fell=0.0,
+        warned=0.0,
+    )
+    return state, _outputs(state, 0.0)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
+    running = state.running._replace(age=state.running.age + 1.0)
+    state = state._replace(coil=integrated(state.coil, inputs, par), running=running)
+    state = state._replace(heard=listened(state, inputs))
+    command = where(inputs.command > 0.5, CLOSING, OPENING)
+    state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
+    state, u = tracked(state, par)
+    state = cond(
+        par.law == LawKind.model,
+        lambda: correction.corrected(judged_by_estimator(state, inputs, par), inputs, par),
+        lambda: learning.worked(state, par),
+    )
+    return state, _outputs(state, u)
+
+
+def _outputs(state: State, u: Scalar) -> Outputs:
+    running = state.running
+    ordinary = where(state.is_ready == 0.0, LEARNING, BACK)
+    soft = where(state.fell > 0.0, SHORT, TRACKING)
+    return Outputs(
+        voltage_reference=u,
+        flux_reference=running.wanted,
+        flux_linkage=state.coil.flux,
+        resistance=state.coil.resistance,
+        approach_speed=running.speed,
+        balance_flux=running.balance_flux,
+        cycle=state.cycles,
+        state=where(state.cycles < 1.0, IDLE, where(running.is_plain > 0.0, ordinary, soft)),
+        warnings=state.warned,
+    )

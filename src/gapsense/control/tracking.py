@@ -1,0 +1,86 @@
+"""Within an operation: the voltage with which the flux linkage follows the profile, and what is kept of a sample."""
+
+from __future__ import annotations
+
+from gapsense.control import correction
+from gapsense.control.mover import Mover, make_mover
+from gapsense.control.profile import Operation, flux, is_planned
+from gapsense.control.records import LONGEST, LawKind, Parameters, Running, State
+from gapsense.records import Array, Scalar
+from gapsense.trace import clip, cond, fabs, not_, store, where
+
+GAIN = 2000.0  # of the flux linkage [1/s]
+FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]
+
+
+def planned(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Parameters) -> Operation:
+    """The plan of an operation."""
+    is_closing = half > 0.5
+    lead = where(is_closing, par.closing_lead, par.opening_lead)
+    return Operation(is_closing, lead, travel, par.approach_time, par.approach_distance, speed, start)
+
+
+def believed(par: Parameters) -> tuple[Scalar, ...]:
+    """Factor and bend of the gap, rest, mass, damping, as they are told."""
+    return par.gap_factor, par.gap_bend, par.spring_rest, par.mover_mass, par.damping
+
+
+def mover_of(learnt: Array, par: Parameters) -> Mover:
+    """The mover of which the profile of an operation is made."""
+    factor, bend, rest, mass, damping, a, b, q = learnt
+    m = make_mover(par)._replace(factor=factor, bend=bend, rest=rest, mass=mass, damping=damping)
+    return m._replace(balance=a, slope=b, lightness=q)
+
+
+def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
+    """The voltage until the next sample: by the profile, or that of an ordinary operation."""
+    running, coil = state.running, state.coil
+    time, T_s = running.age * par.sample_time, par.sample_time
+    plan = planned(running.command, running.speed, running.travel, running.start_flux, par)
+    is_on = (running.is_plain < 1.0) & is_planned(time + T_s, plan)
+
+    def profile() -> tuple[Scalar, Scalar]:
+        m = mover_of(running.learnt, par)
+        return where(running.age > 0.0, running.wanted, plan.start), flux(time + T_s, plan, m)
+
+    now, then = cond(is_on, profile, lambda: (0.0, 0.0))
+    ohmic = coil.resistance * (coil.last_current + 0.5 * coil.change)
+    wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state, par) - coil.flux)
+    u = clip(wanted, par.voltage_least, par.voltage_most)
+    hold = where(state.is_strong > 0.0, par.voltage_most, par.voltage_hold)
+    ordinary = where(running.command > 0.5, hold, 0.0)
+    return _kept(state, is_on, now, then, is_on & not_(u == wanted), par), where(is_on, u, ordinary)
+
+
+def _error(state: State, par: Parameters) -> Scalar:
+    """What the loop's flux linkage is wrong by at this sample [Wb]."""
+    half, age, by_model = state.running.command, state.running.age, par.law == LawKind.model
+    return cond(by_model, lambda: correction.at_sample(state.errors, half, age), lambda: 0.0)
+
+
+def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:
+    """What the contact's law needs of a sample, or the estimator's."""
+    running, place = _watched(state, is_on, then, is_limited, par), _place(state.running)
+    is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
+    kept = where(par.law == LawKind.model, where(is_clear, now, 0.0), state.coil.flux)
+    fluxes, charges = store(state.fluxes, place, kept), store(state.charges, place, state.coil.charge)
+    return state._replace(running=running, fluxes=fluxes, charges=charges)
+
+
+def _place(running: Running) -> Scalar:
+    """Of a sample in memory; all beyond the last place share that."""
+    return running.command * LONGEST + where(running.age < LONGEST, running.age, LONGEST - 1.0)
+
+
+def _watched(state: State, is_on: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> Running:
+    """How near the voltage is to its limits."""
+    running, coil = state.running, state.coil
+    lead = where(running.command > 0.5, par.closing_lead, par.opening_lead)
+    is_moving = running.age * par.sample_time < lead + running.travel
+    strain = fabs(coil.resistance * coil.last_current) / par.voltage_most
+    return running._replace(
+        wanted=then,
+        limited=running.limited + where(is_limited & is_moving, 1.0, 0.0),
+        since_limit=where(is_limited, 0.0, running.since_limit + 1.0),
+        strain=where(is_on & (strain > running.strain), strain, running.strain),
+    )

@@ -1,0 +1,115 @@
+"""What is said of outcomes: quantiles of impact speeds, arrivals, energies, and what must hold of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.studies.run_to_run.cycles import NEVER, Outcome
+
+Floats = npt.NDArray[np.float64]
+OPERATIONS = ("closing", "opening")
+LEVELS = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "worst": 1.0}
+LAST = 10  # cycles at the end that are taken together
+LEARNT = 3  # cycle from which an operation that does not arrive counts
+WARNINGS = ("unseen", "too fast", "used up", "unlearnt")  # in the order of their bits, see `control.operations`
+SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
+
+
+class Demand(NamedTuple):
+    """A bound of the impact speed in closings and in openings [m/s]."""
+
+    condition: str
+    law: str
+    level: str
+    first: int  # cycle, or -`LAST`
+    bound: float
+
+
+DEMANDS = (
+    Demand("plain", "contact", "median", 5, 0.12),
+    Demand("plain", "contact", "90 %", 10, 0.25),
+    Demand("plain", "contact", "90 %", 20, 0.20),
+    Demand("plain", "model", "median", 5, 0.12),
+    Demand("plain", "model", "90 %", 10, 0.18),
+    Demand("plain", "model", "90 %", 20, 0.16),
+    Demand("plain", "model", "99 %", -LAST, 0.25),
+    # of `model` alone: the contact's law is above the next five, see the page of the study
+    Demand("warm", "model", "median", -LAST, 0.12),
+    Demand("warm", "model", "90 %", -LAST, 0.17),
+    Demand("noise", "model", "median", -LAST, 0.13),
+    *(Demand(name, "model", "median", 20, 0.12) for name in ("offset", "negative-offset")),
+    Demand("half-bridge", "contact", "median", -LAST, 0.22),
+)
+MISSED = 1e-3  # share of the operations that need not arrive
+
+
+class Verdict(NamedTuple):
+    """What was demanded and what was found, closing and opening."""
+
+    sentence: str
+    found: tuple[float, float]
+    bound: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether both do."""
+        return max(self.found) <= self.bound
+
+
+def quantile(speeds: Floats, level: str) -> Floats:
+    """Of closings and openings, (2,) of (cycles, 2, runs)."""
+    return np.asarray(np.quantile(np.swapaxes(speeds, 1, 2).reshape(-1, 2), LEVELS[level], axis=0))
+
+
+def worst_cycle(speeds: Floats, level: str) -> Floats:
+    """The largest quantile of a single cycle, of closings and openings."""
+    return np.asarray(np.quantile(speeds, LEVELS[level], axis=2).max(axis=0))
+
+
+def missed(outcome: Outcome) -> tuple[tuple[int, int], int]:
+    """Closings and openings that did not arrive since the laws had learnt, and how many of each there were."""
+    speeds = outcome.speeds[LEARNT:]
+    closing, opening = (speeds == NEVER).sum(axis=(0, 2)).tolist()
+    return (closing, opening), speeds[:, 0].size
+
+
+def warned(outcome: Outcome) -> list[float]:
+    """Shares of the last cycles in which the controller gave each of its `WARNINGS`."""
+    bits = outcome.warnings[-LAST:].astype(int)
+    return [float(np.mean(bits >> k & 1)) for k in range(len(WARNINGS))]
+
+
+def impact_energy(outcome: Outcome) -> Floats:
+    """Of closing and opening together: what can be heard, (cycles, runs) [J]; nothing where nobody arrived."""
+    arrived = np.where(outcome.speeds < NEVER, outcome.speeds, 0.0)
+    return np.asarray(0.5 * outcome.mass * np.sum(arrived**2, axis=1))
+
+
+def verdicts(outcomes: Mapping[tuple[str, str], Outcome]) -> list[Verdict]:
+    """Of all demands on rows that there are, with enough cycles."""
+    speeds = {d[:2]: outcomes[d[:2]].speeds for d in DEMANDS if d[:2] in outcomes}
+    made = [_judged(d, speeds[d[:2]]) for d in DEMANDS if d[:2] in speeds and _fits(d, speeds[d[:2]])]
+    arrivals = [_arriving(law, outcomes["plain", law]) for law in ("contact", "model") if ("plain", law) in outcomes]
+    return made + arrivals
+
+
+def _fits(demand: Demand, speeds: Floats) -> bool:
+    return len(speeds) > max(demand.first, LAST)
+
+
+def _judged(demand: Demand, speeds: Floats) -> Verdict:
+    name = f"{demand.condition}, {demand.law}: {demand.level}"
+    if demand.first < 0:
+        found = quantile(speeds[demand.first :], demand.level)
+        return Verdict(f"{name} of the last {LAST} cycles", tuple(found.tolist()), demand.bound)
+    found = worst_cycle(speeds[demand.first :], demand.level)
+    return Verdict(f"{name} of each cycle from {demand.first} on", tuple(found.tolist()), demand.bound)
+
+
+def _arriving(law: str, outcome: Outcome) -> Verdict:
+    (closing, opening), count = missed(outcome)
+    return Verdict(f"plain, {law}: share that did not arrive", (closing / count, opening / count), MISSED)

@@ -1,0 +1,8 @@
+"""Helpers of the tests of controllers can be imported here."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parent)]

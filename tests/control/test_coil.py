@@ -1,0 +1,49 @@
+"""Resistance and flux linkage of a coil whose resistance is another one than believed."""
+
+import pytest
+from commanded import inputs, parameters
+
+from gapsense.control.coil import closed, cycle_resistance, first_coil, integrated, open_flux
+from gapsense.estimators.gap import gap, make_gap
+
+PAR = parameters()
+
+
+def driven(R, resistance, remanence=0.0):
+    """A closing and an opening of a coil with an open gap, seen by a belief."""
+    R_g, *_ = gap(PAR.stop_upper, make_gap(PAR), 1.0, 0.0)
+    reluctance = R_g + PAR.core_reluctance / PAR.coil_turns**2
+    flux = remanence
+    coil = first_coil(inputs(current=flux * reluctance), PAR)
+    coil = coil._replace(resistance=resistance, measured=resistance, flux=remanence)
+    for k in range(1000):
+        u = 24.0 if k < 490 else 0.0
+        middle = (flux + 0.5 * PAR.sample_time * u) / (1.0 + 0.5 * PAR.sample_time * R * reluctance)
+        flux += PAR.sample_time * (u - R * middle * reluctance)
+        coil = integrated(coil, inputs(voltage=u, current=flux * reluctance), PAR)
+    return coil, flux
+
+
+@pytest.mark.parametrize("R", [44.0, 48.0, 53.0])
+def test_resistance_is_the_one_that_closes_the_cycle(R):
+    coil, flux = driven(R, 48.0)
+    assert open_flux(coil, PAR) == pytest.approx(flux, abs=1e-6)
+    assert cycle_resistance(coil, PAR) == pytest.approx(R, rel=2e-4)
+    assert closed(coil, 1.0, 1.0, PAR).resistance == pytest.approx(R, rel=2e-4)
+
+
+def test_right_resistance_follows_the_flux_linkage():
+    coil, flux = driven(48.0, 48.0)
+    assert coil.flux == pytest.approx(flux, abs=2e-6)
+
+
+def test_without_current_nothing_is_said_of_the_resistance():
+    coil = first_coil(inputs(), PAR)
+    for _ in range(500):
+        coil = integrated(coil, inputs(voltage=0.5), PAR)
+    assert cycle_resistance(coil, PAR) == PAR.coil_resistance
+
+
+def test_resistance_stays_within_what_a_coil_can_be():
+    assert cycle_resistance(driven(200.0, 48.0)[0], PAR) <= 1.9 * PAR.coil_resistance
+    assert cycle_resistance(driven(5.0, 48.0)[0], PAR) >= 0.6 * PAR.coil_resistance

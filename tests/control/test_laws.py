@@ -1,0 +1,93 @@
+"""Approaches get slower as long as they are in time; what is kept is read as it was written."""
+
+import numpy as np
+import pytest
+from commanded import parameters
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gapsense.control import laws
+from gapsense.control.records import LAW, Law
+from gapsense.records import zeros
+
+PAR = parameters()
+FIRST = laws.first(PAR.closing_travel, PAR)
+SPEEDS = st.floats(PAR.approach_least, PAR.approach_first)
+
+
+def written(*known):
+    memory = zeros(2 * LAW)
+    for half, law in enumerate(known):
+        memory = laws.write(memory, float(half), law)
+    return memory
+
+
+@settings(max_examples=20)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=18, max_size=18))
+def test_both_kinds_are_read_as_they_were_written(numbers):
+    ones = [
+        FIRST._replace(mean=np.array(n[:3]), cov=np.outer(n[3:6], n[3:6]), speed=n[6], floor=n[7], length=n[8])
+        for n in (numbers[:9], numbers[9:])
+    ]
+    memory = written(*ones)
+    for half, law in enumerate(ones):
+        read = laws.read(memory, float(half))
+        assert np.array_equal(np.array(read.mean, float), law.mean) and np.allclose(np.array(read.cov, float), law.cov)
+        assert tuple(read[2:]) == tuple(law[2:])
+
+
+def test_a_law_fits_its_memory():
+    assert 3 + 6 + len(Law._fields) - 2 == LAW
+
+
+def test_landings_in_time_make_approaches_as_slow_as_allowed():
+    law, speeds = FIRST, []
+    for _ in range(8):
+        law = laws.judged(law, 1.0, False, PAR)
+        speeds.append(law.speed)
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] == laws.SHRINK * PAR.approach_first and speeds[-1] == PAR.approach_least
+
+
+@pytest.mark.parametrize("has_landed", [0.0, 1.0])
+@given(speed=SPEEDS, floor=SPEEDS)
+def test_late_landing_makes_the_next_approach_faster_and_leaves_a_floor(has_landed, speed, floor):
+    law = FIRST._replace(speed=speed, floor=floor)
+    late = laws.judged(law, has_landed, True, PAR)
+    assert late.speed == pytest.approx(min(speed / laws.SHRINK, PAR.approach_first))
+    assert late.floor == pytest.approx(min(max(floor, laws.RAISE * speed), laws.HIGHEST_FLOOR))
+    again = laws.judged(late, 1.0, False, PAR)
+    assert PAR.approach_least <= again.floor <= late.floor and again.speed >= again.floor
+
+
+def test_floor_fades():
+    law = FIRST._replace(floor=laws.HIGHEST_FLOOR, speed=0.1)
+    for _ in range(300):
+        law = laws.judged(law, 1.0, False, PAR)
+    assert law.floor == pytest.approx(PAR.approach_least, abs=1e-3)
+
+
+def test_misses_are_counted_in_a_row():
+    """One counts as `UNJUDGED` with its end, and whole once it is judged."""
+    counts, law = [], FIRST
+    for has_landed in (0.0, 0.0, 1.0, 0.0):
+        law = law._replace(missed=law.missed + laws.UNJUDGED)
+        law = laws.judged(law, has_landed, has_landed < 1.0, PAR)
+        counts.append(law.missed)
+    assert counts == pytest.approx([1.0, 2.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("has_landed", "share", "late"), [(0.0, 0.0, True), (1.0, -1.0, False), (1.0, 0.39, False), (1.0, 0.41, True)]
+)
+def test_late_is_what_comes_long_after_it_was_planned_or_never(has_landed, share, late):
+    assert bool(laws.is_late(has_landed, share * FIRST.travel, FIRST)) is late
+
+
+def test_travel_gets_longer_but_not_for_ever():
+    planned = PAR.closing_travel
+    assert laws.stretched(FIRST, planned) == laws.STRETCH * planned
+    law = FIRST
+    for _ in range(50):
+        law = law._replace(travel=laws.stretched(law, planned))
+    assert law.travel == laws.LONGEST_TRAVEL * planned

@@ -1,0 +1,86 @@
+"""Another mover than the believed one is found from when it took off and landed."""
+
+import numpy as np
+import pytest
+from commanded import inputs, parameters
+
+from gapsense.control import laws, learning, run_to_run
+from gapsense.control.mover import make_mover, moved, squares, started
+from gapsense.control.profile import Operation, arrival, flux, stops
+from gapsense.control.records import LONGEST, Heard
+
+PAR = parameters()
+DT = PAR.sample_time
+
+
+def true_mover(law):
+    return learning.with_law(make_mover(PAR), np.array(law))
+
+
+def flown(plan, m):
+    """Flux linkage of a slow profile and of a long hold, and the samples of take-off and landing."""
+    z0, z1 = stops(plan.is_closing, m)
+    fluxes = [flux(min(k * DT, plan.lead + arrival(plan) + 3e-3), plan, make_mover(PAR)) for k in range(490)]
+    at, takeoff = started(z0), 0.0
+    for k in range(1, len(fluxes)):
+        at = moved(at, squares(fluxes[k - 1], fluxes[k]), DT, m)
+        pushed = at.position > z0 if plan.is_closing else at.position < z0
+        at, takeoff = (started(z0), float(k)) if pushed and not takeoff > k else (at, takeoff)
+        if (at.position - z1) * (z1 - z0) >= 0.0:
+            return fluxes, takeoff + 1.0, float(k)
+    return fluxes, takeoff + 1.0, 0.0
+
+
+def learnt(law, half, operations=3):
+    """The law after some operations, and how far from its stop a landing is computed, before and after."""
+    state, _ = run_to_run.initial(inputs(), PAR)
+    known = laws.write(state.laws, half, laws.first(PAR.closing_travel, PAR))
+    plan = Operation(half > 0.5, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, 0.4, 0.0 if half > 0.5 else 20e-3)
+    fluxes, takeoff, landing = flown(plan, true_mover(law))
+    memory = np.zeros(2 * LONGEST)
+    memory[round(half) * LONGEST :][: len(fluxes)] = fluxes
+    state = state._replace(laws=known, fluxes=memory.tolist() if isinstance(state.fluxes, list) else memory)
+    misses = []
+    for _ in range(operations + 1):
+        state = learning.begun(state._replace(heard=Heard(3.0, 1.0, takeoff, landing)), half, 0.0, 0.0, PAR)
+        while state.course.last >= state.course.at:
+            last, state = state, learning.worked(state, PAR)
+        assert last.course.half == half
+        misses.append(abs(state.course.motion[0] - stops(half > 0.5, true_mover(law))[1]))
+    return laws.read(state.laws, half), misses, landing
+
+
+@pytest.mark.parametrize(("half", "law"), [(1.0, (-0.1, 0.05, 0.1)), (0.0, (0.08, -0.05, -0.1))])
+def test_computed_landing_comes_to_the_stop(half, law):
+    _, misses, landing = learnt(law, half)
+    assert landing > 0.0 and misses[0] > 30e-6
+    assert misses[-1] < 0.3 * misses[0]
+
+
+def test_believed_mover_changes_nothing():
+    law, misses, landing = learnt((0.0, 0.0, 0.0), 1.0, operations=0)
+    assert landing > 0.0 and misses[0] < 8e-6
+    assert np.abs(law.mean).max() < 0.03
+
+
+def test_balance_at_the_take_off_is_found(a=-0.15):
+    law, _, landing = learnt((a, 0.0, 0.0), 1.0, operations=1)
+    assert landing > 0.0 and law.mean[0] == pytest.approx(a, abs=0.05)
+    assert law.cov[0, 0] < 0.25 * laws.BEFORE[0] ** 2
+
+
+@pytest.mark.parametrize(("half", "sign"), [(1.0, 1.0), (0.0, -1.0)])
+def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
+    """More pull at a closing; at an opening less."""
+    state, _ = run_to_run.initial(inputs(), PAR)
+    state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, PAR)))
+    state = learning.begun(state._replace(heard=Heard(3.0, 1.0, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+    assert laws.read(state.laws, half).mean[0] == pytest.approx(sign * learning.STUCK)
+    assert state.course.last < state.course.at  # and there is nothing to compute
+
+
+def test_nothing_is_learnt_where_the_contact_was_not_heard():
+    state, _ = run_to_run.initial(inputs(), PAR)
+    state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, PAR)))
+    state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
+    assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at

@@ -1,0 +1,133 @@
+"""What the controller does with commands, contacts that never come, and readings; its state is all there is."""
+
+import math
+from copy import deepcopy
+
+import pytest
+from commanded import commanded, inputs, parameters
+
+from gapsense.control import run_to_run
+from gapsense.kernel import Kernel
+
+OFF, LEARNING, TRACKING, BACK = 0.0, 1.0, 2.0, 4.0  # as the port table says
+PAR = parameters(sample_time=100e-6)  # few samples
+HIGH, LOW = [1.0] * 98, [0.0] * 102
+CYCLE = HIGH + LOW
+KERNEL = Kernel(run_to_run)
+
+
+def run(commands, par=PAR, since=None, first=1, **given):
+    """Outputs of the generated Python, and the last state; it may go on from a state, with sample `first`."""
+
+    def now(k):
+        return {name: value(k) if callable(value) else value for name, value in given.items()}
+
+    state, rows = since or KERNEL.initial(inputs(**now(0)), par)[0], []
+    for k, command in enumerate(commands, first):
+        state, outputs = KERNEL.step(state, inputs(time=k * par.sample_time, command=command, **now(k)), par)
+        rows.append(outputs)
+    return rows, state
+
+
+def test_without_a_command_there_is_no_voltage():
+    rows, _ = run([0.0] * 300, voltage=0.0, current=0.01, mode=3.0)
+    assert {(row.voltage_reference, row.state, row.cycle) for row in rows} == {(0.0, OFF, 0.0)}
+
+
+def test_first_cycle_is_an_ordinary_one():
+    rows, _ = run(CYCLE, voltage=24.0, current=0.4, mode=1.0)
+    assert [row.voltage_reference for row in rows] == [PAR.voltage_hold * command for command in CYCLE]
+    assert {row.state for row in rows} == {LEARNING} and rows[-1].cycle == 1.0
+
+
+def landing(k):
+    """A contact: 0.5 ms after each command the mover leaves, 3 ms after it it lands."""
+    k = (k - 1) % 200
+    age, ends = (k, (3.0, 1.0)) if k < 98 else (k - 98, (1.0, 3.0))
+    return ends[0] if age < 5 else 2.0 if age < 30 else ends[1]
+
+
+def test_second_cycle_is_soft_where_a_contact_was_heard():
+    rows, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=landing)
+    soft = rows[200:]
+    assert {row.state for row in soft[1:90]} == {TRACKING}
+    assert {PAR.voltage_hold, 0.0} != {row.voltage_reference for row in soft}
+    assert max(row.flux_reference for row in soft) > 5e-3 and soft[95].flux_reference == 0.0
+    assert all(PAR.voltage_least <= row.voltage_reference <= PAR.voltage_most for row in soft)
+
+
+@pytest.mark.parametrize("enable", [0.0, 0.5, -1.0])
+def test_disabled_cycles_are_ordinary_ones(enable):
+    rows, _ = run(CYCLE * 3, voltage=10.0, current=0.2, mode=landing, enable=lambda k: 1.0 if k < 200 else enable)
+    assert [row.voltage_reference for row in rows[200:]] == [PAR.voltage_hold * command for command in CYCLE * 2]
+    assert rows[-1].state == BACK and rows[-1].cycle == 3.0
+
+
+def test_enable_counts_where_a_closing_begins():
+    """Not in the middle of a cycle."""
+    on, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=landing)
+    off, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=landing, enable=lambda k: 1.0 if k < 210 else 0.0)
+    assert on == off
+
+
+def test_two_misses_are_followed_by_an_ordinary_cycle():
+    """A mover that never lands, after one good cycle."""
+    rows, _ = run(CYCLE * 10, voltage=10.0, current=0.2, mode=lambda k: landing(k) if k <= 200 else 3.0)
+    states = [rows[200 * c + 90].state for c in range(10)]
+    assert states[0] == LEARNING and BACK in states[3:]
+    back = states.index(BACK)
+    hold = {row.voltage_reference for row in rows[200 * back : 200 * back + 98]}
+    assert hold == {PAR.voltage_most}  # more than usual, as usual was not enough
+    assert states[back + 1] != BACK  # and then it tries again
+
+
+@pytest.mark.parametrize(("command", "is_closed"), [(0.5, 0.0), (0.51, 1.0), (1e9, 1.0), (-1.0, 0.0), (math.inf, 1.0)])
+def test_command_is_closed_above_a_half(command, is_closed):
+    rows, _ = run([command] * 5, mode=3.0)
+    assert rows[-1].voltage_reference == PAR.voltage_hold * is_closed and rows[-1].cycle == is_closed
+
+
+def test_lost_mode_counts_for_nothing():
+    """0 between two samples of the contact."""
+    lossy, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=lambda k: 0.0 if k in (20, 150) else landing(k))
+    whole, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=landing)
+    assert lossy == whole
+
+
+def test_operation_may_last_longer_than_the_memory():
+    rows, _ = run([1.0] * 1500 + [0.0] * 1500 + CYCLE, voltage=10.0, current=0.2, mode=1.0)
+    assert all(math.isfinite(value) for row in rows for value in row) and rows[-1].cycle == 2.0
+
+
+def test_state_is_all_there_is():
+    given = {"voltage": 10.0, "current": 0.2, "mode": landing}
+    begun, state = run(CYCLE + HIGH[:40], **given)
+    kept = deepcopy(state)
+    more, _ = run(HIGH[40:] + LOW, since=state, first=241, **given)
+    again, _ = run(HIGH[40:] + LOW, since=kept, first=241, **given)
+    assert more == again
+    assert begun + more == run(CYCLE * 2, **given)[0]
+
+
+def test_half_bridge_is_never_asked_for_less_than_nothing():
+    par = PAR._replace(voltage_least=0.0)
+    rows, _ = run(CYCLE * 4, par, voltage=10.0, current=0.2, mode=landing)
+    assert min(row.voltage_reference for row in rows) == 0.0
+
+
+def test_source_does_the_same():
+    source = [outputs for _, outputs in commanded(CYCLE[:120], PAR, voltage=10.0, current=0.2, mode=2.0)][1:]
+    generated, _ = run(CYCLE[:120], voltage=10.0, current=0.2, mode=2.0)
+    assert source == generated
+
+
+def test_contact_that_is_never_seen_is_told():
+    """After the ordinary cycle."""
+    silent, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=0.0)
+    heard, _ = run(CYCLE * 2, voltage=10.0, current=0.2, mode=landing)
+    assert silent[-1].warnings % 2.0 == 1.0 and heard[-1].warnings % 2.0 == 0.0
+
+
+def test_estimator_that_says_nothing_is_told_and_cycles_stay_ordinary():
+    rows, _ = run(CYCLE * 6, PAR._replace(law=1.0), voltage=10.0, current=0.2, mode=landing)
+    assert rows[-1].warnings >= 8.0 and {row.state for row in rows} == {LEARNING}
