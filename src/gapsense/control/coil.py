@@ -7,10 +7,11 @@ from gapsense.estimators.gap import gap, make_gap
 from gapsense.records import Scalar
 from gapsense.trace import clip, fabs, square, where
 
-RECENT = 0.32e-3  # time constant of the means of late [s]
+RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 TREND = 0.1  # part of a change of the resistance that is expected again
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
+TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
@@ -19,13 +20,15 @@ JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is take
 def first_coil(inputs: Inputs, par: Parameters) -> Coil:
     """Without flux."""
     R = par.coil_resistance
-    return Coil(0.0, 0.0, 0.0, inputs.current, 0.0, R, R, 0.0, inputs.voltage, inputs.current, 0.0)
+    return Coil(
+        0.0, 0.0, 0.0, inputs.current, 0.0, R, R, 0.0, inputs.voltage, inputs.current, inputs.current, 0.0, 0.0, 0.0
+    )
 
 
 def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     """The next sample."""
     i, T_s = inputs.current - coil.zero, par.sample_time
-    mean, share = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s)
+    mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     return coil._replace(
         flux=coil.flux + T_s * (inputs.voltage - coil.resistance * mean),
         charge=coil.charge + T_s * mean,
@@ -33,13 +36,19 @@ def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
         change=i - coil.last_current,
         held_voltage=coil.held_voltage + share * (inputs.voltage - coil.held_voltage),
         held_current=coil.held_current + share * (i - coil.held_current),
+        late_current=coil.late_current + late * (i - coil.late_current),
     )
 
 
 def zeroed(coil: Coil) -> Coil:
     """After an ordinary opening, which leaves no current."""
-    off = coil.held_current
-    return coil._replace(zero=coil.zero + off, held_current=0.0, last_current=coil.last_current - off)
+    off = coil.late_current
+    return coil._replace(
+        zero=coil.zero + off,
+        held_current=coil.held_current - off,
+        late_current=0.0,
+        last_current=coil.last_current - off,
+    )
 
 
 def held_resistance(coil: Coil, par: Parameters) -> Scalar:
@@ -63,7 +72,7 @@ def open_flux(coil: Coil, par: Parameters) -> Scalar:
 def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
     """With which the integral over the cycle ends where its last current says."""
     has_charge = coil.charge > HOLDS * par.voltage_hold / par.coil_resistance * par.closing_travel
-    off = coil.flux - open_flux(coil, par)
+    off = coil.flux - coil.shift - open_flux(coil, par)
     return where(
         has_charge, _possible(coil.resistance + off / where(has_charge, coil.charge, 1.0), par), coil.resistance
     )
@@ -89,5 +98,12 @@ def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R)
 
 
+def topped(coil: Coil) -> Coil:
+    """After a soft closing: the flux linkage is nearly that of the last ones, and the mean of these has less noise."""
+    off = coil.flux - coil.top
+    top = where(fabs(off) < APART, coil.top + TOP * off, coil.flux)
+    return coil._replace(top=top, shift=top - coil.flux, flux=top)
+
+
 def _restarted(coil: Coil, start: Scalar) -> Coil:
-    return coil._replace(flux=start, charge=0.0)
+    return coil._replace(flux=start, charge=0.0, shift=0.0)

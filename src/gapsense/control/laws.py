@@ -26,12 +26,12 @@ def read(laws: Array, half: Scalar) -> Law:
     entries = [load(laws, half * LAW + k) for k in range(LAW)]
     P = entries[3:9]
     cov = matrix([[P[PAIRS.index((min(i, j), max(i, j)))] for j in range(3)] for i in range(3)])
-    return Law(vector(entries[:3]), cov, *entries[9:])
+    return Law(vector(entries[:3]), cov, vector(entries[9:12]), *entries[12:])
 
 
 def write(laws: Array, half: Scalar, law: Law) -> Array:
     """The memory with it."""
-    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law[2:]]
+    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law.slopes, *law[3:]]
     for k, entry in enumerate(entries):
         laws = store(laws, half * LAW + k, entry)
     return laws
@@ -40,7 +40,7 @@ def write(laws: Array, half: Scalar, law: Law) -> Array:
 def first(travel: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
     cov = diagonal([s * s for s in BEFORE])
-    return Law(vector([0.0] * 3), cov, par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0)
+    return Law(vector([0.0] * 3), cov, vector([0.0] * 3), par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0)
 
 
 def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws, learning
-from gapsense.control.coil import closed, held_resistance, told, zeroed
+from gapsense.control.coil import closed, held_resistance, told, topped, zeroed
 from gapsense.control.judging import LOWER, UPPER, judged_by_contact
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
@@ -11,12 +11,13 @@ from gapsense.control.records import CLOSING, OPENING, Coil, Heard, Inputs, LawK
 from gapsense.control.tracking import believed, mover_of
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import cond, not_, sqrt, where
+from gapsense.trace import cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
 SOLVED = 3.0  # windows in a row that an estimator has to solve well before it is followed
 LOST = 0.1  # windows per operation that an estimator may give up, and so never count
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
+OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 WARM = 0.85  # share of the voltage that the resistance may need
 UNSEEN, TOO_FAST, USED_UP, UNLEARNT = 1.0, 2.0, 4.0, 8.0  # warnings
 
@@ -59,7 +60,9 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
     coil, is_plain = state.coil, state.running.is_plain > 0.0
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
     state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
-    return _ended(state, R - coil.resistance, inputs, par)
+    state = _ended(state, R - coil.resistance, inputs, par)
+    is_mean = (par.law == LawKind.contact) & not_(is_plain)
+    return cond(is_mean, lambda: state._replace(coil=topped(state.coil)), lambda: state)
 
 
 def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -69,9 +72,16 @@ def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _informed(state: State, par: Parameters) -> State:
     """The first cycle begins."""
-    known = laws.write(state.laws, CLOSING, laws.first(par.closing_travel, par))
-    known = laws.write(known, OPENING, laws.first(par.opening_travel, par))
-    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), laws=known, cycles=1.0)
+    state = _unlearnt(state, 0.0, par)
+    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), cycles=1.0)
+
+
+def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
+    """Nothing is known of either operation; with one missed, the next ones are ordinary if none was soft yet."""
+    known = state.laws
+    for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
+        known = laws.write(known, half, laws.first(travel, par)._replace(missed=missed))
+    return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -85,6 +95,8 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     )
     used = where(by_contact, new.measured, new.resistance)
     state = _ended(state, used - coil.resistance, inputs, par)
+    is_off = by_contact & (fabs(coil.zero - state.coil.zero) > OFFSET * par.voltage_hold / par.coil_resistance)
+    state = cond(is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
     known = cond(state.cycles == YOUNG, lambda: _grown(state.laws, par), lambda: state.laws)
     return state._replace(
         coil=new,

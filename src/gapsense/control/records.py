@@ -9,7 +9,7 @@ from gapsense.records import Array, Choice, Memory, Scalar, Table, Vector
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 15  # numbers of a `Law`
+LAW = 18  # numbers of a `Law`
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -100,6 +100,7 @@ class Law(NamedTuple):
 
     mean: Array  # a, b, q of the mover
     cov: Array  # (3, 3)
+    slopes: Array  # of the position at a soft landing by a, b, q: their mean of late, (3,)
     speed: Scalar  # of the next approach [m/s]
     floor: Scalar  # below which that does not come [m/s]
     travel: Scalar  # [s]
@@ -147,7 +148,10 @@ class Coil(NamedTuple):
     trend: Scalar  # change per cycle
     held_voltage: Scalar  # means of late
     held_current: Scalar
+    late_current: Scalar  # the same over a longer time
     zero: Scalar  # of the current sensor [A]
+    top: Scalar  # flux linkage with which closings end: its mean of late, or 0 [Wb]
+    shift: Scalar  # of this cycle's flux linkage, towards that [Wb]
 
 
 class Pass(NamedTuple):
