@@ -89,6 +89,7 @@ COMPONENT = Component(
         parameter("edge", "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9),
         parameter("window.tail", "s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9),
         parameter("window.longest", "s", "Longest window; at most 2000 samples", 20e-3, min=1e-9),
+        parameter("window.pace", "1", "Pieces of the work on a window that a step may do", 1.0, min=1.0, max=64.0),
         parameter("publish.within", "s", "Age beyond which a sample is not published; 0: all are", 0.0, min=0.0),
         *(
             parameter(f"prior.{prior}", "1", f"{what}: relative deviation before the first window", start, min=0.0)

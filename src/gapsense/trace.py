@@ -45,7 +45,7 @@ class Region:
         self.nodes: list[Expr] = []
         self.known: dict[tuple[Any, ...], Expr] = {}
         self.owner = sys.maxsize  # number of the `if` node that holds this region: nothing later may be used in it
-        self.is_loop = False
+        self.starts: dict[int, Any] | None = None  # of a loop body: what each variable is at first
 
 
 class Place(NamedTuple):
@@ -253,15 +253,15 @@ def load(array: Any, index: Any, shift: int = 0) -> Any:
 
 
 def store(array: Any, index: Any, value: Any, shift: int = 0) -> Any:
-    """Array memory with an element set in place.  Not in `loop`; from `cond` the memory must be returned."""
+    """Array memory with an element set in place; from `cond` and `loop` it must be returned, as it came in."""
     if not isinstance(array, Expr):
         array[int(index) + shift] = value
         return array
     region: Region | None = array.tape.region
-    while region is not None:
-        if region.is_loop:
-            raise _error("store() inside loop(). Return what is to be stored, and store it outside.")
+    while region is not None and region.starts is None:
         region = region.parent
+    if region is not None and region is not _entered(array):
+        raise _error("store() inside loop() to memory from outside. Let it be part of the loop's state.")
     node = array.tape.node("store", tuple(map(_scalar, (array, index, value))), shift)
     array.tape.overwritten.add(array.id)
     return node
@@ -269,11 +269,24 @@ def store(array: Any, index: Any, value: Any, shift: int = 0) -> Any:
 
 def memory_of(value: Any) -> Expr | None:
     """The array memory that a value is, as it came in; None for a scalar."""
-    while isinstance(value, Expr) and value.op in ("store", "get"):
-        if value.op == "get" and value.args[0].op == "loop":
-            return None
-        value = value.args[0] if value.op == "store" else [*value.args[0].extra[2].values()][value.extra][0]
+    while isinstance(value, Expr) and value.op in ("store", "get", "var"):
+        value = value.extra.starts[value.id] if value.op == "var" else _before(value)
     return value if isinstance(value, Expr) and value.op == "in" and value.extra == "memory" else None
+
+
+def _before(value: Expr) -> Any:
+    """Array memory before a `store`, a branch or a loop."""
+    holder = value.args[0]
+    if value.op == "store":
+        return holder
+    return holder.args[value.extra] if holder.op == "loop" else [*holder.extra[2].values()][value.extra][0]
+
+
+def _entered(array: Any) -> Any:
+    """The body of the loop into which array memory came last, or None."""
+    while isinstance(array, Expr) and array.op in ("store", "get"):
+        array = _before(array)
+    return array.extra if isinstance(array, Expr) and array.op == "var" else None
 
 
 def locate(table: Any, x: Any) -> Any:
@@ -319,7 +332,7 @@ def select(node: Expr, a: Any, b: Any) -> Any:
 
 
 def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
-    """Repeat `state, stop = body(*state)` until `stop`, at most `limit` times; `state` holds scalars, or records."""
+    """Repeat `state, stop = body(*state)` until `stop`, `limit` times at most; a state has scalars, memory, records."""
     for done in range(limit):
         new, stop = (state, False) if is_traced(*flatten(state)) else body(*state)
         if is_traced(*(values := flatten((state, new, stop)))):
@@ -331,13 +344,15 @@ def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
 
 
 def _traced_loop(tape: Tape, limit: int, body: Callable[..., tuple[S, Any]], start: S) -> S:
-    region, values = Region(tape.region), flatten(start)
-    region.is_loop = True
+    region, values = Region(tape.region), tuple(map(_scalar, flatten(start)))
     variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in values))
+    region.starts = {variable.id: value for variable, value in zip(variables, values)}
+    tape.overwritten |= {value.id for value in values if memory_of(value) is not None}
     new, stop = tape.inside(region, lambda: body(*rebuild(start, iter(variables))))
-    ends = flatten(new)
+    ends = tuple(map(_scalar, flatten(new)))
     if len(ends) != len(values):
         raise _error(f"the body of loop() returns {len(ends)} values for a state of {len(values)}; they must match.")
-    inner = (region, variables, tuple(map(_scalar, ends)), _scalar(stop), limit)
-    node = tape.node("loop", tuple(map(_scalar, values)), inner)
+    if any(memory_of(a) is not memory_of(b) for a, b in zip(ends, values)):
+        raise _error("the body of loop() returns array memory in another place than it came in.")
+    node = tape.node("loop", values, (region, variables, ends, _scalar(stop), limit))
     return rebuild(start, iter([tape.node("get", (node,), k) for k in range(len(values))]))

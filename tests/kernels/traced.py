@@ -75,3 +75,17 @@ def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:
     none = ctypes.c_void_p(None)
     library.step(none, none, given, none, none, none, none, found)
     return found[0]
+
+
+def memory_step(g: Graph, folder: Path) -> Callable[[list[float], Inputs], float]:
+    """A step with the memory of `State` in C; it changes the memory that it is given."""
+    library = build_graph(g, folder)
+
+    def step(memory: list[float], inputs: Inputs) -> float:
+        own, given, found = (ctypes.c_double * 5)(*memory), (ctypes.c_double * 3)(*inputs), (ctypes.c_double * 1)()
+        addresses, none = (ctypes.c_void_p * 1)(ctypes.addressof(own)), ctypes.c_void_p(None)
+        library.step(none, addresses, given, none, none, none, none, found)
+        memory[:] = own
+        return found[0]
+
+    return step

@@ -131,12 +131,13 @@ def test_a_run_does_not_depend_on_those_beside_it(count, compiler):
     np.testing.assert_array_equal(bits(run_lanes(branches, columns[:, -count:])), bits(whole[-count:]))
 
 
-def test_memory_changes_in_the_runs_that_take_a_branch_and_tables_are_searched(compiler):
+def test_memory_changes_in_the_runs_that_take_a_branch_or_round_and_tables_are_searched(compiler):
     def step(state: State, table: Any) -> Any:
         memory, x = state.memory, load(state.memory, 1.0)
         k = locate(table.table, x)
         y = load(table.table, k, 1) + load(table.table, k) * x + k
         stored = cond(x > 0.0, lambda: store(memory, where(x > 1.0, 0.0, 4.0), y), lambda: memory)
+        stored, _ = loop(4, lambda m, n: ((store(m, n, load(m, n) - 0.5 * x), n + 1.0), n > 1.0 + x), (stored, 0.0))
         return State(store(stored, 2.0, load(stored, 4.0) + x))
 
     code = Code(trace(step, {"state": State, "table": Parameters}))

@@ -12,7 +12,19 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from traced import Outputs, Pair, Parameters, State, compiled, graph, python_text, run_c, run_numpy, run_python
+from traced import (
+    Outputs,
+    Pair,
+    Parameters,
+    State,
+    compiled,
+    graph,
+    memory_step,
+    python_text,
+    run_c,
+    run_numpy,
+    run_python,
+)
 
 from gapsense.emit import C, Numpy, Python
 from gapsense.kernel import trace
@@ -390,15 +402,57 @@ def test_store_inside_branches_changes_the_memory_of_the_runs_that_take_them() -
         assert own == one == many.T.tolist()
 
 
-def test_store_inside_a_loop_is_refused() -> None:
-    def step(state: State) -> Any:
+def test_store_inside_a_loop_changes_the_memory_of_the_runs_that_are_in_it(tmp_path: Path) -> None:
+    """Branches and another loop in it too; in source, scalar Python, numpy over runs, and C."""
+    from traced import Inputs
+
+    def step(state: State, inputs: Inputs) -> Any:
+        def inner(memory: Any, n: Any) -> Any:
+            return (store(memory, n, load(memory, n) + inputs.a), n + 1.0), n >= inputs.b
+
+        def body(memory: Any, k: Any) -> Any:
+            memory = store(memory, k, load(memory, k) + inputs.c)
+            memory = cond(k > 1.0, lambda: loop(4, inner, (memory, 0.0))[0], lambda: memory)
+            return (memory, k + 1.0), k >= inputs.b
+
+        before = load(state.memory, 1.0)
+        memory, k = loop(4, body, (state.memory, 0.0))
+        memory = store(memory, 4.0, k)
+        return State(memory), Outputs(before + load(memory, 0.0) + 3.0 * load(memory, 2.0) + k)
+
+    g = trace(step, {"state": State, "inputs": Inputs})
+    scalar, batch = compiled(Python(g).source()), compiled(Numpy(g).source(), Numpy.head)
+    native = memory_step(g, tmp_path)
+    rng = np.random.default_rng(1)
+    own, one, other = ([zeros(5) for _ in range(3)] for _ in range(3))
+    many = np.zeros((5, 3))
+    for _ in range(30):
+        runs = [Inputs(rng.random(), float(rng.integers(4)), rng.uniform(-1.0, 1.0)) for _ in range(3)]
+        expected = [step(State(memory), given)[1].y for memory, given in zip(own, runs)]
+        assert [scalar((memory,), given)[1][0] for memory, given in zip(one, runs)] == expected
+        assert [native(memory, given) for memory, given in zip(other, runs)] == expected
+        assert batch((many,), [*map(np.array, zip(*runs))], 3)[1][0].tolist() == expected
+        assert own == one == other == many.T.tolist()
+
+
+def test_store_inside_a_loop_to_memory_that_is_not_its_own_is_refused() -> None:
+    def outside(state: State) -> Any:
         def body(k: Any) -> Any:
             return (load(store(state.memory, 0.0, k), 0.0),), k > 3.0
 
         return Outputs(loop(5, body, (load(state.memory, 0.0),))[0])
 
-    with pytest.raises(TraceError, match="store it outside"):
-        trace(step, {"state": State})
+    def carried(state: State) -> Any:
+        def body(memory: Any, k: Any) -> Any:
+            return (store(memory, 0.0, k), load(state.memory, 0.0)), k > 3.0
+
+        memory, k = loop(5, body, (state.memory, load(state.memory, 0.0)))
+        return State(memory), Outputs(k)
+
+    with pytest.raises(TraceError, match="part of the loop's state"):
+        trace(outside, {"state": State})
+    with pytest.raises(TraceError, match=r"Use what store\(\) returned"):
+        trace(carried, {"state": State})
 
 
 def test_branches_cannot_exchange_array_memory() -> None:

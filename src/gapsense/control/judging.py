@@ -10,7 +10,7 @@ from gapsense.records import Scalar
 from gapsense.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
-GOOD = 2.0  # misfit of a window that is solved well
+GOOD = 3.5  # misfit of a window that is solved well
 
 
 def listened(state: State, inputs: Inputs) -> Heard:

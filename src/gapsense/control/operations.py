@@ -14,7 +14,7 @@ from gapsense.records import Array, Scalar
 from gapsense.trace import cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
-SOLVED = 3.0  # windows in a row that an estimator has to solve well before it is followed
+SOLVED = 2.0  # windows in a row that an estimator has to solve well before it is followed
 LOST = 0.1  # windows per operation that an estimator may give up, and so never count
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more

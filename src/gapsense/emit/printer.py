@@ -198,9 +198,11 @@ class Printer(ABC):
             self.text[node.id] = text if is_inline and node.op != "load" else self._let(node, _bare(text))
 
     def _loop(self, node: Expr) -> Loop:
-        """A loop whose variables have names."""
+        """A loop whose variables have names; array memory changes in place."""
         body, variables, new, stop, limit = node.extra
-        live = sorted(self.live[node.id])
+        memory = {k: memory_of(variables[k]) for k in self.live[node.id]}
+        self.text.update((variables[k].id, self.ref(m)) for k, m in memory.items() if m is not None)
+        live = sorted(k for k, m in memory.items() if m is None)
         targets = [self.fresh("v") for _ in live]
         self.holders[node.id] = [dict(zip(live, targets)).get(k, "") for k in range(len(variables))]
         self.text.update((variables[k].id, target) for k, target in zip(live, targets))

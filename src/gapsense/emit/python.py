@@ -156,6 +156,11 @@ def row(array, index):
         element, value = text.split(" = ", 1)
         return f"{element} = where({self.taken}, {value}, {element})"
 
+    def _repeat(self, loop: Loop) -> None:
+        outer, self.taken = self.taken, self._both(self.taken, f"busy{loop.targets[0]}")
+        super()._repeat(loop)
+        self.taken = outer
+
     def _start(self, loop: Loop) -> None:
         """All variables, and `busy` for the runs that have not stopped."""
         self.write(f"busy{loop.targets[0]} = asarray(True)")

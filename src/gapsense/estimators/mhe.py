@@ -79,6 +79,7 @@ class Parameters(NamedTuple):
     edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
     window_tail: Scalar  # at rest after a landing until the window ends [s]
     window_longest: Scalar  # [s]
+    window_pace: Scalar  # pieces of a pass that a step may take
     publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
     prior_resistance: Scalar  # relative standard deviations before the first window
     prior_eddy: Scalar
@@ -117,8 +118,8 @@ class State(NamedTuple):
     held: Held
     work: Work
     samples: Samples
-    fluxes: Annotated[Array, Memory(RING + 1)]  # of the last trial; the last place takes idle writes
-    positions: Annotated[Array, Memory(RING + 1)]
+    fluxes: Annotated[Array, Memory(RING)]  # of the last trial
+    positions: Annotated[Array, Memory(RING)]
 
 
 class Inputs(NamedTuple):
@@ -207,7 +208,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         first_work(at, inputs.time, par),
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
-    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING + 1), zeros(RING + 1))
+    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING), zeros(RING))
     state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)

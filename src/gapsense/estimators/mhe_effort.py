@@ -37,11 +37,12 @@ class Effort(NamedTuple):
     latest: Scalar  # the same for a bad fit
     bad: Scalar  # misfit with which a search begins
     starts: Scalar
+    searches: Scalar  # among these
 
 
-USUAL = Effort(5.0, 3.0, late=140.0, later=300.0, latest=RING, bad=6.0, starts=float(len(STARTS)))
+USUAL = Effort(5.0, 3.0, late=140.0, later=300.0, latest=RING, bad=6.0, starts=float(len(STARTS)), searches=1.0)
 # a window that was left too early makes the next ones worse: it is better to be late for some cycles
-THOROUGH = Effort(15.0, 5.0, late=2500.0, later=2500.0, latest=4000.0, bad=1.0, starts=float(len(MORE_STARTS)))
+THOROUGH = Effort(15.0, 5.0, 2500.0, 2500.0, 4000.0, bad=1.0, starts=float(len(MORE_STARTS)), searches=4.0)
 
 
 def effort(learnt: Learnt, par: Parameters) -> Effort:

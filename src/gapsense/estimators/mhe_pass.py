@@ -20,7 +20,6 @@ from gapsense.estimators.mhe_records import (
     ALL,
     DERIVING,
     PAIRS,
-    RING,
     START,
     TRYING,
     USUAL,
@@ -43,9 +42,9 @@ if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
 PACE = 7  # of them that a pass takes in a step
+FASTEST = 64  # such pieces in a step, at most
 AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
-Kept = tuple[Scalar, ...]  # flux linkage and position of a sample
-Smoothed = tuple[Array, Array]  # the memory of these
+Smoothed = tuple[Array, Array]  # memory of the flux linkages and positions of a trial
 
 
 def begun(work: Work, m: Model, par: Parameters) -> Work:
@@ -71,11 +70,18 @@ def _cleared(work: Work) -> Work:
 def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Some samples more of a pass: with derivatives where they are due, or into the memory of smoothed samples."""
     m = with_device(m, Device(*get(work.device, START)))
-    return cond(
-        work.phase == DERIVING,
-        lambda: (_followed(work, samples, m, par), smoothed),
-        lambda: _tried(work, samples, smoothed, m),
-    )
+
+    def one(work: Work, smoothed: Smoothed, n: Scalar) -> tuple[tuple[Work, Smoothed, Scalar], Scalar]:
+        work, smoothed = cond(
+            work.phase == DERIVING,
+            lambda: (_followed(work, samples, m, par), smoothed),
+            lambda: _tried(work, samples, smoothed, m),
+        )
+        is_enough = (work.over > 0.0) | (work.walk.done >= work.age) | (n >= par.window_pace)
+        return (work, smoothed, n + 1.0), is_enough
+
+    work, smoothed, _ = loop(FASTEST, one, (work, smoothed, 1.0))
+    return work, smoothed
 
 
 def _followed(work: Work, samples: Samples, m: Model, par: Parameters) -> Work:
@@ -111,13 +117,13 @@ def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model) -> tuple[
     """Samples of a trial."""
     limit = where(work.age < work.end, work.age, work.end)
 
-    def one(walk: Walk, trail: list[Kept]) -> tuple[tuple[Walk, list[Kept]], Scalar]:
+    def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
         new, _ = _visited(walk, work, samples, m)
-        return (new, [(new.at[0], new.at[2]), *trail[:-1]]), new.done >= limit
+        kept = remembered(smoothed, new.at[0], new.at[2], work.age - new.done, samples)
+        return (new, kept), new.done >= limit
 
-    walk, trail = loop(PACE, one, (work.walk, [(work.walk.at[0], work.walk.at[2])] * PACE))
-    new = work._replace(walk=walk, over=where(walk.done >= work.end, 1.0, 0.0))
-    return new, remembered(smoothed, trail, walk.done - work.walk.done, work.age - walk.done, samples)
+    walk, smoothed = loop(PACE, one, (work.walk, smoothed))
+    return work._replace(walk=walk, over=where(walk.done >= work.end, 1.0, 0.0)), smoothed
 
 
 def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> tuple[Walk, Scalar]:
@@ -174,10 +180,7 @@ def _summed(work: Work, m: Model, par: Parameters) -> Work:
     return work._replace(walk=walk, summed=walk.counted, tangents=tangents, normal=normal, gradient=gradient)
 
 
-def remembered(smoothed: Smoothed, trail: list[Kept], passed: Scalar, age: Scalar, samples: Samples) -> Smoothed:
-    """The memory with the samples that a trial has passed; the last one is `age` samples old."""
-    fluxes, positions = smoothed
-    for k, (lam, z) in enumerate(trail):
-        spot = where(passed > k, place(samples.newest, age + k), RING)
-        fluxes, positions = store(fluxes, spot, lam), store(positions, spot, z)
-    return fluxes, positions
+def remembered(smoothed: Smoothed, flux: Scalar, position: Scalar, age: Scalar, samples: Samples) -> Smoothed:
+    """The memory with a sample that a trial has passed, `age` samples ago."""
+    (fluxes, positions), spot = smoothed, place(samples.newest, age)
+    return store(fluxes, spot, flux), store(positions, spot, position)

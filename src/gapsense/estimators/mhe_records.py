@@ -89,7 +89,8 @@ class Work(NamedTuple):
     has_grown: Scalar = 0.0  # 1: it was made longer
     tries: Scalar = 0.0
     shortenings: Scalar = 0.0
-    start: Scalar = 0.0  # of the starts that is tried, from 1 on; 0: none; -1: all were
+    start: Scalar = 0.0  # of the starts that is tried, from 1 on; 0: none; -1: all were, none is better
+    searches: Scalar = 0.0  # among them in this window
     best: Scalar = 0.0  # of them
     least_total: Scalar = 0.0  # its cost
     total: Scalar = 0.0  # cost at q

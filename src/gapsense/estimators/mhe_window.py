@@ -57,6 +57,7 @@ DOUBT, WIDEST = (
     4.0,
 )  # what is left of the information after a window that taught nothing, down to `priors` so often
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
+NOTHING = -1.0  # instead of a start: none is better
 JUMP = 0.03  # of R: a held voltage says better where to start
 
 
@@ -117,8 +118,8 @@ def _given_up(work: Work, causal: Point) -> Work:
 def _opened(work: Work) -> Work:
     """A window begins at its origin."""
     known = put(work.q_prior, get(work.q, N))
-    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, tries=0.0, start=0.0)
-    return _deriving(new)
+    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0)
+    return _deriving(new._replace(tries=0.0, start=0.0, searches=0.0))
 
 
 def _deriving(work: Work) -> Work:
@@ -254,7 +255,8 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
     may_grow = (work.has_grown < 1.0) & (work.end < longest) & not_(is_late | (par.option_command > 0.0))
     grows = (is_final | is_bad) & ends_later & may_grow
-    seeks = is_final & not_(grows) & is_bad & (work.start == 0.0) & (work.age < 0.5 * RING)
+    may_seek = (work.start > NOTHING) & (work.searches < worth.searches) & (work.age < 0.5 * RING)
+    seeks = is_final & not_(grows) & is_bad & may_seek
     return Verdict(total, misfit, (total < work.total) | is_last, is_final, grows, seeks)
 
 
@@ -267,7 +269,8 @@ def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work
         return work._replace(q=put(work.q, get(work.q, N) + get(work.change, N)))
 
     def sought() -> Work:
-        return _seeking(moved()._replace(start=1.0, best=0.0, least_total=found.total), par)
+        more = moved()._replace(start=1.0, best=0.0, least_total=found.total, searches=work.searches + 1.0)
+        return _seeking(more, par)
 
     def again() -> Work:
         on = moved()
@@ -301,7 +304,8 @@ def _sought(work: Work, par: Parameters) -> Work:
 
     def chosen() -> Work:
         q, retries = get(work.q, N) + vector(start_of(best, work.learnt, par)), effort(work.learnt, par).retries
-        found = work._replace(q=put(work.q, q), start=-1.0, begins=1.0, change=put(work.change, [0.0] * N))
+        start = where(best > 0.0, 0.0, NOTHING)
+        found = work._replace(q=put(work.q, q), start=start, begins=1.0, change=put(work.change, [0.0] * N))
         again = found._replace(phase=where(best > 0.0, DERIVING, TRYING), tries=0.0, shortenings=retries)
         has_damping = (par.option_further > 0.0) & not_(best > 0.0)  # of the inverse, which is to be the posterior
         return cond(has_damping, lambda: _damped(again, retries, par), lambda: again)
