@@ -20,9 +20,9 @@ from gapsense.trace import clip, cond, fabs, load, log, square, where
 
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
-# share by which the slopes of a soft landing follow: those of one cycle depend on its noise, as its landing does, and
+# share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of one cycle depend on its noise, as its landing does, and
 # their product would move from cycle to cycle what no landing tells
-STEADY = 0.05
+EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
 PLACE = 80e-6  # error of the position at the landing [m]
 INSTANT = 0.5  # error of the time of the landing, in samples
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
@@ -109,17 +109,17 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
             where(has_heard, square(SPEED * late * late), UNKNOWN),
         ]
     )
-    by_law = _steady(law, slopes[:3])
+    by_law = _steady(law, slopes[:3], where(state.cycles < YOUNG, EAGER, STEADY))
     is_soft = has_landed & (law.was_plain < 1.0)
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     H = matrix([[1.0, x0, 0.0], by_law, slopes[3:]])
     return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise)))
 
 
-def _steady(law: Law, slopes: Sequence[Scalar]) -> Array:
+def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     """The mean of late of a soft landing's slopes, if there is one; an ordinary landing has others."""
     is_first = (law.was_plain > 0.0) | (law.slopes[0] == 0.0)
-    return vector([old + where(is_first, 1.0, STEADY) * (new - old) for new, old in zip(slopes, law.slopes)])
+    return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
 def _learnt(law: Law, innovation: Array, H: Array, noise: Array) -> Law:
