@@ -3,7 +3,7 @@
 import pytest
 from commanded import inputs, parameters
 
-from gapsense.control.coil import closed, cycle_resistance, first_coil, integrated, open_flux
+from gapsense.control.coil import closed, cycle_resistance, first_coil, integrated, open_flux, topped, zeroed
 from gapsense.estimators.gap import gap, make_gap
 
 PAR = parameters()
@@ -47,3 +47,27 @@ def test_without_current_nothing_is_said_of_the_resistance():
 def test_resistance_stays_within_what_a_coil_can_be():
     assert cycle_resistance(driven(200.0, 48.0)[0], PAR) <= 1.9 * PAR.coil_resistance
     assert cycle_resistance(driven(5.0, 48.0)[0], PAR) >= 0.6 * PAR.coil_resistance
+
+
+@pytest.mark.parametrize(("left", "zero"), [(5e-3, 5e-3), (-5e-3, -5e-3), (0.1, 0.0)])
+def test_what_an_opening_leaves_is_the_zero_unless_it_is_too_large(left, zero):
+    coil = first_coil(inputs(), PAR)
+    for _ in range(500):
+        coil = integrated(coil, inputs(current=left), PAR)
+    coil = zeroed(coil, PAR)
+    assert coil.zero == pytest.approx(zero, rel=1e-4)
+    assert integrated(coil, inputs(current=left), PAR).last_current == pytest.approx(left - zero, abs=1e-6)
+
+
+def test_resistance_does_not_depend_on_what_an_opening_is_told_of_its_beginning():
+    """The mean of the last closings replaces the flux linkage; the cycle still closes as it was measured."""
+    coil, _ = driven(48.0, 47.0)
+    for off in (0.1e-3, -0.2e-3, 0.05e-3):
+        shifted = topped(coil._replace(top=coil.flux + off))
+        assert abs(shifted.flux - coil.flux) == pytest.approx(0.7 * abs(off))
+        assert cycle_resistance(shifted, PAR) == pytest.approx(cycle_resistance(coil, PAR), rel=1e-12)
+
+
+def test_closing_that_ends_far_from_the_last_ones_counts_alone():
+    coil = first_coil(inputs(), PAR)._replace(flux=18e-3, top=17e-3)
+    assert (topped(coil).flux, topped(coil).top) == (18e-3, 18e-3)

@@ -26,18 +26,18 @@ def written(*known):
 @given(st.lists(st.floats(-1.0, 1.0), min_size=18, max_size=18))
 def test_both_kinds_are_read_as_they_were_written(numbers):
     ones = [
-        FIRST._replace(mean=np.array(n[:3]), cov=np.outer(n[3:6], n[3:6]), speed=n[6], floor=n[7], length=n[8])
+        FIRST._replace(mean=np.array(n[:3]), cov=np.outer(n[3:6], n[3:6]), slopes=np.array(n[6:9]), speed=n[0])
         for n in (numbers[:9], numbers[9:])
     ]
     memory = written(*ones)
     for half, law in enumerate(ones):
         read = laws.read(memory, float(half))
         assert np.array_equal(np.array(read.mean, float), law.mean) and np.allclose(np.array(read.cov, float), law.cov)
-        assert tuple(read[2:]) == tuple(law[2:])
+        assert np.array_equal(np.array(read.slopes, float), law.slopes) and tuple(read[3:]) == tuple(law[3:])
 
 
 def test_a_law_fits_its_memory():
-    assert 3 + 6 + len(Law._fields) - 2 == LAW
+    assert 3 + 6 + 3 + len(Law._fields) - 3 == LAW
 
 
 def test_landings_in_time_make_approaches_as_slow_as_allowed():

@@ -84,3 +84,14 @@ def test_nothing_is_learnt_where_the_contact_was_not_heard():
     state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, PAR)))
     state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
     assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at
+
+
+def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not_kept():
+    known, one, other = laws.first(3.4e-3, PAR), [1.0, 2.0, 3.0], [3.0, 2.0, 5.0]
+    first = learning._steady(known, one, 0.05)
+    assert [*first] == one  # the first one
+    soft = known._replace(slopes=first, was_plain=0.0)
+    assert [*learning._steady(soft, other, 0.05)] == pytest.approx([1.1, 2.0, 3.1])
+    assert [*learning._steady(soft._replace(was_plain=1.0), other, 0.05)] == other
+    state, _, _ = learnt((0.0, 0.0, 0.0), 1.0)  # all of them ordinary ones, as far as the law knows
+    assert not np.any(np.array(state.slopes, float))

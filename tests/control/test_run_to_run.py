@@ -56,6 +56,19 @@ def test_second_cycle_is_soft_where_a_contact_was_heard():
     assert all(PAR.voltage_least <= row.voltage_reference <= PAR.voltage_most for row in soft)
 
 
+def test_offset_that_the_first_opening_tells_asks_for_another_ordinary_cycle():
+    """The first cycle was learnt with a zero that was wrong."""
+
+    def current(k):
+        return 0.2 * (0 < (k - 1) % 200 < 98) + 5e-3
+
+    rows, state = run(CYCLE * 3, voltage=10.0, current=current, mode=landing)
+    assert [rows[200 * c + 50].state for c in range(3)] == [LEARNING, LEARNING, TRACKING]
+    assert state.coil.zero == pytest.approx(5e-3, rel=1e-3)
+    rows, _ = run(CYCLE * 2, voltage=10.0, current=lambda k: current(k) - 4e-3, mode=landing)
+    assert [rows[200 * c + 50].state for c in range(2)] == [LEARNING, TRACKING]
+
+
 @pytest.mark.parametrize("enable", [0.0, 0.5, -1.0])
 def test_disabled_cycles_are_ordinary_ones(enable):
     rows, _ = run(CYCLE * 3, voltage=10.0, current=0.2, mode=landing, enable=lambda k: 1.0 if k < 200 else enable)

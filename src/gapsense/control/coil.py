@@ -10,6 +10,7 @@ from gapsense.trace import clip, fabs, square, where
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 TREND = 0.1  # part of a change of the resistance that is expected again
+OFFSET = 0.05  # of the usual current: an offset is less
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
@@ -40,13 +41,14 @@ def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     )
 
 
-def zeroed(coil: Coil) -> Coil:
-    """After an ordinary opening, which leaves no current."""
-    off = coil.late_current
+def zeroed(coil: Coil, par: Parameters) -> Coil:
+    """After an ordinary opening, which leaves no current; one that is too large for an offset has not decayed yet."""
+    usual = par.voltage_hold / par.coil_resistance
+    off = where(fabs(coil.late_current) < OFFSET * usual, coil.late_current, 0.0)
     return coil._replace(
         zero=coil.zero + off,
         held_current=coil.held_current - off,
-        late_current=0.0,
+        late_current=coil.late_current - off,
         last_current=coil.last_current - off,
     )
 

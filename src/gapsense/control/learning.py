@@ -20,8 +20,8 @@ from gapsense.trace import clip, cond, fabs, load, log, square, where
 
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
-# share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of one cycle depend on its noise, as its landing does, and
-# their product would move from cycle to cycle what no landing tells
+# share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
+# depend on its noise, as its landing does, and their product would move what no landing tells
 EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
 PLACE = 80e-6  # error of the position at the landing [m]
 INSTANT = 0.5  # error of the time of the landing, in samples

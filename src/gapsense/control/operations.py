@@ -86,7 +86,7 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     is_plain, by_contact = state.running.is_plain > 0.0, par.law == LawKind.contact
-    coil: Coil = cond(is_plain, lambda: zeroed(state.coil), lambda: state.coil)
+    coil: Coil = cond(is_plain, lambda: zeroed(state.coil, par), lambda: state.coil)
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
     new = cond(
         by_contact,
