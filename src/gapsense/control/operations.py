@@ -61,8 +61,14 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
     state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
     state = _ended(state, R - coil.resistance, inputs, par)
-    is_mean = (par.law == LawKind.contact) & not_(is_plain)
-    return cond(is_mean, lambda: state._replace(coil=topped(state.coil)), lambda: state)
+    return state._replace(coil=_opening(state.coil, is_plain, inputs, par))
+
+
+def _opening(coil: Coil, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
+    """The flux linkage with which an opening begins: a mean of the last ones, or the estimator's."""
+    by_contact = par.law == LawKind.contact
+    told = coil._replace(flux=where(by_contact, coil.flux, inputs.estimated_flux_linkage))
+    return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
 
 
 def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
