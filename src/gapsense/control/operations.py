@@ -11,11 +11,12 @@ from gapsense.control.records import CLOSING, OPENING, Coil, Heard, Inputs, LawK
 from gapsense.control.tracking import believed, mover_of
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import cond, fabs, not_, sqrt, where
+from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
 SOLVED = 2.0  # windows in a row that an estimator has to solve well before it is followed
 LOST = 0.1  # windows per operation that an estimator may give up, and so never count
+YOUNGEST, TRUSTED = 2.0, 0.1  # cycles, and share per cycle more, in which an estimator's flux linkage is taken
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 WARM = 0.85  # share of the voltage that the resistance may need
@@ -61,13 +62,14 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
     state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
     state = _ended(state, R - coil.resistance, inputs, par)
-    return state._replace(coil=_opening(state.coil, is_plain, inputs, par))
+    return state._replace(coil=_opening(state, is_plain, inputs, par))
 
 
-def _opening(coil: Coil, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """The flux linkage with which an opening begins: a mean of the last ones, or the estimator's."""
-    by_contact = par.law == LawKind.contact
-    told = coil._replace(flux=where(by_contact, coil.flux, inputs.estimated_flux_linkage))
+def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
+    """The flux linkage with which an opening begins: a mean of the last ones, or more and more the estimator's."""
+    coil, by_contact = state.coil, par.law == LawKind.contact
+    share = where(by_contact, 0.0, clip(TRUSTED * (state.cycles - YOUNGEST), 0.0, 1.0))
+    told = coil._replace(flux=coil.flux + share * (inputs.estimated_flux_linkage - coil.flux))
     return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
 
 

@@ -216,9 +216,9 @@ def _license_of(package: str) -> bytes:
 def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times, under a temporary name first."""
     temporary = path.with_suffix(".part")
-    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(members, key=lambda n: (n != "modelDescription.xml", n)):
             info = zipfile.ZipInfo(name, EPOCH)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            archive.writestr(info, members[name])
+            archive.writestr(info, members[name], compresslevel=9)
     return temporary.replace(path)
