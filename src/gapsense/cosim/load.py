@@ -12,6 +12,8 @@ from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
 from gapsense.cosim.changes import OVER, Changes
 from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.events.event import SECTION, Event
+from gapsense.cosim.events.read import read_events
 from gapsense.cosim.load_inputs import read_inputs
 from gapsense.cosim.played import Played
 from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
@@ -84,7 +86,7 @@ class Reader:
         table = self.table
         about, experiment = table.read(keys.FILE), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
-        components = self.section("components", self.components)
+        components, events = self.section("components", self.components), self.section(SECTION, self.events)
         grid, rows, columns = self.section("sweep", self.sweep)
         self.changes.finish(components)
         return Scenario(
@@ -109,12 +111,18 @@ class Reader:
             files=tuple(dict.fromkeys(self.files)),
             rows_columns=columns,
             played=played,
+            events=events,
             hashes=self.document.hashes,
         )
 
     def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
         """Values that a sweep goes through."""
         return sections.read_sweep(table, self.path.parent, self.files)
+
+    def events(self, table: Table) -> dict[str, Event]:
+        """Events by name, with the values laid over them."""
+        changes = {} if SECTION in table.table("components").data else self.changes.parameters(SECTION)
+        return read_events(table, changes)
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""

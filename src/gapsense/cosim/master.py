@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.events.director import Director
+from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import instance_of
@@ -62,8 +64,8 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions))
-        self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
+        self.places = Layout(ports(descriptions), texts(descriptions), scenario.events)
+        self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
@@ -144,6 +146,8 @@ class Master:
                 for part in self.each(STARTING, self.parts)
                 for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
             }
+            self.director.begin(recording.parameters)
+            recording.events = self.director.happened
             self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
             for part in self.each(ENDING, self.parts):
                 part.instance.call("fmi2Terminate")
@@ -180,12 +184,21 @@ class Master:
             refuse(part, part.read_outputs(), experiment)
         for port, value in constants(self.scenario, self.descriptions, values).items():
             place(port, value, self.places, self.buffer, self.texts)
-        self.player = player(self.scenario.played, self.places.index, experiment)
+        self.player = player(self.scenario.played, self.places.inlets, experiment)
         self.player.into(self.view)(0)
+        self.director = self.directed(seeds, values)
         for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
+
+    def directed(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> Director:
+        """The events of a run, prepared for the initialization."""
+        problems: list[str] = []
+        events = varied(self.scenario.events, values, problems)
+        if problems:
+            raise FmuError("run", " ".join(problems))
+        return Director(events, self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks)
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""
@@ -207,12 +220,15 @@ class Master:
         begin = keeper.restore(self, recording) if keeper else 0
         advance = self.advancer(recording, columns, begin)
         done = begin - 1 if begin else advance(0)
+        change = self.director.limit if begin else self.director.turn(done)
         wait = pacer(experiment, recording, done) if experiment.pace else None
         if progress:
             progress(done, count)
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         while done < count and not recording.interrupted:
-            done = advance(done + 1 if wait else pause)
+            done = advance(min(done + 1 if wait else pause, change))
+            if done == change:
+                change = self.director.turn(done)
             if wait:
                 wait(done)
             if done == pause:
@@ -244,7 +260,8 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    return list(bare.items()), hashes, scenario.connections, scenario.experiment.step_limit
+    targets = {name: event.target for name, event in scenario.events.items()}
+    return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
 
 
 def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:

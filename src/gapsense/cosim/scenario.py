@@ -8,6 +8,7 @@ from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
@@ -193,6 +194,7 @@ class Scenario:
     rows_columns: Mapping[Port, RowsColumn] = field(default_factory=dict)  # of `rows`
     played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
+    events: Mapping[str, Event] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
