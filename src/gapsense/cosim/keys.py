@@ -227,7 +227,8 @@ WHEN = Section(
         Key("after", kinds.NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
         Key("again", kinds.TRUTH, "After the event it counts again, once it has not held", "true", default=False),
     ),
-    at="[events.sticking.when]",
+    at="[events.offset.when]",
+    before='[events.offset]\ntarget = "semera.current"\naction = "stuck"\nduration = 2e-3\n',
 )
 EVENT = Section(
     "[events.<event>]",
@@ -246,7 +247,13 @@ EVENT = Section(
         Key("value", kinds.SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
         Key("over", kinds.POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
         Key("at", kinds.NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
-        Key("until", kinds.NUMBER, "End [s], a base step", "50e-3", otherwise="`duration`, or to the end"),
+        Key(
+            "until",
+            kinds.NUMBER,
+            "End [s], a base step",
+            "50e-3",
+            otherwise="`duration`, or to the end",
+        ),
         Key(
             "duration",
             kinds.POSITIVE,

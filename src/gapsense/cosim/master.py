@@ -227,7 +227,7 @@ class Master:
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         while done < count and not recording.interrupted:
             done = advance(min(done + 1 if wait else pause, change))
-            if done == change:
+            if done == change or self.director.has_news():
                 change = self.director.turn(done)
             if wait:
                 wait(done)
@@ -243,7 +243,18 @@ class Master:
         marks[PHASE], marks[ROWS] = STEPPING, recording.rows
         decimation, buffer = scenario.record.decimation, self.view
         return advancer(
-            Work(self.parts, scenario.experiment, self.player, columns, decimation, buffer, recording, marks, begin)
+            Work(
+                self.parts,
+                scenario.experiment,
+                self.player,
+                columns,
+                decimation,
+                buffer,
+                recording,
+                marks,
+                begin,
+                self.director.watches,
+            )
         )
 
     def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:

@@ -11,6 +11,7 @@ from zlib import crc32
 
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.grid import index_of, steps_of
+from gapsense.cosim.events.watch import Buffer, Watch
 from gapsense.cosim.scenario import Component, Experiment
 from gapsense.random import normal, seeded
 from gapsense.tables import Value
@@ -27,7 +28,8 @@ class Track:
     end: int | None = None
     is_on: bool = False
     is_armed: bool = True  # the condition may count: it has not held since the last time
-    since: int | None = None  # the condition holds
+    since: int | None = None  # it holds
+    is_watched: bool = False  # it is looked at
     held: Value = 0.0  # what the target was just before
     noise: float = 0.0  # of standard deviation 1, for the present sample
     generator: list[float] = field(default_factory=list)
@@ -52,13 +54,16 @@ class Actor:
     holds for the step that begins now.
     """
 
-    def __init__(self, event: Event, experiment: Experiment, component: Component, lead: int, seed: int) -> None:
+    def __init__(
+        self, event: Event, experiment: Experiment, component: Component, lead: int, watch: Watch | None, seed: int
+    ) -> None:
+        self.watch = watch
         self.event, self.lead, self.step, self.offset = event, lead, component.step, component.offset
         self.first = 1 if lead and experiment.method == "gauss-seidel" else 0
         self.over, self.duration = steps_of(event.over, experiment), steps_of(event.duration, experiment)
         when = event.when
         self.lasting = steps_of(when.lasting, experiment) if when else 0
-        self.after = index_of(when.after, experiment) if when and when.after is not None else 0
+        self.after = index_of(when.after, experiment) if when and when.after is not None else 0  # nothing is before 0
         self.track = Track(generator=[float(x) for x in seeded(stream(event.name, seed))] if event.is_random else [])
         if event.at is not None and event.enabled:
             self.track.begin = index_of(event.at, experiment)
@@ -75,10 +80,11 @@ class Actor:
         """The base step at which it is over, by its duration."""
         return begin + self.duration if self.duration else None
 
-    def turn(self, k: int, signal: Callable[[], float], before: Callable[[], Value]) -> int:
+    def turn(self, k: int, buffer: Buffer, before: Callable[[], Value]) -> int:
         """Prepare the next moment after base step k; 1 where the event begins, -1 where it ends, 0 else."""
         track, m = self.track, k + self.lead
-        if self.is_waiting and k >= max(0, self.after) and self.fires(k, signal()):
+        track.is_watched = self.is_waiting and k >= self.after
+        if self.watch and track.is_watched and self.fires(k, self.watch.look(buffer)):
             track.begin, track.end = m, self.ending(m)
         is_on = track.begin is not None and track.begin <= m and (track.end is None or m < track.end)
         change, track.is_on = is_on - track.is_on, is_on
@@ -86,14 +92,14 @@ class Actor:
             track.held = before()
         if change < 0 and self.event.when is not None and self.event.when.again:
             track.begin = track.end = None
+        self.tell()
         if is_on and self.event.is_random and self.takes(m):
             track.generator, track.noise = drawn(track.generator)
         return change
 
-    def fires(self, k: int, value: float) -> bool:
+    def fires(self, k: int, holds: bool) -> bool:
         """True if the condition has held for long enough, the first time since it did not hold."""
-        track, when = self.track, self.event.when
-        holds = when is not None and (value > when.level if when.is_above else value < when.level)
+        track = self.track
         if not holds:
             track.since, track.is_armed = None, True
             return False
@@ -101,6 +107,11 @@ class Actor:
         fires = track.is_armed and k - track.since >= self.lasting
         track.is_armed = track.is_armed and not fires
         return fires
+
+    def tell(self) -> None:
+        """Let the loop look at the condition, or not."""
+        if self.watch:
+            self.watch.is_on, self.watch.holds = self.is_waiting and self.track.is_watched, self.track.since is not None
 
     def takes(self, m: int) -> bool:
         """True if the target takes a value at a base step; all do at the initialization."""
@@ -120,13 +131,20 @@ class Actor:
         """The next base step after which `turn` is needed."""
         track, m = self.track, k + self.lead
         if self.is_waiting:
-            return max(k + 1, self.after)
+            return self.news(k)
         if track.begin is None or (track.end is not None and m >= track.end):
             return NEVER
         if m < track.begin:
             return track.begin - self.lead
         end = NEVER if track.end is None else track.end - self.lead
         return min(end, self.following(k)) if self.event.is_random or m - track.begin < self.over else end
+
+    def news(self, k: int) -> int:
+        """The next base step at which the condition, as it now is, may count: the loop tells when it changes."""
+        if not self.track.is_watched:
+            return max(k + 1, self.after)
+        is_counting = self.track.is_armed and self.track.since is not None
+        return (self.track.since or 0) + self.lasting if is_counting else NEVER
 
     def following(self, k: int) -> int:
         """The next base step after which a value that the target takes is to be prepared."""
@@ -140,6 +158,7 @@ class Actor:
     def restore(self, saved: dict[str, Any]) -> None:
         """Go on from there."""
         self.track = Track(**saved)
+        self.tell()
 
 
 def effect(event: Event, share: float, track: Track) -> Effect:

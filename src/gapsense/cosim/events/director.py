@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.events.actor import NEVER, Actor, Effect
 from gapsense.cosim.events.event import Event
+from gapsense.cosim.events.watch import Watch, reporter
 from gapsense.cosim.part import Layout, Part, Stage
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import COMPONENT, MASTER
@@ -45,7 +46,8 @@ class Director:
         self.tuned: dict[str, Tuned] = {}
         for name, event in events.items():
             part, lead = by_name[event.target.component], int(name in places.slots)
-            actor = Actor(event, experiment, part.component, lead, seeds.get(event.seed_name, event.seed))
+            seed = seeds.get(event.seed_name, event.seed)
+            actor = Actor(event, experiment, part.component, lead, watch(event, places), seed)
             self.actors[name] = actor
             if lead:
                 self.stages[name] = part.stages[name]
@@ -53,12 +55,14 @@ class Director:
                 number = parts.index(part) + 1
                 own = Tuned(part, event.target.variable, experiment, marks, number)
                 self.tuned.setdefault(str(event.target), own).actors.append(actor)
+        self.watches = [actor.watch for actor in self.actors.values() if actor.watch]
+        self.has_news = reporter(self.watches, buffer)
         self.limit = self.turn(-1)
 
     def turn(self, k: int) -> int:
         """Prepare what comes after base step k (-1: the initialization); the next one after which to do so again."""
         for name, actor in self.actors.items():
-            change = actor.turn(k, partial(self.signal, actor), partial(self.before, name, k))
+            change = actor.turn(k, self.buffer, partial(self.before, name, k))
             if change:
                 self.note(name, k + actor.lead, change)
             if name in self.stages:
@@ -66,11 +70,6 @@ class Director:
         late = [tuned.turn(k) for tuned in self.tuned.values()]
         self.limit = min([NEVER, *(actor.due(k) for actor in self.actors.values()), *late])
         return self.limit
-
-    def signal(self, actor: Actor) -> float:
-        """The signal of its condition."""
-        when = actor.event.when
-        return float(self.buffer[self.places.index[when.signal]]) if when else 0.0
 
     def before(self, name: str, k: int) -> Value:
         """What the target of an event has, but for this event and those after it in the file."""
@@ -110,6 +109,12 @@ class Director:
         for name, tuned in self.tuned.items():
             tuned.last = saved["last"][name]
         self.happened[:], self.limit = saved["happened"], saved["limit"]
+
+
+def watch(event: Event, places: Layout) -> Watch | None:
+    """What the loop is to look at for an event."""
+    when = event.when
+    return None if when is None else Watch(places.index[when.signal], when.level, when.is_above)
 
 
 class Tuned:

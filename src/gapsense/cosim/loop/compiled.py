@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy.typing as npt
 
+from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.instance import STEP
 from gapsense.cosim.loop import library
 from gapsense.cosim.loop.library import AT_GET, AT_SET, AT_STEP, IN_PYTHON, Doubles, Link, Loop, Number, Numbers
@@ -28,6 +29,8 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
         last = min(until, player.provide(loop.next))
         for guest in changing:
             renew(guest)
+        for place, watch in enumerate(work.watches):
+            loop.watches[place] = condition(watch)
         loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
         try:
             cause = run(loop, last)
@@ -107,6 +110,11 @@ def renew(guest: Guest) -> None:
         guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
 
 
+def condition(watch: Watch) -> library.Watch:
+    """A condition, for C."""
+    return library.Watch(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
+
+
 def exchange(call: Exchange) -> library.Exchange:
     """A call that moves values, for C."""
     entry = library.address(call.entry) if call.function else None
@@ -132,6 +140,8 @@ def whole(work: Work, parts: Any) -> Loop:
         place_count=len(work.player.places),
         marks=(Number * MARKS).from_buffer(work.marks),
         patience=PATIENCE,
+        watches=(library.Watch * len(work.watches))(),
+        watch_count=len(work.watches),
         next=work.begin,
     )
 
