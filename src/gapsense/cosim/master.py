@@ -227,7 +227,7 @@ class Master:
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         while done < count and not recording.interrupted:
             done = advance(min(done + 1 if wait else pause, change))
-            if done == change or self.director.has_news():
+            if done < count and (done == change or self.director.has_news()):
                 change = self.director.turn(done)
             if wait:
                 wait(done)
