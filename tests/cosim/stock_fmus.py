@@ -23,7 +23,14 @@ ATTRIBUTES = {
     ("Tuned", "gain"): {"min": "0", "max": "100"},
     ("Gain", "u"): {"min": "-1000", "max": "1000"},
 }
-DEPENDENCIES = {("Lag", "y"): "", ("Source", "y"): "", ("Source", "steps"): "", ("Faulty", "y"): "", ("Tuned", "y"): "", ("Tuned", "seen"): ""}
+DEPENDENCIES = {
+    ("Lag", "y"): "",
+    ("Source", "y"): "",
+    ("Source", "steps"): "",
+    ("Faulty", "y"): "",
+    ("Tuned", "y"): "",
+    ("Tuned", "seen"): "",
+}
 
 
 def finish(root: ElementTree.Element) -> None:

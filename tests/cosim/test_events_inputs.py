@@ -135,7 +135,7 @@ def test_event_on_a_constant_is_a_signal_with_the_same_bits(write, fmus):
 
 
 def test_event_on_a_signal_acts_on_what_it_plays(write, fmus):
-    signal = '[inputs.tuned.u]\ntimes = [0.0, 2.0]\nvalues = [0.0, 20.0]\n'
+    signal = "[inputs.tuned.u]\ntimes = [0.0, 2.0]\nvalues = [0.0, 20.0]\n"
     events = event("twice", "tuned.u", "scale", value=2.0, at=1.0)
     result = run(write(STEADY.partition("[inputs]")[0] + signal + events), fmus=fmus)
     k = np.arange(COUNT + 1)

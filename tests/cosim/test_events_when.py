@@ -126,8 +126,13 @@ def test_ramp_of_a_parameter_is_a_staircase_on_the_line(write, fmus, step):
 
 
 def test_events_on_one_parameter_act_in_the_order_of_the_file(write, fmus):
-    add, twice = event("add", "tuned.gain", "bias", value=1.0, at=0.5), event("twice", "tuned.gain", "scale", value=2.0, at=1.0)
-    first, second = (run(write(RAMP + text, name), fmus=fmus) for name, text in (("a", add + twice), ("b", twice + add)))
+    add, twice = (
+        event("add", "tuned.gain", "bias", value=1.0, at=0.5),
+        event("twice", "tuned.gain", "scale", value=2.0, at=1.0),
+    )
+    first, second = (
+        run(write(RAMP + text, name), fmus=fmus) for name, text in (("a", add + twice), ("b", twice + add))
+    )
     np.testing.assert_allclose(gains(first)[[0, 5, 10]], [2.0, 3.0, 6.0], rtol=1e-9)
     np.testing.assert_allclose(gains(second)[[0, 5, 10]], [2.0, 3.0, 5.0], rtol=1e-9)
 
