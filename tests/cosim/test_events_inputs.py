@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from zlib import crc32
+import hashlib
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import run
-from gapsense.random import normal, seeded
+from gapsense.random import normal
 
 BASE, COUNT = 0.1, 20
 NUMBER = st.floats(-9.0, 9.0).map(lambda x: round(x, 3))
@@ -23,17 +23,16 @@ def taken(step, offset, method):
     return [0, *(k for k in range(first, COUNT + 1, step) if k)]
 
 
-def numbers(name, seed):
-    """Random numbers of an event."""
-    state = seeded((crc32(name.encode()) + seed) % 2**31)
-    while True:
-        state, number = normal(state)
-        yield number
+def number(name, seed, k):
+    """Random number of an event for a base step: a hash is the state of a generator."""
+    digest = hashlib.sha256(f"{name} {seed} {k}".encode()).digest()
+    words = [int.from_bytes(digest[4 * j : 4 * j + 4], "little") for j in range(6)]
+    state = [float(w % (4294967087 if j < 3 else 4294944443)) for j, w in enumerate(words)]
+    return normal(state)[1]
 
 
 def expected(source, moments, events, seed=0):
     """Values of the input at the moments at which it is taken."""
-    random = {e["name"]: numbers(e["name"], seed) for e in events}
     entered, held, out = {}, {}, []
     for k in moments:
         value = source[k]
@@ -45,12 +44,12 @@ def expected(source, moments, events, seed=0):
                 share = min(1.0, since / e["steps"]) if e["steps"] else 1.0
                 value = {
                     "set": lambda e=e: e["value"],
-                    "ramp": lambda e=e, h=held[name], s=share: h + s * (e["value"] - h),
+                    "ramp": lambda e=e, h=held[name], s=share: h + s * (e["value"] - h) if s < 1.0 else e["value"],
                     "bias": lambda e=e, v=value, s=share: v + s * e["value"],
                     "scale": lambda e=e, v=value, s=share: v * (1.0 + s * (e["value"] - 1.0)),
                     "stuck": lambda h=held[name]: h,
                     "dropout": lambda: np.nan,
-                    "noise": lambda e=e, v=value, n=name: v + abs(e["value"]) * next(random[n]),
+                    "noise": lambda e=e, v=value, n=name, k=k: v + abs(e["value"]) * number(n, seed, k),
                 }[e["action"]]()
             entered[name] = passed
         out.append(value)
@@ -173,6 +172,36 @@ def test_lost_samples_reach_the_component_as_nan(write, fmus):
     result = run(write(RAMP + event("lost", "tuned.u", "dropout", at=0.5, until=0.9)), fmus=fmus)
     assert result["tuned.lost"][-1] == 4.0
     assert np.flatnonzero(np.isnan(result["tuned.u"])).tolist() == [5, 6, 7, 8]
+
+
+OTHERS = """
+[components.slow]
+fmu = "Tuned"
+step = 3
+[components.late]
+fmu = "Gain"
+offset = 1
+[connect]
+"tuned.u" = "source.y"
+"slow.u" = "source.y"
+[[connections]]
+from = "source.y"
+to = "late.u"
+factor = 2.0
+unit = "V"
+"""
+
+
+def test_event_on_an_output_is_one_on_all_inputs_that_it_drives(write, fmus):
+    """With the same noise for all that take a value at the same time, after conversions."""
+    text = RAMP.partition("[connect]")[0] + OTHERS + event("sensor", "source.y", "noise", value=1.0, at=0.5, until=1.6)
+    result = run(write(text), fmus=fmus)
+    error, late = result["tuned.u"] - result["source.y"], result["late.u"] - 2.0 * result["source.y"]
+    assert np.flatnonzero(error).tolist() == [*range(5, 16)]
+    np.testing.assert_allclose(error[2:], late[2:], atol=1e-12)
+    np.testing.assert_allclose((result["slow.u"] - result["source.y"])[::3], error[::3], atol=1e-12)
+    assert [span[:3] for span in result.events] == [("sensor", "source.y", "noise")]
+    assert 0.4 < np.std(error[5:16]) < 2.0
 
 
 def test_noise_of_events_differs_by_name_by_seed_and_by_run(write, fmus):

@@ -232,14 +232,14 @@ WHEN = Section(
 )
 EVENT = Section(
     "[events.<event>]",
-    "Something that happens to an input or a tunable parameter during a run: from `at` or from where a condition "
+    "Something that happens to a signal or a tunable parameter during a run: from `at` or from where a condition "
     "holds, until `until` or for `duration`, or to the end. Several on one target act in the order of the file.",
     (
         Key(
             "target",
             kinds.TEXT,
-            "Input or tunable parameter `component.variable`; an input is the connection, the signal or the constant "
-            "that drives it",
+            "`component.variable`: an input, whatever drives it; an output, for all inputs that it drives; or a tunable "
+            "parameter",
             '"semera.current"',
             required=True,
         ),

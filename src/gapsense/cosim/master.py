@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.events.director import Director
+from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import Instance
@@ -64,7 +65,7 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions), scenario.events)
+        self.places = Layout(ports(descriptions), texts(descriptions), self.resolved(scenario.events))
         self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
@@ -198,7 +199,13 @@ class Master:
         events = varied(self.scenario.events, values, problems)
         if problems:
             raise FmuError("run", " ".join(problems))
-        return Director(events, self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks)
+        return Director(
+            self.resolved(events), self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks
+        )
+
+    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
+        """Events with one target each."""
+        return resolved(events, self.scenario.connections)
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""

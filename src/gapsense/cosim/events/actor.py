@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
-from zlib import crc32
 
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.grid import index_of, steps_of
+from gapsense.cosim.events.noise import noise
 from gapsense.cosim.events.watch import Buffer, Watch
 from gapsense.cosim.scenario import Component, Experiment
-from gapsense.random import normal, seeded
 from gapsense.tables import Value
 
 NEVER = sys.maxsize
-SEEDS = 2**31  # of the generator
 
 
 @dataclass
@@ -31,8 +29,6 @@ class Track:
     since: int | None = None  # it holds
     is_watched: bool = False  # it is looked at
     held: Value = 0.0  # what the target was just before
-    noise: float = 0.0  # of standard deviation 1, for the present sample
-    generator: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class Actor:
         when = event.when
         self.lasting = steps_of(when.lasting, experiment) if when else 0
         self.after = index_of(when.after, experiment) if when and when.after is not None else 0  # nothing is before 0
-        self.track = Track(generator=[float(x) for x in seeded(stream(event.name, seed))] if event.is_random else [])
+        self.track, self.seed = Track(), seed
         if event.at is not None and event.enabled:
             self.track.begin = index_of(event.at, experiment)
             self.track.end = self.ending(self.track.begin)
@@ -93,8 +89,6 @@ class Actor:
         if change < 0 and self.event.when is not None and self.event.when.again:
             track.begin = track.end = None
         self.tell()
-        if is_on and self.event.is_random and self.takes(m):
-            track.generator, track.noise = drawn(track.generator)
         return change
 
     def fires(self, k: int, holds: bool) -> bool:
@@ -125,7 +119,10 @@ class Actor:
 
     def effect(self, m: int) -> Effect | None:
         """What it does to a value, or None while it is off."""
-        return effect(self.event, self.share(m), self.track) if self.track.is_on else None
+        if not self.track.is_on:
+            return None
+        size = noise(self.event.name, self.seed, m) if self.event.is_random else self.share(m)
+        return effect(self.event, size, self.track)
 
     def due(self, k: int) -> int:
         """The next base step after which `turn` is needed."""
@@ -162,7 +159,7 @@ class Actor:
 
 
 def effect(event: Event, share: float, track: Track) -> Effect:
-    """What an action does to a value."""
+    """What an action does to a value; `share` is how much of it is there, of noise a number of deviation 1."""
     if event.action in ("stuck", "dropout"):
         return Effect(None, track.held if event.action == "stuck" else math.nan)
     value = event.value if event.value is not None else 0.0
@@ -173,15 +170,4 @@ def effect(event: Event, share: float, track: Track) -> Effect:
         return Effect(None, float(track.held) + share * (number - float(track.held)))
     if event.action == "scale":
         return Effect(number if share >= 1.0 else 1.0 + share * (number - 1.0), 0.0)
-    return Effect(1.0, number * (track.noise if event.is_random else share))
-
-
-def stream(name: str, seed: int) -> int:
-    """Seed of the generator of an event; events of other names have other numbers."""
-    return (crc32(name.encode("utf-8")) + seed) % SEEDS
-
-
-def drawn(generator: list[float]) -> tuple[list[float], float]:
-    """The generator after a number of normal distribution, and this."""
-    after, number = normal(generator)
-    return [float(x) for x in after], float(number)
+    return Effect(1.0, number * share)

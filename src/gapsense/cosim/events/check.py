@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from gapsense.cosim.check_values import is_whole, limits, misfit, within
 from gapsense.cosim.descriptions import Description, Descriptions, Variable
-from gapsense.cosim.events.event import ACTIONS, SECTION, Event
+from gapsense.cosim.events.event import ACTIONS, SECTION, Event, resolved
 from gapsense.cosim.events.grid import index_of, is_on_grid, neighbours
 from gapsense.cosim.rules import broken_rules
 from gapsense.cosim.scenario import Experiment, Port, Scenario
@@ -31,28 +31,31 @@ def check_events(
 
 def target_problems(event: Event, scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Problems with the target of an event, and with what is done to it."""
-    name, variable = event.target.component, None
+    name = event.target.component
     if name not in scenario.components:
         yield f"target: there is no component `{name}`. {suggest(name, scenario.components)}"
-    elif name in descriptions:
-        variable = descriptions[name].variables.get(event.target.variable)
-        problem = refusal(event, variable, scenario, descriptions[name])
+        return
+    for one in resolved({"": event}, scenario.connections).values():
+        description = descriptions.get(one.target.component)
+        if description is None:
+            continue
+        variable = description.variables.get(one.target.variable)
+        problem = refusal(one, variable, description)
         if problem:
             yield problem
         elif variable is not None:
-            yield from value_problems(event, variable, scenario, descriptions[name])
+            yield from value_problems(one, variable, scenario, description)
 
 
-def refusal(event: Event, variable: Variable | None, scenario: Scenario, description: Description) -> str:
+def refusal(event: Event, variable: Variable | None, description: Description) -> str:
     """Why an event cannot act on a variable at all, or nothing."""
     port, action = event.target, ACTIONS[event.action]
     tunable = [v.name for v in description.variables.values() if v.is_tunable]
     if variable is None:
-        known = [*(v.name for v in description.of("input")), *tunable]
+        known = [*(v.name for c in ("input", "output") for v in description.of(c)), *tunable]
         return f"target: unknown variable `{port.variable}` in `{port.component}`. {suggest(port.variable, known)}"
     if variable.causality == "output":
-        driven = [str(c.target) for c in scenario.connections if c.source == port]
-        return f"target: `{port}` is an output. Name an input that it drives: {listing(driven) or 'there is none'}."
+        return f"target: the output `{port}` drives no input. Connect it, or choose another target."
     if variable.causality != "input" and not variable.is_tunable:
         others = f"tunable ones are {listing(tunable)}" if tunable else "it has none that is tunable"
         return f"target: `{port}` is fixed: FMI lets nobody change it during a run; {others}. Choose another target."
@@ -135,10 +138,9 @@ def time_problems(event: Event, experiment: Experiment) -> Iterator[str]:
 
 def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Problem of an event on an input at the start that needs what was before."""
-    name, variable = event.target
-    known = descriptions[name].variables.get(variable) if name in descriptions else None
-    is_input = known is not None and known.causality == "input"
+    description = descriptions.get(event.target.component)
+    variable = description.variables.get(event.target.variable) if description else None
     at_start = event.at is not None and index_of(event.at, scenario.experiment) == 0
-    if is_input and at_start and ACTIONS[event.action].remembers:
+    if variable is not None and not variable.is_parameter and at_start and ACTIONS[event.action].remembers:
         remedy = "Begin later, or use `set`."
         yield f"at: at the start there is no value before, with which `{event.action}` could begin. {remedy}"

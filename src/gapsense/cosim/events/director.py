@@ -27,7 +27,7 @@ Happened = list[list[Any]]  # event, base steps of its begin and its end, None w
 
 
 class Director:
-    """The events of a run; `limit` is the base step after which `turn` is to be called next."""
+    """The events of a run, with one target each; `limit` is the base step after which `turn` is to be called next."""
 
     def __init__(
         self,
@@ -57,14 +57,15 @@ class Director:
                 self.tuned.setdefault(str(event.target), own).actors.append(actor)
         self.watches = [actor.watch for actor in self.actors.values() if actor.watch]
         self.has_news = reporter(self.watches, buffer)
+        self.first = {event.name: key for key, event in reversed([*events.items()])}  # of each event, tells of it
         self.limit = self.turn(-1)
 
     def turn(self, k: int) -> int:
         """Prepare what comes after base step k (-1: the initialization); the next one after which to do so again."""
         for name, actor in self.actors.items():
             change = actor.turn(k, self.buffer, partial(self.before, name, k))
-            if change:
-                self.note(name, k + actor.lead, change)
+            if change and self.first[actor.event.name] == name:
+                self.note(actor.event.name, k + actor.lead, change)
             if name in self.stages:
                 self.stages[name].apply(actor.effect(k + actor.lead), self.buffer)
         late = [tuned.turn(k) for tuned in self.tuned.values()]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gapsense.tables import Value
 
 if TYPE_CHECKING:
     from gapsense.cosim.descriptions import Descriptions
-    from gapsense.cosim.scenario import Port
+    from gapsense.cosim.scenario import Connection, Port
 
 TIMES = ("at", "until", "duration", "over", "when.for", "when.after")  # keys in seconds
 NEEDED, MAY_BE = "needed", "may be given"
@@ -53,7 +53,7 @@ class When:
 
 @dataclass(frozen=True)
 class Event:
-    """One action on an input or a tunable parameter from `at` [s], or from where a condition holds.
+    """One action on an input, an output or a tunable parameter from `at` [s], or from where a condition holds.
 
     It lasts until `until` [s], or for `duration` [s], or to the end of the run. `given` is its table in the file.
     """
@@ -81,6 +81,19 @@ class Event:
     def seed_name(self) -> str:
         """Its name among the seeds of a run."""
         return f"{SECTION}.{self.name}"
+
+
+def resolved(events: Mapping[str, Event], connections: Iterable[Connection]) -> dict[str, Event]:
+    """Events with one input or parameter each: one on an output is one on each input that this drives."""
+    driven: dict[Port, list[Port]] = {}
+    for connection in connections:
+        driven.setdefault(connection.source, []).append(connection.target)
+    found: dict[str, Event] = {}
+    for name, event in events.items():
+        targets = driven.get(event.target)
+        more = {f"{name} {target}": replace(event, target=target) for target in targets or ()}
+        found.update(more or {name: event})
+    return found
 
 
 class Span(NamedTuple):

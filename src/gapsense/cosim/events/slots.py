@@ -24,12 +24,12 @@ class Slot(NamedTuple):
 
 
 def slots(events: Mapping[str, Event], index: Mapping[Port, int]) -> dict[str, Slot]:
-    """Places of the stages of all events on inputs, by event; `index` has those of the ports."""
+    """Places of the stages of all events on inputs; `index` has those of the ports."""
     found: dict[str, Slot] = {}
     ends, free = dict(index), len(index)
-    for event in reversed([*events.values()]):  # the last one is next to the input
+    for name, event in reversed([*events.items()]):  # the last one is next to the input
         if event.target in index:
-            found[event.name] = Slot(free, free + 1, ends[event.target])
+            found[name] = Slot(free, free + 1, ends[event.target])
             ends[event.target] = free
             free += 2
     return {name: found[name] for name in events if name in found}
