@@ -16,7 +16,7 @@ from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import read_events
 from gapsense.cosim.load_inputs import read_inputs
 from gapsense.cosim.played import Played
-from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
+from gapsense.cosim.scenario import NAME, Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, SCALAR, Table, Value
@@ -83,8 +83,7 @@ class Reader:
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
-        table = self.table
-        about, experiment = table.read(keys.FILE), self.section("experiment", self.experiment)
+        about, experiment = self.table.read(keys.FILE), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components, events = self.section("components", self.components), self.section(SECTION, self.events)
         grid, rows, columns = self.section("sweep", self.sweep)
@@ -147,7 +146,7 @@ class Reader:
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        good = [name for name in table.data if re.fullmatch(keys.NAME, name)]
+        good = [name for name in table.data if re.fullmatch(NAME, name)]
         for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
         return {name: self.component(table.table(name), name) for name in good}

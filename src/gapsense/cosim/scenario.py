@@ -12,6 +12,7 @@ from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
+NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
 METHODS = ("gauss-seidel", "jacobi")
 ISOLATIONS = ("none", "process")
 STEP_LIMIT = 60.0  # [s]

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gapsense.cosim import keys
+from gapsense.cosim.events import keys
 from gapsense.cosim.events.event import ACTIONS, NEEDED, SECTION, Event, When
 from gapsense.cosim.load_sections import split
+from gapsense.cosim.scenario import NAME, Port
 from gapsense.problems import suggest
 from gapsense.tables import Table, Value, flattened
-
-if TYPE_CHECKING:
-    from gapsense.cosim.scenario import Port
 
 Events = Mapping[str, Event]
 
@@ -21,7 +19,7 @@ Events = Mapping[str, Event]
 def read_events(table: Table, changes: Mapping[str, Any]) -> dict[str, Event]:
     """Events in the order of the file; `changes` are values of their keys by `event.key`."""
     events = table.table(SECTION)
-    good = [name for name in events.data if re.fullmatch(keys.NAME, name)]
+    good = [name for name in events.data if re.fullmatch(NAME, name)]
     for name in [name for name in events.data if name not in good]:
         events.note(name, "an event's name is letters, digits and `_`, not starting with a digit. Rename it.")
     read = {name: read_event(events.table(name), name, own(changes, name)) for name in good}
