@@ -251,6 +251,14 @@ METRIC = Section(
             otherwise="that of its row",
         ),
         Key(
+            "event",
+            kinds.TEXT,
+            "`after` and `before` are counted from the first beginning of this event",
+            '"offset"',
+            otherwise="they are times",
+            is_other=True,
+        ),
+        Key(
             "bounds",
             kinds.BOUNDS,
             "Where it must lie; `gapsense test` and `run` fail outside",

@@ -141,9 +141,15 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
         are_inside = within(window, times, 1e-9 * result.base_step)
         return Samples(rows[are_inside], times[are_inside])
 
-    return lambda metric: inside(
-        metric.signal.partition(".")[0], metric.where, metric.time, (metric.after, metric.before)
-    )
+    return lambda metric: inside(metric.signal.partition(".")[0], metric.where, metric.time, window(metric, result))
+
+
+def window(metric: Metric, result: Result) -> Window:
+    """Between which times its samples lie; between none if it counts from an event that did not happen."""
+    if metric.event is None:
+        return metric.after, metric.before
+    begin = next((span.begin for span in result.events if span.name == metric.event), math.inf)
+    return begin + (metric.after or 0.0), None if metric.before is None else begin + metric.before
 
 
 def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
@@ -151,7 +157,8 @@ def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[st
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
     arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
     if kind.takes_times:
-        arguments = (*arguments, samples.times - (result.run.start if metric.after is None else metric.after))
+        begin = window(metric, result)[0]
+        arguments = (*arguments, samples.times - (result.run.start if begin is None else begin))
     value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)

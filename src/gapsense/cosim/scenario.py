@@ -96,6 +96,8 @@ class Record:
 class Metric:
     """One number computed from the samples of a recorded signal with `after < t < before` [s], and where it must lie.
 
+    With an `event` these times are counted from its first beginning.
+
     For what is published later, the signal `time` has the time [s] that a sample is about; it decides on `after` and
     `before`, and at which row a reference signal is taken.
     """
@@ -108,6 +110,7 @@ class Metric:
     before: float | None = None
     where: str | None = None  # signal that is 0 at samples to leave out
     time: str | None = None
+    event: str | None = None
     bounds: tuple[float, float] | None = None
     description: str = ""
     published: float | None = None  # in a paper or a data sheet, to be shown beside; it is not tested
