@@ -17,6 +17,7 @@ from gapsense.cosim.instance import STEP, WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
+from gapsense.tables import Value
 
 Stepper = Callable[[float], str]
 NOT_FINITE = "not finite"
@@ -137,6 +138,10 @@ class Part:
     def follows(self) -> bool:
         """True if an input may change during a run."""
         return bool(self.plain or self.scaled or self.stages or self.is_played)
+
+    def number(self, name: str, value: Value | None) -> Value | None:
+        """A value for a variable as FMI takes it."""
+        return None if value is None else self.instance.description.variables[name].number(value)
 
     def exchange(self, action: str, ports: list[Port]) -> Exchange:
         """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""

@@ -7,6 +7,7 @@ copies from outputs to inputs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -47,7 +48,8 @@ class Director:
         for name, event in events.items():
             part, lead = by_name[event.target.component], int(name in places.slots)
             seed = seeds.get(event.seed_name, event.seed)
-            actor = Actor(event, experiment, part.component, lead, watch(event, places), seed)
+            numbered = replace(event, value=part.number(event.target.variable, event.value))
+            actor = Actor(numbered, experiment, part.component, lead, watch(event, places), seed)
             self.actors[name] = actor
             if lead:
                 self.stages[name] = part.stages[name]
