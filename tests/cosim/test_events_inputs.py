@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import run
+from gapsense.cosim.events.noise import noise
 from gapsense.random import normal
 
 BASE, COUNT = 0.1, 20
@@ -204,16 +205,23 @@ def test_event_on_an_output_is_one_on_all_inputs_that_it_drives(write, fmus):
     assert 0.4 < np.std(error[5:16]) < 2.0
 
 
+def test_noise_of_events_is_normal_and_white():
+    x = np.array([noise("burst", 1, k) for k in range(4000)])
+    assert abs(x.mean()) < 0.06 and abs(x.std() - 1.0) < 0.05 and abs(np.mean(np.abs(x) < 1.0) - 0.6827) < 0.03
+    others = [np.roll(x, 1), np.array([noise("burst", 2, k) for k in range(4000)])]
+    assert all(abs(np.mean(x * other)) < 0.06 for other in others)
+
+
 def test_noise_of_events_differs_by_name_by_seed_and_by_run(write, fmus):
-    def noise(name, seed, shift):
+    def drawn(name, seed, shift):
         text = STEADY + event(name, "tuned.u", "noise", value=1.0, at=0.0, seed=seed)
         result = run(write(text), fmus=fmus, seed_shift=shift)
         assert result.run.seeds == {f"events.{name}": seed + shift}
         return result["tuned.u"].tobytes()
 
-    different = {noise("a", 0, 0), noise("b", 0, 0), noise("a", 1, 0)}
+    different = {drawn("a", 0, 0), drawn("b", 0, 0), drawn("a", 1, 0)}
     assert len(different) == 3
-    assert noise("a", 0, 1) == noise("a", 1, 0)
+    assert drawn("a", 0, 1) == drawn("a", 1, 0)
 
 
 TYPES = f"""{HEAD}

@@ -62,8 +62,8 @@ def conditions(draw):
 
 
 @settings(max_examples=60, deadline=None)
-@given(case=conditions(), step=st.integers(1, 2))
-def test_condition_begins_and_ends_events_as_counted_by_hand(fmus, tmp_path_factory, case, step):
+@given(case=conditions(), step=st.integers(1, 2), method=st.sampled_from(["gauss-seidel", "jacobi"]))
+def test_condition_begins_and_ends_events_as_counted_by_hand(fmus, tmp_path_factory, case, step, method):
     values, level, is_above, more, duration, again, is_input = case
     when = {"signal": "probe.u", "above" if is_above else "below": float(level), "again": again}
     when |= {key: k * BASE for key, k in more.items() if k}
@@ -71,7 +71,7 @@ def test_condition_begins_and_ends_events_as_counted_by_hand(fmus, tmp_path_fact
     target, value = ("tuned.u", 5.0) if is_input else ("tuned.gain", 3.0)
     text += event("now", target, "set", value=value, duration=duration * BASE or None, when=when)
     path = tmp_path_factory.mktemp("when") / "scenario.toml"
-    path.write_text(text)
+    path.write_text(text.replace("base_step = 0.1", f'base_step = 0.1\nmethod = "{method}"'))
     result = run(path, fmus=fmus)
     asked = (values, level, is_above, more["for"], more["after"], duration, again, int(is_input))
     found = [(round(s.begin / BASE), None if s.end is None else round(s.end / BASE)) for s in result.events]
