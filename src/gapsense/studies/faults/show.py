@@ -15,6 +15,7 @@ from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend_below, line,
 from gapsense.report.table import quantity, table
 
 LABELS = ("current / mA", "position / mm", "resistance / Ohm", "health")
+MEASURED = "#8250df"
 COLORS = {"ertss": FIRST, "mhe": SECOND, "semera": THIRD}
 NEEDED = (
     *("actuator.current", "actuator.position", "semera.current", "semera.resistance", "mhe.resistance"),
@@ -51,7 +52,7 @@ def column_of(axes: Sequence[Any], result: Result) -> None:
     """One run, from above to below."""
     current, position, resistance, health = axes
     t = result.times
-    line(current, t, 1e3 * result["semera.current"], SECOND, "measured", linewidth=0.7)
+    line(current, t, 1e3 * result["semera.current"], MEASURED, "measured", linewidth=0.7)
     line(current, t, 1e3 * result["actuator.current"], TRUE, "true")
     line(position, t, 1e3 * result["actuator.position"], TRUE, linewidth=2.0)
     for k, (name, color) in enumerate(COLORS.items()):
