@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gapsense import Scenario
-from gapsense.cosim import Checkpoint, Master, prepare, read_result, run
+from gapsense.cosim import Checkpoint, FmuError, Master, prepare, read_result, run
 from gapsense.cosim.apart import Plan, Watch, record_apart
 from gapsense.cosim.checkpoint import keeper
 from gapsense.cosim.document import Document, read_document
@@ -99,7 +99,7 @@ EVENTS = {
 }
 
 
-@pytest.mark.parametrize("every", [251, 340])
+@pytest.mark.parametrize("every", [251, pytest.param(340, marks=pytest.mark.slow)])
 def test_run_with_events_goes_on_with_the_same_bits(fmus, tmp_path, every):
     """Events of all kinds are on, and a condition is counting, where it was saved."""
     document = read_document(FAULTS, [])
@@ -125,3 +125,12 @@ def test_result_tells_its_events_after_it_was_saved(fmus, tmp_path):
     assert [(s.name, s.target, s.action) for s in result.events] == [("lost", "sensor.current_measured", "dropout")] * 2
     assert [round(1e3 * s.begin, 2) for s in result.events] == [40.03, 60.03]
     assert read_result(result.save(tmp_path / "faults.csv")).events == result.events
+
+
+def test_component_that_takes_no_nan_is_told_with_the_event(fmus):
+    scenario = valve(fmus).event("lost", "valve.voltage", "dropout", at=1e-3)
+    with pytest.raises(FmuError) as caught:
+        scenario.run()
+    assert str(caught.value).startswith("valve, t = 0.000975 s (base step 40): fmi2DoStep returned fmi2Error")
+    assert str(caught.value).endswith("Event `lost` gives it NaN. If it takes none, use `stuck`.")
+    assert caught.value.result.events[0].begin == 1e-3

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.events.director import Director
+from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
@@ -70,6 +70,7 @@ class Master:
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
+        self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
         try:
             self.load()
         except BaseException:
@@ -153,7 +154,7 @@ class Master:
             for part in self.each(ENDING, self.parts):
                 part.instance.call("fmi2Terminate")
         except FmuError as error:
-            recording.error = error
+            recording.error = explained(error, self.director.losing(error.instance))
             self.abandon(error.instance)
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
@@ -175,6 +176,7 @@ class Master:
         self.view[:] = 0.0
         self.marks[ROWS] = self.marks[STEP] = 0
         self.texts.update(dict.fromkeys(self.places.texts, ""))
+        self.director = self.directed(seeds, values)
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component = part.component
@@ -187,7 +189,6 @@ class Master:
             place(port, value, self.places, self.buffer, self.texts)
         self.player = player(self.scenario.played, self.places.inlets, experiment)
         self.player.into(self.view)(0)
-        self.director = self.directed(seeds, values)
         for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")

@@ -21,6 +21,7 @@ from gapsense.cosim.part import Layout, Part, Stage
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import COMPONENT, MASTER
 from gapsense.cosim.scenario import Experiment
+from gapsense.problems import listing
 from gapsense.processes import Marks
 from gapsense.tables import Value
 
@@ -88,6 +89,11 @@ class Director:
         else:
             next(span for span in reversed(self.happened) if span[0] == name)[2] = m
 
+    def losing(self, component: str) -> list[str]:
+        """Events that are on and give a component NaN."""
+        actors = [a for a in self.actors.values() if a.event.action == "dropout" and a.track.is_on]
+        return [actor.event.name for actor in actors if actor.event.target.component == component]
+
     def begin(self, parameters: Mapping[str, Value]) -> None:
         """Take the values that parameters have at the start."""
         for name, tuned in self.tuned.items():
@@ -112,6 +118,14 @@ class Director:
         for name, tuned in self.tuned.items():
             tuned.last = saved["last"][name]
         self.happened[:], self.limit = saved["happened"], saved["limit"]
+
+
+def explained(error: FmuError, events: Sequence[str]) -> FmuError:
+    """The error of a component, with the events that gave it NaN just then."""
+    if not events:
+        return error
+    cause = f"{error.cause} Event {listing(events)} gives it NaN. If it takes none, use `stuck`."
+    return FmuError(error.instance, cause, time=error.time, step=error.step, log=error.log)
 
 
 def watch(event: Event, places: Layout) -> Watch | None:
