@@ -56,6 +56,7 @@ class Section(NamedTuple):
     keys: tuple[Key, ...] = ()
     free: Key | None = None
     at: str = ""  # its header with names, for examples
+    before: str = ""  # what an example needs before that to be whole
 
 
 def is_number(value: Any) -> bool:

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from gapsense.cosim.events.event import Event
+from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.loop import Work
@@ -29,6 +31,7 @@ DO_STEP = {
     3: ctypes.CFUNCTYPE(INT, ANY, DOUBLE, DOUBLE, BOOL, ANSWER, ANSWER, ANSWER, VALUES),
 }
 INPUTS, OUTPUTS = 2, 2  # of each part
+TURN = 4  # base steps after which the effects of events change
 SPECIAL = (-0.0, -0.0, -0.0, np.nan, np.inf, -np.inf)  # values that an output may get
 
 
@@ -106,15 +109,17 @@ class Trial:
 
     def __init__(self, case):
         self.case, self.notes, self.marks = case, [], new_marks()
-        self.layout = Layout(variables_of(case))
-        self.buffer = array("d", [0.25 * k for k in range(len(self.layout.variables))])
+        events = {f"e{k}": Event(f"e{k}", port("u", place), "set") for k, (place, _) in enumerate(case["events"])}
+        self.layout = Layout(variables_of(case), {}, events)
+        self.buffer = array("d", [0.25 * k for k in range(self.layout.size)])
+        self.watches = [Watch(place, level, is_above, True) for place, level, is_above in case["watches"]]
         self.parts = [self.part(i) for i in range(len(case["parts"]))]
         for source, target, factor, bias in case["links"]:
             self.parts[target[0]].connect(Connection(port("y", source), port("u", target), factor, bias))
         rows, columns = case["count"] // case["decimation"] + 1, case["columns"]
         count = len(self.parts)
         self.recording = Recording(np.full((rows, len(columns)), -1.0), seconds=[0.0] * count, calls=[0] * count)
-        self.player = Player([self.layout.index[port("u", (0, 0))]][: case["signals"]], self.signals)
+        self.player = Player([self.layout.inlets[port("u", (0, 0))]][: case["signals"]], self.signals)
 
     def part(self, i):
         fmi, step, offset, is_near, trouble = self.case["parts"][i]
@@ -135,7 +140,20 @@ class Trial:
         case = self.case
         grid = Experiment(case["start"], 0.0, case["base_step"], case["count"], case["method"])
         columns, view = np.array(case["columns"], dtype=np.int64), np.frombuffer(self.buffer)
-        return Work(self.parts, grid, self.player, columns, case["decimation"], view, self.recording, self.marks, begin)
+        player, recording, watches = self.player, self.recording, self.watches
+        return Work(self.parts, grid, player, columns, case["decimation"], view, recording, self.marks, begin, watches)
+
+    def turn(self, done):
+        """What is done between blocks: effects of events change, and news of conditions are noted."""
+        stages = {name: stage for part in self.parts for name, stage in part.stages.items()}
+        for k, (_, effects) in enumerate(self.case["events"]):
+            if effects and not (done + 1) % TURN:
+                stages[f"e{k}"].apply(effects[done // TURN % len(effects)], self.buffer)
+        view = np.frombuffer(self.buffer)
+        for watch in self.watches:
+            if watch.look(view) != watch.holds:
+                self.notes.append(("news", done, watch.place))
+                watch.holds = not watch.holds
 
     def run(self, advancer):
         """Do all base steps, in blocks, with a fresh start of the loop here and there; what there is at the end."""
@@ -145,7 +163,8 @@ class Trial:
                 advance = advancer(self.work(done + 1))
                 for block in case["blocks"]:
                     if done < case["count"] and not self.marks[STOP]:
-                        done = advance(min(done + block, case["count"]))
+                        done = advance(min(done + block, case["count"], done + TURN - (done + 1) % TURN))
+                        self.turn(done)
         except Exception as raised:
             error = repr(raised)
         rows = self.recording.data.tobytes(), self.recording.rows

@@ -14,14 +14,23 @@ UNITS = {
     "Noise": {"y": "V", "sample_time": "s"},
     "Faulty": {"u": "V", "y": "s", "at": "s"},
     "Types": {},
+    "Tuned": {"u": "V", "seen": "V"},
 }
 ATTRIBUTES = {
     ("Lag", "time.constant"): {"min": "0.001", "max": "1000"},
     ("Lag", "y"): {"nominal": "10"},
     ("Noise", "seed"): {"min": "0"},
+    ("Tuned", "gain"): {"min": "0", "max": "100"},
     ("Gain", "u"): {"min": "-1000", "max": "1000"},
 }
-DEPENDENCIES = {("Lag", "y"): "", ("Source", "y"): "", ("Source", "steps"): "", ("Faulty", "y"): ""}
+DEPENDENCIES = {
+    ("Lag", "y"): "",
+    ("Source", "y"): "",
+    ("Source", "steps"): "",
+    ("Faulty", "y"): "",
+    ("Tuned", "y"): "",
+    ("Tuned", "seen"): "",
+}
 
 
 def finish(root: ElementTree.Element) -> None:

@@ -71,6 +71,41 @@ def test_variables_of_all_types_are_set_wired_and_recorded(write, foreign, a, b,
         assert row == level
 
 
+EVENTS = """
+[events.on]
+target = "a.mode"
+action = "set"
+value = "On"
+at = 0.2
+until = 0.4
+[events.flag]
+target = "b.flag"
+action = "set"
+value = false
+at = 0.3
+[events.more]
+target = "a.u"
+action = "bias"
+value = 0.5
+at = 0.1
+"""
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_events_act_on_inputs_of_all_types(write, foreign, version):
+    text = wired(version, version).replace('"b.flag" = "a.flag_out"\n', "").replace('"b.u" = "a.flag_out"\n', "")
+    text = text.replace("[inputs]", '[inputs]\n"b.flag" = true\n"b.u" = 0.0') + EVENTS
+    path = write(text)
+    assert check(path, fmus=foreign) == []
+    result = run(path, fmus=foreign)
+    assert result["a.mode"].tolist() == [2, 2, 3, 3, 2, 2] and result["b.flag"].tolist() == [1, 1, 1, 0, 0, 0]
+    assert result["a.u"].tolist() == [2.0, 2.5, 2.5, 2.5, 2.5, 2.5] and result["a.y"][1:].tolist() == [7.5] * 5
+    (found,) = check(write(text.replace('"On"\nat', '"Onn"\nat')), fmus=foreign)
+    assert "an item of the enumeration is expected. Did you mean `On`?" in found
+    (found,) = check(write(text.replace("value = false", "value = 0.5")), fmus=foreign)
+    assert "events.flag.value: `0.5` found, a value of type Boolean is expected" in found
+
+
 def test_start_values_of_inputs_and_outputs_are_swept_and_need_no_driver(write, foreign):
     text = HEAD + '[components.a]\nfmu = "Types2"\nset = { u = 1.5, n = 2, flag = true, text = "x", mode = "On" }\n'
     path = write(text + '[sweep]\n"a.level" = [1.0, 2.0]\n"a.n" = [2, 3]\n')

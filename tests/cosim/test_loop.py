@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import run
+from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.loop import compiled, library
 from gapsense.cosim.loop.build import LOOP
 from gapsense.cosim.loop.reference import in_python
@@ -70,7 +71,7 @@ def test_file_that_is_no_library_counts_as_none(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_structures_are_those_of_c(tmp_path):
-    kinds = (library.Link, library.Exchange, library.Part, library.Loop)
+    kinds = (library.Link, library.Watch, library.Exchange, library.Part, library.Loop)
     fields = [(kind.__name__, name) for kind in kinds for name, _ in kind._fields_]
     lines = [f'printf("%zu ", offsetof({kind}, {name}));' for kind, name in fields]
     lines += [f'printf("%zu ", sizeof({kind.__name__}));' for kind in kinds]
@@ -89,12 +90,15 @@ NUMBERS = st.floats(-1e3, 1e3)
 PLACE = st.tuples(st.integers(0, 2), st.integers(0, 1))
 TROUBLE = st.tuples(st.sampled_from(["", "", "status", "value", "stop", "ends"]), st.integers(1, 40), st.integers(0, 5))
 PARTS = st.tuples(st.sampled_from([2, 3]), st.integers(1, 4), st.integers(0, 3), st.sampled_from([True, True, False]))
+EFFECTS = st.none() | st.builds(Effect, st.none() | NUMBERS, NUMBERS | st.just(np.nan))
 CASES = st.fixed_dictionaries(
     {
         "parts": st.lists(st.tuples(PARTS, TROUBLE).map(lambda two: (*two[0], two[1])), min_size=3, max_size=3),
         "links": st.lists(
             st.tuples(PLACE, PLACE, st.none() | NUMBERS, st.none() | NUMBERS), unique_by=lambda link: link[1]
         ),
+        "events": st.lists(st.tuples(PLACE, st.lists(EFFECTS, max_size=3)), max_size=3),
+        "watches": st.lists(st.tuples(st.integers(0, 11), NUMBERS, st.booleans()), max_size=2),
         "columns": st.lists(st.integers(0, 11), max_size=12, unique=True).map(sorted),
         "signals": st.integers(0, 1),
         "at_once": st.integers(1, 5),
@@ -121,6 +125,8 @@ def test_loop_makes_the_same_calls_with_the_same_bits(case, is_patient):
 PLAIN = {
     "parts": [(2, 1, 0, True, ("", 0, 0)), (3, 2, 1, False, ("", 0, 0)), (3, 1, 0, True, ("", 0, 0))],
     "links": [((0, 0), (1, 0), None, None), ((1, 1), (2, 1), 2.0, None)],
+    "events": [],
+    "watches": [],
     "columns": list(range(12)),
     "signals": 1,
     "at_once": 7,

@@ -175,9 +175,13 @@ def test_metric_kinds_on_known_numbers():
         "max": 3.0,
         "increase": -2.0,
         "fraction": 0.75,
+        "until_above": 0.1,
+        "until_below": 0.2,
     }
+    times = np.array([0.1, 0.2, 0.3, 0.4])
     plain = {name: kind for name, kind in KINDS.items() if kind.reference != "axis"}
-    assert {name: kind.compute(error) for name, kind in plain.items()} == pytest.approx(expected)
+    found = {name: kind.compute(error, *([times] if kind.takes_times else [])) for name, kind in plain.items()}
+    assert found == pytest.approx(expected)
 
 
 def test_metrics_of_curves_on_a_known_ellipse():

@@ -40,6 +40,8 @@ def plainly(metric, result):
     if metric.reference is not None:
         other = result[metric.reference][rows]
     kind = KINDS[metric.kind]
+    if kind.takes_times:
+        return kind.compute(samples - other, result.times[rows] - (metric.after or 0.0))
     return kind.compute(samples, other) if kind.reference == "axis" else kind.compute(samples - other)
 
 

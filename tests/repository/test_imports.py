@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "control": FOUNDATIONS | {"control", "estimators"},
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
-    "cosim": GENERAL | {"cosim", "fmi"},
+    "cosim": GENERAL | {"cosim", "fmi", "random"},
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "report": NUMBERS | {"report"},
     "cli": NUMBERS | {"report", "studies", "cli"},

@@ -51,6 +51,7 @@ def copy(to: Path, source: Path) -> None:
     shutil.copytree(source, to, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results"))
     file = to / "scenario.toml"
     text = file.read_text(encoding="utf-8")
+    (to / "parameters").mkdir(exist_ok=True)
     for name in dict.fromkeys(re.findall(r'"(\.\./.+?)"', text)):
         own = f"parameters/{Path(name).parts[1]}_{Path(name).name}"
         shutil.copy2(source / name, to / own)

@@ -59,7 +59,7 @@ def run(
             cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
         raise
     try:
-        cli.show(*runs.metrics(result), runs.timing(result))
+        cli.show(*runs.metrics(result), *runs.events(result), runs.timing(result))
     finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
         is_stopped = save(result, file)
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")

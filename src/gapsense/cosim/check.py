@@ -23,6 +23,9 @@ from gapsense.cosim.check_values import (
 )
 from gapsense.cosim.check_wires import check_types, check_units
 from gapsense.cosim.descriptions import Description, Descriptions, describe, find_fmu
+from gapsense.cosim.events.check import check_events
+from gapsense.cosim.events.event import SECTION, Event
+from gapsense.cosim.events.read import varied
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.rules import broken_rules
 from gapsense.cosim.scenario import Points, Port, Scenario
@@ -115,7 +118,8 @@ class Checker:
         """All problems, in the order of the file."""
         sets = check_sets(self.scenario.components, self.descriptions)
         wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
-        for problem in chain(self.singles(), sets, self.values(), self.rules(), *wiring, self.seeds(), self.grid()):
+        values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
+        for problem in chain(self.singles(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
@@ -161,7 +165,8 @@ class Checker:
         if prod(lengths) > MOST_POINTS:
             found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
             yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
-        for port, values in self.scenario.swept.items():
+        of_components = {port: values for port, values in self.scenario.swept.items() if not self.is_event(port)}
+        for port, values in of_components.items():
             if port.component not in self.scenario.components:
                 yield f"sweep.{port}: {self.no_component(port.component)}"
             elif port.variable == "seed" and port.component in self.scenario.seeds:
@@ -170,6 +175,23 @@ class Checker:
                 component, description = self.scenario.components[port.component], self.descriptions[port.component]
                 column = self.scenario.rows_columns.get(port)
                 yield from check_swept(component, description, port.variable, values, self.scenario.experiment, column)
+
+    def events(self) -> Iterator[str]:
+        """Events: targets, values, conditions and times, also for the combinations of a sweep."""
+        yield from self.of_events(self.scenario.events, SECTION)
+        for swept in own_points(self.scenario, SECTION):
+            if swept:
+                problems: list[str] = []
+                events = varied(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
+                yield from problems or self.of_events(events, f"sweep, {SECTION}")
+
+    def is_event(self, port: Port) -> bool:
+        """True if a sweep varies a key of an event."""
+        return port.component == SECTION and SECTION not in self.scenario.components
+
+    def of_events(self, events: Mapping[str, Event], place: str) -> Iterator[str]:
+        """Problems of events."""
+        return check_events(self.scenario, self.descriptions, events, place, "experiment" not in self.broken)
 
     def no_component(self, name: str) -> str:
         """Sentence for a component that the scenario does not have."""

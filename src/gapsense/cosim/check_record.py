@@ -23,6 +23,9 @@ def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bo
         yield from check_size(scenario, len(recorded), memory())
     for metric in scenario.metrics:
         yield from metric_problems(metric, recorded, descriptions)
+        if metric.event is not None and metric.event not in scenario.events:
+            known = suggest(metric.event, scenario.events)
+            yield f"metrics.{metric.name}.event: there is no event `{metric.event}`. {known}"
         if knows_times:
             yield from check_window(metric, scenario)
     yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")

@@ -24,7 +24,7 @@ def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
             f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."
         )
         return
-    if metric.time is not None:  # its samples are about other times, which are known only then
+    if metric.time is not None or metric.event is not None:  # times that are known only then
         return
     every, base = lcm(component.step, decimation), experiment.base_step
     if metric.after is not None:

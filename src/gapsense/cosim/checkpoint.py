@@ -49,7 +49,14 @@ class Keeper(NamedTuple):
         states = {f"state_{part.component.name}": octets(part.instance.state()) for part in master.parts}
         said = {**recording.facts(), "messages": recording.messages + master.messages()}
         texts = [[*port, text] for port, text in master.texts.items()]
-        about = {"format": FORMAT, "run": self.facts, "done": done, "recording": said, "texts": texts}
+        about = {
+            "format": FORMAT,
+            "run": self.facts,
+            "done": done,
+            "recording": said,
+            "texts": texts,
+            "events": master.director.state(),
+        }
         rows = {"data": recording.data[: recording.rows], "buffer": master.view}
         arrays = {"about": octets(json.dumps(about).encode()), **rows, **states}
         try:
@@ -79,6 +86,7 @@ class Keeper(NamedTuple):
         recording.seconds[:], recording.calls[:] = saved["seconds"], saved["calls"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]
+        master.director.restore(about["events"])
         return int(about["done"]) + 1
 
 

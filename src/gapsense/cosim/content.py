@@ -164,6 +164,11 @@ class Content:
         self.section("metrics")[name] = {"kind": kind, "signal": signal, **plain(more)}
         return self
 
+    def event(self: Self, name: str, target: str, action: str, **more: Any) -> Self:
+        """Let something happen to an input or a parameter in a run; `more` has the other keys of `[events.NAME]`."""
+        self.section("events")[name] = {"target": target, "action": action, **plain(more)}
+        return self
+
     @property
     def components(self) -> dict[str, Any]:
         """The section of components."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gapsense.cosim.events.event import Event
 from gapsense.cosim.scenario import Component, Connection, Experiment, Metric, Scenario
 from gapsense.files import sha256
 
@@ -22,6 +23,7 @@ WORDS: Mapping[type, frozenset[str]] = {
     Experiment: frozenset({"pace", "isolation", "step_limit"}),
     Component: frozenset({"origin", "sets", "isolation"}),
     Connection: frozenset({"place"}),
+    Event: frozenset({"description", "given"}),
     Metric: frozenset({"bounds", "description", "published", "table", "label"}),
 }
 

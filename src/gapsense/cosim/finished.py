@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.events.event import Span
 from gapsense.cosim.metrics import measure_all
 from gapsense.cosim.record import Result, Timing
 from gapsense.cosim.recording import Recording, Take
@@ -36,7 +39,16 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
         wall=recording.wall,
         interrupted=recording.interrupted,
         messages=tuple(recording.messages),
+        events=tuple(spans(subject.scenario, recording.events)),
     )
+
+
+def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Span]:
+    """When each event was on; of an event that was on at the end, the end is not known."""
+    time = scenario.experiment.time
+    for name, begin, end in happened:
+        event = scenario.events[name]
+        yield Span(name, str(event.target), event.action, time(begin), None if end is None else time(end))
 
 
 def times(scenario: Scenario, rows: int) -> npt.NDArray[np.float64]:

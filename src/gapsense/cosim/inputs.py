@@ -22,6 +22,6 @@ def constants(scenario: Scenario, descriptions: Descriptions, swept: Mapping[Por
 def place(port: Port, value: Value, places: Layout, buffer: array[float], texts: dict[Port, str]) -> None:
     """Put the value of an input where the part of its component takes it."""
     if port in places.index:
-        buffer[places.index[port]] = float(value)
+        buffer[places.inlets[port]] = float(value)
     else:
         texts[port] = str(value)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from gapsense import tables as kinds
+from gapsense.cosim.events.keys import EVENTS
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.played import INTERPOLATIONS
-from gapsense.cosim.scenario import ISOLATIONS, METHODS, STEP_LIMIT, Tolerance
+from gapsense.cosim.scenario import ISOLATIONS, METHODS, NAME, STEP_LIMIT, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import Key, Section
-
-NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component: its signals are written `component.variable`
 
 
 def always(name: str, text: str) -> bool:
@@ -193,7 +192,8 @@ SEEDS = Section(
 )
 SWEEP = Section(
     "[sweep]",
-    "Values that `gapsense sweep` goes through, every one with every other.",
+    "Values that `gapsense sweep` goes through, every one with every other. Keys of events are parameters too, as "
+    "`events.offset.value`.",
     (
         Key(
             "rows",
@@ -249,6 +249,14 @@ METRIC = Section(
             "Signal with the time [s] that a sample is about, for what is published later",
             '"offline.published_time"',
             otherwise="that of its row",
+        ),
+        Key(
+            "event",
+            kinds.TEXT,
+            "`after` and `before` are counted from the first beginning of this event",
+            '"offset"',
+            otherwise="they are times",
+            is_other=True,
         ),
         Key(
             "bounds",
@@ -326,6 +334,7 @@ FILE = Section(
         Key("connect", kinds.TABLE, "Wiring", section=CONNECT),
         Key("connections", kinds.TABLES, "Wiring that converts, or is delayed", section=CONNECTION),
         Key("inputs", kinds.TABLE, "Inputs that no output drives", section=INPUTS),
+        Key("events", kinds.TABLE, "What happens during a run", section=EVENTS),
         Key("seeds", kinds.TABLE, "Seeds", section=SEEDS),
         Key("sweep", kinds.TABLE, "Sweep", section=SWEEP),
         Key("record", kinds.TABLE, "Recording", section=RECORD),

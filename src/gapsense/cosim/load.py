@@ -12,9 +12,11 @@ from gapsense.cosim import keys
 from gapsense.cosim import load_sections as sections
 from gapsense.cosim.changes import OVER, Changes
 from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.events.event import SECTION, Event
+from gapsense.cosim.events.read import read_events
 from gapsense.cosim.load_inputs import read_inputs
 from gapsense.cosim.played import Played
-from gapsense.cosim.scenario import Component, Experiment, Port, Scenario
+from gapsense.cosim.scenario import NAME, Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, SCALAR, Table, Value
@@ -81,10 +83,9 @@ class Reader:
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
-        table = self.table
-        about, experiment = table.read(keys.FILE), self.section("experiment", self.experiment)
+        about, experiment = self.table.read(keys.FILE), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
-        components = self.section("components", self.components)
+        components, events = self.section("components", self.components), self.section(SECTION, self.events)
         grid, rows, columns = self.section("sweep", self.sweep)
         self.changes.finish(components)
         return Scenario(
@@ -109,12 +110,18 @@ class Reader:
             files=tuple(dict.fromkeys(self.files)),
             rows_columns=columns,
             played=played,
+            events=events,
             hashes=self.document.hashes,
         )
 
     def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
         """Values that a sweep goes through."""
         return sections.read_sweep(table, self.path.parent, self.files)
+
+    def events(self, table: Table) -> dict[str, Event]:
+        """Events by name, with the values laid over them."""
+        changes = {} if SECTION in table.table("components").data else self.changes.parameters(SECTION)
+        return read_events(table, changes)
 
     def section(self, name: str, read: Callable[[Table], T]) -> T:
         """What `read` returns; the section counts as broken if it notes a problem."""
@@ -139,7 +146,7 @@ class Reader:
         table = table.table("components")
         if not table.data:
             table.note("", "there is no component. Add a table `[components.<name>]`.")
-        good = [name for name in table.data if re.fullmatch(keys.NAME, name)]
+        good = [name for name in table.data if re.fullmatch(NAME, name)]
         for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
         return {name: self.component(table.table(name), name) for name in good}

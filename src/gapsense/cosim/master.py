@@ -14,6 +14,9 @@ import numpy.typing as npt
 
 from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.events.director import Director, explained
+from gapsense.cosim.events.event import Event, resolved
+from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import instance_of
@@ -62,11 +65,12 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions))
-        self.buffer = array("d", [0.0]) * max(1, len(self.places.variables))
+        self.places = Layout(ports(descriptions), texts(descriptions), self.resolved(scenario.events))
+        self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
+        self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
         try:
             self.load()
         except BaseException:
@@ -144,11 +148,13 @@ class Master:
                 for part in self.each(STARTING, self.parts)
                 for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
             }
+            self.director.begin(recording.parameters)
+            recording.events = self.director.happened
             self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
             for part in self.each(ENDING, self.parts):
                 part.instance.call("fmi2Terminate")
         except FmuError as error:
-            recording.error = error
+            recording.error = explained(error, self.director.losing(error.instance))
             self.abandon(error.instance)
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
@@ -170,6 +176,7 @@ class Master:
         self.view[:] = 0.0
         self.marks[ROWS] = self.marks[STEP] = 0
         self.texts.update(dict.fromkeys(self.places.texts, ""))
+        self.director = self.directed(seeds, values)
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component = part.component
@@ -180,12 +187,26 @@ class Master:
             refuse(part, part.read_outputs(), experiment)
         for port, value in constants(self.scenario, self.descriptions, values).items():
             place(port, value, self.places, self.buffer, self.texts)
-        self.player = player(self.scenario.played, self.places.index, experiment)
+        self.player = player(self.scenario.played, self.places.inlets, experiment)
         self.player.into(self.view)(0)
         for part in self.each(STARTING, self.parts):
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
+
+    def directed(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> Director:
+        """The events of a run, prepared for the initialization."""
+        problems: list[str] = []
+        events = varied(self.scenario.events, values, problems)
+        if problems:
+            raise FmuError("run", " ".join(problems))
+        return Director(
+            self.resolved(events), self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks
+        )
+
+    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
+        """Events with one target each."""
+        return resolved(events, self.scenario.connections)
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""
@@ -207,12 +228,15 @@ class Master:
         begin = keeper.restore(self, recording) if keeper else 0
         advance = self.advancer(recording, columns, begin)
         done = begin - 1 if begin else advance(0)
+        change = self.director.limit if begin else self.director.turn(done)
         wait = pacer(experiment, recording, done) if experiment.pace else None
         if progress:
             progress(done, count)
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         while done < count and not recording.interrupted:
-            done = advance(done + 1 if wait else pause)
+            done = advance(min(done + 1 if wait else pause, change))
+            if done < count and (done == change or self.director.has_news()):
+                change = self.director.turn(done)
             if wait:
                 wait(done)
             if done == pause:
@@ -227,7 +251,18 @@ class Master:
         marks[PHASE], marks[ROWS] = STEPPING, recording.rows
         decimation, buffer = scenario.record.decimation, self.view
         return advancer(
-            Work(self.parts, scenario.experiment, self.player, columns, decimation, buffer, recording, marks, begin)
+            Work(
+                self.parts,
+                scenario.experiment,
+                self.player,
+                columns,
+                decimation,
+                buffer,
+                recording,
+                marks,
+                begin,
+                self.director.watches,
+            )
         )
 
     def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:
@@ -244,7 +279,8 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    return list(bare.items()), hashes, scenario.connections, scenario.experiment.step_limit
+    targets = {name: event.target for name, event in scenario.events.items()}
+    return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
 
 
 def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:

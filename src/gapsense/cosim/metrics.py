@@ -32,12 +32,14 @@ class Samples(NamedTuple):
 class MetricKind:
     """A function of the samples (less their reference, where there is one), and its use of a reference.
 
-    With `axis` it is a function of samples and reference signal: of the curve that one draws against the other.
+    With `axis` it is a function of samples and reference signal: of the curve that one draws against the other. If it
+    `takes_times` the times of the samples [s] since the beginning of the window follow.
     """
 
     compute: Callable[..., float]
     reference: Literal["required", "optional", "none", "axis"]
     what: str
+    takes_times: bool = False
 
 
 def rms(error: Vector) -> float:
@@ -57,6 +59,12 @@ def intercept(y: Vector, x: Vector) -> float:
     return float(np.mean(np.abs(at_zero))) if k.size else math.nan
 
 
+def first_above(signal: Vector, times: Vector) -> float:
+    """Time at which a signal is above 0 for the first time, infinite if it never is."""
+    above = np.flatnonzero(signal > 0.0)
+    return float(times[above[0]]) if above.size else math.inf
+
+
 KINDS: Mapping[str, MetricKind] = {
     "rmse": MetricKind(rms, "required", "Root mean square of the difference"),
     "max_abs": MetricKind(lambda error: float(np.max(np.abs(error))), "optional", "Greatest absolute value"),
@@ -68,6 +76,15 @@ KINDS: Mapping[str, MetricKind] = {
     "max": MetricKind(lambda signal: float(np.max(signal)), "optional", "Greatest sample"),
     "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional", "Last sample less the first"),
     "fraction": MetricKind(lambda signal: float(np.mean(signal != 0.0)), "none", "Share of the samples that are not 0"),
+    "until_above": MetricKind(
+        first_above, "required", "Time [s] from `after` to the first sample above the reference, or infinite", True
+    ),
+    "until_below": MetricKind(
+        lambda signal, times: first_above(-signal, times),
+        "required",
+        "Time [s] from `after` to the first sample below the reference, or infinite",
+        True,
+    ),
     "loop_area": MetricKind(loop_area, "axis", "Area inside the closed curve, positive if it is run anticlockwise"),
     "intercept": MetricKind(intercept, "axis", "Mean absolute value where the reference changes its sign"),
 }
@@ -124,15 +141,24 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
         are_inside = within(window, times, 1e-9 * result.base_step)
         return Samples(rows[are_inside], times[are_inside])
 
-    return lambda metric: inside(
-        metric.signal.partition(".")[0], metric.where, metric.time, (metric.after, metric.before)
-    )
+    return lambda metric: inside(metric.signal.partition(".")[0], metric.where, metric.time, window(metric, result))
+
+
+def window(metric: Metric, result: Result) -> Window:
+    """Between which times its samples lie; between none if it counts from an event that did not happen."""
+    if metric.event is None:
+        return metric.after, metric.before
+    begin = next((span.begin for span in result.events if span.name == metric.event), math.inf)
+    return begin + (metric.after or 0.0), None if metric.before is None else begin + metric.before
 
 
 def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
     """One metric over its samples."""
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
     arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
+    if kind.takes_times:
+        begin = window(metric, result)[0]
+        arguments = (*arguments, samples.times - (result.run.start if begin is None else begin))
     value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)
@@ -142,6 +168,8 @@ def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
     """Unit of a metric: that of its signal, of an area that times that of its reference."""
     if metric.kind == "loop_area":
         return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
+    if KINDS[metric.kind].takes_times:
+        return "s"
     return "" if metric.kind == "fraction" else units.get(metric.signal, "")
 
 

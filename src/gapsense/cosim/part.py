@@ -5,15 +5,19 @@ from __future__ import annotations
 import ctypes
 import math
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from gapsense.cosim.events.actor import Effect
+from gapsense.cosim.events.event import Event
+from gapsense.cosim.events.slots import Slot, inlets, slots
 from gapsense.cosim.instance import STEP, WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
+from gapsense.tables import Value
 
 Stepper = Callable[[float], str]
 NOT_FINITE = "not finite"
@@ -21,15 +25,34 @@ NOT_FINITE = "not finite"
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each input and output lies in the common buffer, see `signals.ports`; a String has no place in it."""
+    """Where each input and output lies in the common buffer, see `signals.ports`; a String has no place in it.
+
+    Behind them are the places of events on inputs; values for an input with events go to its inlet.
+    """
 
     variables: Mapping[Port, Variable]
     texts: Mapping[Port, Variable] = field(default_factory=dict)
+    events: Mapping[str, Event] = field(default_factory=dict)
 
     @cached_property
     def index(self) -> dict[Port, int]:
         """Place in the buffer of each port."""
         return {port: index for index, port in enumerate(self.variables)}
+
+    @cached_property
+    def slots(self) -> dict[str, Slot]:
+        """Places of each event on an input."""
+        return slots(self.events, self.index)
+
+    @cached_property
+    def inlets(self) -> dict[Port, int]:
+        """Where the values for each input go."""
+        return inlets(self.events, self.index, self.slots)
+
+    @property
+    def size(self) -> int:
+        """Places in the buffer, at least one."""
+        return max(1, len(self.variables) + 2 * len(self.slots))
 
     def of(self, component: str, causality: str) -> list[Port]:
         """Inputs or outputs of a component, in the order of the buffer."""
@@ -54,6 +77,31 @@ class Exchange(NamedTuple):
     arguments: tuple[Any, ...]
 
 
+class Stage:
+    """What an event does to a value on its way to an input: copies it, or another one, or shifts and scales it."""
+
+    def __init__(self, slot: Slot) -> None:
+        self.slot, self.source, self.converts, self.factor, self.bias = slot, slot.before, False, 1.0, 0.0
+
+    def apply(self, effect: Effect | None, buffer: Any) -> None:
+        """Do this from now on; without an effect nothing."""
+        self.source, self.converts, self.factor, self.bias = self.slot.before, False, 1.0, 0.0
+        if effect is None:
+            return
+        if effect.factor is None:
+            self.source, buffer[self.slot.held] = self.slot.held, float(effect.bias)
+        else:
+            self.converts, self.factor, self.bias = True, effect.factor, float(effect.bias)
+
+    def state(self) -> tuple[Any, ...]:
+        """What it does; a value that it holds is in the buffer."""
+        return self.source, self.converts, self.factor, self.bias
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Do that again."""
+        self.source, self.converts, self.factor, self.bias = saved
+
+
 def nothing(*_: object) -> int:
     """Stands for the entry point where there are no values to move."""
     return 0
@@ -67,6 +115,11 @@ class Part:
         self.outputs = places.of(component.name, "output")
         self.plain: list[tuple[int, int]] = []
         self.scaled: list[tuple[int, int, float, float]] = []
+        self.stages = {
+            name: Stage(slot)
+            for name, slot in places.slots.items()
+            if places.events[name].target.component == component.name
+        }
         self.is_played = False  # an input follows a signal of the scenario
         self.status = 0
         self.prepare()
@@ -84,7 +137,11 @@ class Part:
     @property
     def follows(self) -> bool:
         """True if an input may change during a run."""
-        return bool(self.plain or self.scaled or self.is_played)
+        return bool(self.plain or self.scaled or self.stages or self.is_played)
+
+    def number(self, name: str, value: Value | None) -> Value | None:
+        """A value for a variable as FMI takes it."""
+        return None if value is None else self.instance.description.variables[name].number(value)
 
     def exchange(self, action: str, ports: list[Port]) -> Exchange:
         """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
@@ -99,7 +156,7 @@ class Part:
 
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""
-        target, source = self.places.index[connection.target], self.places.index[connection.source]
+        target, source = self.places.inlets[connection.target], self.places.index[connection.source]
         if connection.converts:
             factor = 1.0 if connection.factor is None else connection.factor
             self.scaled.append((target, source, factor, connection.bias or 0.0))
@@ -119,13 +176,16 @@ class Part:
 
     def copier(self) -> Callable[[], None]:
         """Function that copies connected outputs into the inputs."""
-        buffer, plain, scaled = self.buffer, tuple(self.plain), tuple(self.scaled)
+        buffer, plain, scaled, stages = self.buffer, tuple(self.plain), tuple(self.scaled), tuple(self.stages.values())
 
         def copy() -> None:
             for target, source in plain:
                 buffer[target] = buffer[source]
             for target, source, factor, bias in scaled:
                 buffer[target] = factor * buffer[source] + bias
+            for stage in stages:
+                value = buffer[stage.source]
+                buffer[stage.slot.after] = stage.factor * value + stage.bias if stage.converts else value
 
         return copy
 

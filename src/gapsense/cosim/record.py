@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import show
+from gapsense.cosim.events.event import Span
 from gapsense.cosim.metrics import Measured
 from gapsense.cosim.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.files import prepared, read_columns, rename, sha256, write_columns, write_json
@@ -83,6 +84,7 @@ class Result:
     failure: str = ""  # why a component failed, if one did
     metrics: Mapping[str, Measured] = field(default_factory=dict)  # empty for a run that did not reach its end
     messages: tuple[tuple[str, int, str], ...] = ()  # logged: component, status, text
+    events: tuple[Span, ...] = ()  # of the scenario, that happened, in the order of their beginnings
 
     def __getitem__(self, name: str) -> Vector:
         if name not in self.signals:
@@ -177,6 +179,7 @@ class Result:
             "wall": self.wall,
             "realtime_factor": self.realtime_factor,
             "messages": self.messages,
+            "events": [span._asdict() for span in self.events],
         }
 
 
@@ -217,6 +220,7 @@ def read_result(path: str | Path) -> Result:
         failure=data["failure"],
         metrics={name: read_measured(item) for name, item in data["metrics"].items()},
         messages=tuple((name, status, text) for name, status, text in data["messages"]),
+        events=tuple(Span(**item) for item in data.get("events", ())),  # older results have none
     )
 
 

@@ -47,6 +47,7 @@ class Recording:
     lag: float = 0.0  # the worst lateness [s]
     interrupted: bool = False
     error: FmuError | None = None
+    events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
 
     def clocked(self) -> float:
         """Wall time until now [s]."""

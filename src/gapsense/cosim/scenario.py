@@ -8,9 +8,11 @@ from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
 from gapsense.tables import Value
 
+NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
 METHODS = ("gauss-seidel", "jacobi")
 ISOLATIONS = ("none", "process")
 STEP_LIMIT = 60.0  # [s]
@@ -94,6 +96,8 @@ class Record:
 class Metric:
     """One number computed from the samples of a recorded signal with `after < t < before` [s], and where it must lie.
 
+    With an `event` these times are counted from its first beginning.
+
     For what is published later, the signal `time` has the time [s] that a sample is about; it decides on `after` and
     `before`, and at which row a reference signal is taken.
     """
@@ -106,6 +110,7 @@ class Metric:
     before: float | None = None
     where: str | None = None  # signal that is 0 at samples to leave out
     time: str | None = None
+    event: str | None = None
     bounds: tuple[float, float] | None = None
     description: str = ""
     published: float | None = None  # in a paper or a data sheet, to be shown beside; it is not tested
@@ -193,6 +198,7 @@ class Scenario:
     rows_columns: Mapping[Port, RowsColumn] = field(default_factory=dict)  # of `rows`
     played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
+    events: Mapping[str, Event] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 import gapsense
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.events.read import varied
 from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
@@ -82,11 +83,14 @@ class Subject:
 
     def taken(self, seed_shift: int = 0, point: int | None = None) -> Take:
         """What one run takes."""
-        return Take(
-            columns=self.columns,
-            seeds={name: seed + seed_shift for name, seed in self.scenario.seeds.items()},
-            values={} if point is None else self.scenario.points()[point],
-        )
+        values = {} if point is None else self.scenario.points()[point]
+        random = {
+            event.seed_name: event.seed
+            for event in varied(self.scenario.events, values, []).values()
+            if event.is_random
+        }
+        seeds = {name: seed + seed_shift for name, seed in {**self.scenario.seeds, **random}.items()}
+        return Take(columns=self.columns, seeds=seeds, values=values)
 
 
 def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:

@@ -24,12 +24,13 @@ from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Source
+from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
@@ -166,8 +167,16 @@ def mourner(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, M
 def units_of(scenario: Scenario, fmus: Mapping[str, Description]) -> dict[str, str]:
     """Units of the metrics, and of the parameters that are swept."""
     signals = {name: signal.unit or "" for name, signal in recorded_signals(scenario, fmus).items()}
-    swept = {str(port): fmus[port.component].variables[port.variable].unit or "" for port in scenario.swept}
+    swept = {str(port): unit_of_swept(port, scenario, fmus) for port in scenario.swept}
     return {**swept, **{metric.name: unit_of(metric, signals) for metric in scenario.metrics}}
+
+
+def unit_of_swept(port: Port, scenario: Scenario, fmus: Mapping[str, Description]) -> str:
+    """Unit of a parameter that is swept, or of the key of an event."""
+    if port.component in fmus:
+        return fmus[port.component].variables[port.variable].unit or ""
+    name, _, key = port.variable.partition(".")
+    return unit_of_key(key, scenario.events[name], fmus)
 
 
 def source_of(scenario: Scenario, file: Path | None) -> str:
@@ -197,16 +206,18 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
     problems = []
     if seeds < 1 or workers < 1:
         problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
-    if not scenario.seeds and not scenario.swept:
+    is_random = bool(scenario.seeds) or any(event.is_random for event in scenario.events.values())
+    if not is_random and not scenario.swept:
         problems.append(
             f"{scenario.path.name}: a sweep varies parameters or seeds, and there are none. Add `[sweep]` or `[seeds]`."
         )
-    if not scenario.seeds and scenario.swept and seeds > 1:
+    if not is_random and scenario.swept and seeds > 1:
         problems.append(
             f"{scenario.path.name}, seeds: {seeds} runs of each combination would be the same. Add `[seeds]`."
         )
     for port in scenario.swept:
-        if scenario.components[port.component].origin.get(port.variable) == OVER:
+        component = scenario.components.get(port.component)
+        if component and component.origin.get(port.variable) == OVER:
             problems.append(f"{OVER}, {port}: `[sweep]` gives it too. Keep one.")
     if homeless:
         problems.append("signals are to be kept, but nowhere. Name a folder.")

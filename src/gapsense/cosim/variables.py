@@ -43,11 +43,17 @@ class Variable:
     size: str = ""  # its type in FMI 3.0, such as Int16; empty for FMI 2.0
     has_start: bool = False  # an output or a local variable with a start value that may be set
     items: Mapping[str, int] = field(default_factory=dict)  # of an Enumeration
+    variability: str = ""
 
     @property
     def is_parameter(self) -> bool:
         """True if a scenario may set it."""
         return self.causality == "parameter"
+
+    @property
+    def is_tunable(self) -> bool:
+        """True for a parameter that may be set during a run."""
+        return self.is_parameter and self.variability == "tunable"
 
     @property
     def is_settable(self) -> bool:
@@ -80,6 +86,7 @@ def variable(v: Any) -> Variable:
         start=start_value(kind, v.start),
         size=v.type if v.type in TYPES else "",
         has_start=v.causality in HAVE_STARTS and v.initial in ("exact", "approx") and v.variability != "constant",
+        variability=v.variability or "",
         items={item.name: int(item.value) for item in v.declaredType.items} if v.declaredType else {},
     )
 

@@ -104,6 +104,13 @@ def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None
     axis.plot(1e3 * times, values, color=color, label=label, drawstyle="steps-post", **style)
 
 
+def shade(axis: Any, result: Result) -> None:
+    """Grey where an event of the scenario was on."""
+    for span in result.events:
+        end = result.times[-1] if span.end is None else span.end
+        axis.axvspan(1e3 * span.begin, 1e3 * end, color=FAINT, alpha=0.2, linewidth=0.0, zorder=0)
+
+
 def display(unit: str) -> tuple[str, float]:
     """Unit for display and the factor to it."""
     shown = UNITS[unit].display if unit in UNITS else None
@@ -158,6 +165,7 @@ def overview(result: Result) -> Figure:
         for k, name in enumerate(names):  # thinner and thinner, so that curves that coincide are all seen
             width = 1.0 + 1.5 * (len(names) - 1 - k) / MOST
             line(axis, result.times, display(result.units[name])[1] * result[name], f"C{k}", name, linewidth=width)
+        shade(axis, result)
         legend(axis)
     return figure
 

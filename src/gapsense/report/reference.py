@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.keys import FILE, VARIANT
 from gapsense.cosim.metrics import KINDS
 from gapsense.files import write_atomically
@@ -103,8 +104,8 @@ def rewritten(page: str) -> str:
 
 
 def keys() -> str:
-    """A chapter for each kind of table, and one for the kinds of metrics."""
-    return "\n".join([*(chapter(section) for section in with_keys(FILE)), metrics(), parameter_set()])
+    """A chapter for each kind of table, one for the actions of events, and one for the kinds of metrics."""
+    return "\n".join([*(chapter(section) for section in with_keys(FILE)), actions(), metrics(), parameter_set()])
 
 
 def with_keys(section: Section) -> Iterator[Section]:
@@ -137,7 +138,8 @@ def table(*sections: Section) -> str:
 def block(*sections: Section) -> str:
     """Examples of all their keys, as a file has them."""
     parts = [
-        [section.at or section.header, *(line(key) for key in own(section) if not key.is_other)] for section in sections
+        [section.before, section.at or section.header, *(line(key) for key in own(section) if not key.is_other)]
+        for section in sections
     ]
     text = "\n\n".join("\n".join(filter(None, part)) for part in parts)
     return f"```toml\n{text}\n```\n"
@@ -169,6 +171,17 @@ def without(key: Key) -> str:
 def line(key: Key) -> str:
     """Example of a key, as a file has it."""
     return key.example if key.name.startswith("<") else f"{key.name} = {key.example}"
+
+
+def actions() -> str:
+    """Actions of events."""
+    rows = [
+        f"| `{name}` | the target {act.what} | {act.value or 'none'} | {act.over or 'no'} | "
+        f"{'inputs, parameters' if act.on_parameter else 'inputs'} | {'Real' if act.only_real else 'but text'} |"
+        for name, act in ACTIONS.items()
+    ]
+    head = ["| action | what | `value` | `over` | of | types |", "| --- | --- | --- | --- | --- | --- |"]
+    return "\n".join(["## Actions of events\n", *head, *rows, ""])
 
 
 def metrics() -> str:

@@ -28,6 +28,13 @@ def metrics(result: Result) -> list[Table]:
     return list(made.values())
 
 
+def events(result: Result) -> list[Table]:
+    """When events were on, if any were."""
+    ends = ("to the end" if span.end is None else quantity(span.end, "s") for span in result.events)
+    rows = [(s.name, s.target, s.action, quantity(s.begin, "s"), end) for s, end in zip(result.events, ends)]
+    return [table("Events", ("event", "target", "action", "from", "until"), rows, texts=3)] if rows else []
+
+
 def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
     """Median and 5-95 % range of each metric beside the published value and the first run."""
     if not swept.indices:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy.typing as npt
 
+from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.instance import STEP
 from gapsense.cosim.loop import library
 from gapsense.cosim.loop.library import AT_GET, AT_SET, AT_STEP, IN_PYTHON, Doubles, Link, Loop, Number, Numbers
@@ -22,9 +23,14 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
     guests = [Guest(part, work) for part in work.parts]
     parts = (library.Part * len(guests))(*(structure(guest, i, work) for i, guest in enumerate(guests)))
     loop, player = whole(work, parts), work.player
+    changing = [guest for guest in guests if guest.part.stages and guest.part.is_direct]
 
     def advance(until: int) -> int:
         last = min(until, player.provide(loop.next))
+        for guest in changing:
+            renew(guest)
+        for place, watch in enumerate(work.watches):
+            loop.watches[place] = condition(watch)
         loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
         try:
             cause = run(loop, last)
@@ -44,6 +50,7 @@ class Guest:
         self.part, self.failed = part, ""
         self.error: BaseException | None = None
         base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
+        self.links = array_of(part)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
             self.step, self.take = self.noted(part.stepper(base, is_sequential)), self.noted(part.taker())
@@ -76,8 +83,6 @@ def structure(guest: Guest, i: int, work: Work) -> library.Part:
     if not part.is_direct:
         calls = {"python_step": library.PythonStep(guest.step), "python_take": library.PythonTake(guest.take)}
         return library.Part(**common, **calls)
-    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
-    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
     return library.Part(
         **common,
         fmi=part.instance.description.fmi,
@@ -85,10 +90,29 @@ def structure(guest: Guest, i: int, work: Work) -> library.Part:
         inputs=exchange(part.set_inputs),
         outputs=exchange(part.get_outputs),
         do_step=library.address(part.instance.function(STEP)),
-        links=(Link * len(links))(*links),
-        link_count=len(links),
+        links=guest.links,
+        link_count=len(guest.links),
         follows=guest.takes_first,
     )
+
+
+def array_of(part: Part) -> Any:
+    """Connections into a part, and after them the stages of events, in order."""
+    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
+    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
+    return (Link * (len(links) + len(part.stages)))(*links)
+
+
+def renew(guest: Guest) -> None:
+    """Let the links do what the stages now say."""
+    stages, first = guest.part.stages.values(), len(guest.links) - len(guest.part.stages)
+    for place, stage in enumerate(stages, first):
+        guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
+
+
+def condition(watch: Watch) -> library.Watch:
+    """A condition, for C."""
+    return library.Watch(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
 
 
 def exchange(call: Exchange) -> library.Exchange:
@@ -116,6 +140,8 @@ def whole(work: Work, parts: Any) -> Loop:
         place_count=len(work.player.places),
         marks=(Number * MARKS).from_buffer(work.marks),
         patience=PATIENCE,
+        watches=(library.Watch * len(work.watches))(),
+        watch_count=len(work.watches),
         next=work.begin,
     )
 

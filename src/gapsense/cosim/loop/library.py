@@ -23,6 +23,12 @@ class Link(ctypes.Structure):
     _fields_ = [("target", Int), ("source", Int), ("converts", Int), ("factor", Double), ("bias", Double)]
 
 
+class Watch(ctypes.Structure):
+    """A condition of which news end a block."""
+
+    _fields_ = [("place", Int), ("is_above", Int), ("is_on", Int), ("holds", Int), ("level", Double)]
+
+
 class Exchange(ctypes.Structure):
     """One call that moves values."""
 
@@ -78,6 +84,8 @@ class Loop(ctypes.Structure):
         ("played_from", Number),
         ("marks", Numbers),
         ("patience", Double),
+        ("watches", ctypes.POINTER(Watch)),
+        ("watch_count", Count),
         ("next", Number),
         ("clock", Double),
         ("part", Count),

@@ -48,6 +48,12 @@ typedef struct {
     int (*python_take)(void);
 } Part;
 
+/* A condition on a value in the buffer, and whether it held when Python last looked. */
+typedef struct {
+    int place, is_above, is_on, holds;
+    double level;
+} Watch;
+
 typedef struct {
     Part *parts;
     size_t part_count;
@@ -65,6 +71,8 @@ typedef struct {
     int64_t played_from;
     int64_t *marks; /* as in recording.py */
     double patience; /* seconds after which Python wants to look up */
+    const Watch *watches;
+    size_t watch_count;
     int64_t next; /* base step to be done */
     double clock; /* when somebody's time began to count */
     size_t part; /* the one that acts */
@@ -230,7 +238,24 @@ static int base_step(Loop *l, int64_t k)
     return DONE;
 }
 
-/* Does base steps up to `until`, at least one; fewer if told to stop or out of patience. What failed, or DONE. */
+/* True if a condition begins or ends to hold; NaN is neither above nor below. */
+static bool has_news(const Loop *l)
+{
+    for (const Watch *w = l->watches; w < l->watches + l->watch_count; w++) {
+        double value = l->buffer[w->place];
+        if (w->is_on && (w->is_above ? value > w->level : value < w->level) != w->holds)
+            return true;
+    }
+    return false;
+}
+
+/* True if Python wants to do something before the next base step. */
+static bool is_called(const Loop *l)
+{
+    return __atomic_load_n(l->marks + STOP, __ATOMIC_ACQUIRE) || has_news(l);
+}
+
+/* Does base steps up to `until`, at least one; fewer if told to stop, out of patience, or at news. What failed, or DONE. */
 EXPORT int loop(Loop *l, int64_t until)
 {
     double limit = now() + l->patience;
@@ -239,6 +264,6 @@ EXPORT int loop(Loop *l, int64_t until)
         if (failed)
             return failed;
         l->next++;
-    } while (l->next <= until && l->clock < limit && !__atomic_load_n(l->marks + STOP, __ATOMIC_ACQUIRE));
+    } while (l->next <= until && l->clock < limit && !is_called(l));
     return DONE;
 }

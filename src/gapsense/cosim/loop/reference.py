@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import perf_counter
 
+from gapsense.cosim.events.watch import reporter
 from gapsense.cosim.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.recording import COMPONENT, MASTER, ROWS, STEP, STOP
 
@@ -15,7 +16,7 @@ def in_python(work: Work) -> Advance:
     """Function that does base steps."""
     play, step, record = work.player.into(work.buffer), stepper(work), recorder(work)
     exchange = exchanger(work) if work.experiment.method == "jacobi" else None
-    marks, done = work.marks, work.begin - 1
+    marks, done, has_news = work.marks, work.begin - 1, reporter(work.watches, work.buffer)
 
     def advance(until: int) -> int:
         nonlocal done
@@ -28,7 +29,7 @@ def in_python(work: Work) -> Advance:
             marks[COMPONENT] = MASTER
             record(k)
             done = k
-            if marks[STOP]:
+            if marks[STOP] or has_news():
                 break
         return done
 

@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.part import Part
 from gapsense.cosim.played import Player
 from gapsense.cosim.recording import Recording
 from gapsense.cosim.scenario import Component, Experiment
 from gapsense.processes import Marks
 
-# Does base steps up to the one given, and returns the last one done: an earlier one if it was told to stop, or if
-# Python should look up.
+# Does base steps up to the one given, and returns the last one done: an earlier one if it was told to stop, if
+# Python should look up, or if there is news of a condition.
 Advance = Callable[[int], int]
 
 
@@ -34,6 +35,7 @@ class Work(NamedTuple):
     recording: Recording  # has the seconds and calls of each part
     marks: Marks
     begin: int
+    watches: Sequence[Watch] = ()  # conditions of which news end a block
 
 
 def first_turn(component: Component, begin: int) -> int:
