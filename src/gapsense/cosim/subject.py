@@ -18,9 +18,10 @@ from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256, state
+from gapsense.tables import Value
 
 
 @dataclass(frozen=True)
@@ -80,12 +81,12 @@ class Subject:
         """Hash of each file as it is now, and of what stands in none."""
         return {name: known_hash(file, *state(file)) for name, file in self.files.items()} | {**self.scenario.hashes}
 
-    def taken(self, seed_shift: int = 0, point: int | None = None) -> Take:
-        """What one run takes."""
+    def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
+        """What one run takes; a point of a sweep, or values of parameters."""
         return Take(
             columns=self.columns,
             seeds={name: seed + seed_shift for name, seed in self.scenario.seeds.items()},
-            values={} if point is None else self.scenario.points()[point],
+            values=self.scenario.points()[point] if isinstance(point, int) else point or {},
         )
 
 
