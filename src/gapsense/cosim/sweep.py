@@ -33,7 +33,7 @@ from gapsense.cosim.scenario import Points, Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
-from gapsense.cosim.worker import Runs, request
+from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.files import write_atomically, write_columns
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Entry, Ledger, kept, key
@@ -136,8 +136,9 @@ def swept(
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
     ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
+    runnable = read if measure or keep else thrifty(read)
     task = {
-        "pickled": b64encode(pickle.dumps((read, descriptions))).decode(),
+        "pickled": b64encode(pickle.dumps((runnable, descriptions))).decode(),
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }

@@ -29,10 +29,9 @@ class Runs:
         import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
 
         versions()  # likewise: it starts a process
-        scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
+        self.scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = None if task["keep"] is None else Path(task["keep"])
-        self.scenario = scenario if self.measure or self.keep else thrifty(scenario)
         self.master: Master | None = None
         atexit.register(self.drop)
 
