@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from asyncio import CancelledError
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from itertools import islice
 from pkgutil import resolve_name
@@ -14,7 +14,8 @@ from time import monotonic
 from typing import Any
 from uuid import uuid4
 
-from distributed import Client, Future, KilledWorker
+from distributed import Client, KilledWorker
+from distributed.client import FutureCancelledError
 
 from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
@@ -28,6 +29,7 @@ PATIENCE = 10.0  # seconds until there must be an answer, or a worker
 AHEAD = 2  # tasks per thread of the cluster, so that none waits for us
 LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
+LOST = "the Dask scheduler has gone. What was finished is kept: the same command goes on when it is back."
 ASKING = 1.0  # seconds between two questions to the scheduler
 
 
@@ -37,14 +39,14 @@ class Cluster:
     def __init__(self, address: str, prepared: Prepared, left: int) -> None:
         self.address, self.prepared, self.left = address, prepared, left
         self.name = f"gapsense-{uuid4().hex}"
-        self.client: Client | None = None
+        self.client: Any = None
         self.thread: Thread | None = None
         self.is_over = Event()
 
     def start(self, pending: Pending, answers: Answers) -> None:
         """Give every worker what it needs, and a thread of ours the work."""
         try:
-            self.client = Client(self.address, timeout=PATIENCE, set_as_default=False, name="gapsense")
+            self.client = Client(self.address, timeout=PATIENCE, set_as_default=False, name="gapsense")  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:  # of a timeout too
             said = str(error).partition("\n")[0].rstrip(".")
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
@@ -66,7 +68,7 @@ class Cluster:
         if self.client:
             self.client.close(timeout=PATIENCE)
 
-    def feed(self, client: Client, pending: Pending, answers: Answers) -> None:
+    def feed(self, client: Any, pending: Pending, answers: Answers) -> None:
         """Keep the cluster busy and hand on what it answers."""
         try:
             feeder = Feeder(client, self.name, self.prepared.plan, self.left)
@@ -82,12 +84,12 @@ class LostError(RuntimeError):
 class Feeder:
     """Tasks that are on their way."""
 
-    def __init__(self, client: Client, name: str, plan: Plan, left: int) -> None:
+    def __init__(self, client: Any, name: str, plan: Plan, left: int) -> None:
         self.client, self.name, self.plan, self.left = client, name, plan, left
-        self.flying: dict[Future, list[int]] = {}
-        self.landed: Queue[Future] = Queue()
+        self.flying: dict[Any, list[int]] = {}
+        self.landed: Queue[Any] = Queue()
         self.again: deque[int] = deque()  # each in a task of its own
-        self.threads, self.asked_at, self.heard_at = 0, 0.0, monotonic()
+        self.threads, self.asked_at = 0, 0.0
         self.seconds = 0.0  # of a run, as it is lately
 
     def work(self, pending: Pending, answers: Answers, is_over: Event) -> None:
@@ -103,15 +105,15 @@ class Feeder:
             future.cancel(force=True)
 
     def listen(self) -> None:
-        """Ask how many threads there are; a LostError if nobody has answered for long."""
+        """Ask how many threads there are; a LostError if nobody answers."""
         now = monotonic()
-        if self.client.status == "running":
-            self.heard_at = now
-        elif now - self.heard_at > PATIENCE or self.client.status == "closed":
-            raise LostError("the Dask scheduler has gone. What was finished is kept: the same command goes on.")
-        if now - self.asked_at > ASKING and self.client.status == "running":
-            with suppress(OSError):
+        if self.client.status != "running":
+            raise LostError(LOST)
+        if now - self.asked_at > ASKING:
+            try:
                 self.threads, self.asked_at = sum(self.client.nthreads().values()), now
+            except OSError:
+                raise LostError(LOST) from None
 
     def fill(self, pending: Pending) -> None:
         """Send tasks until the queue is long enough."""
@@ -129,14 +131,14 @@ class Feeder:
         wanted = int(LASTING / self.seconds) if self.seconds else 1
         return max(1, min(wanted, MOST, self.left // (2 * AHEAD * self.threads)))
 
-    def awaited(self) -> Iterator[Future]:
+    def awaited(self) -> Iterator[Any]:
         """Tasks that have ended, after a short while none."""
         with suppress(Empty):
             yield self.landed.get(timeout=LOOK)
             while True:
                 yield self.landed.get_nowait()
 
-    def entries(self, future: Future, numbers: list[int]) -> list[Entry]:
+    def entries(self, future: Any, numbers: list[int]) -> list[Entry]:
         """What a task has answered; of one that has ended its workers, its runs are tried one by one."""
         try:
             entries: list[Entry] = future.result(timeout=PATIENCE)
@@ -145,14 +147,17 @@ class Feeder:
                 return [{"index": numbers[0], "error": f"run: its workers on the cluster died: {error}"}]
             self.again.extend(numbers)
             return []
-        except (CancelledError, TimeoutError, OSError):
-            self.again.extend(numbers)  # unless there is a scheduler no more, which `listen` will tell
+        except (CancelledError, FutureCancelledError, OSError):
+            raise LostError(LOST) from None
+        except TimeoutError:  # its worker has died since it ended, and it is done again
+            self.flying[future] = numbers
+            future.add_done_callback(self.landed.put)
             return []
         self.seconds = sum(entry.get("wall", 0.0) for entry in entries) / len(entries)
         return entries
 
 
-def refuse_others(client: Client, address: str) -> None:
+def refuse_others(client: Any, address: str) -> None:
     """Raise InputError unless there are workers, and all of them have this Gapsense."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
@@ -160,7 +165,11 @@ def refuse_others(client: Client, address: str) -> None:
         problem = f"the scheduler at `{address}` has no workers. Start some: `dask worker {address}`."
         raise InputError([problem]) from None
     versions = client.run(resolve_name, "gapsense:__version__", on_error="return")
-    problems = [f"{worker}: Gapsense is not installed there ({error}). Install it." for worker, error in versions.items() if isinstance(error, Exception)]
+    problems = [
+        f"{worker}: Gapsense is not installed there ({error}). Install it."
+        for worker, error in versions.items()
+        if isinstance(error, Exception)
+    ]
     if not problems:
         own, found = identity(), client.run(identity, on_error="return")
         problems = [f"{worker}: {difference(own, other)}" for worker, other in found.items() if other != own]

@@ -36,7 +36,8 @@ def points(method: str, count: int, dimensions: int, seed: int) -> Vector:
 
     maker = {"latin-hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol}[method]
     name = "rng" if "rng" in signature(maker).parameters else "seed"  # as SciPy before 1.15 calls it
-    return np.clip(maker(dimensions, **{name: random}).random(count), EDGE, 1.0 - EDGE)
+    drawn: Vector = maker(dimensions, **{name: random}).random(count)
+    return np.clip(drawn, EDGE, 1.0 - EDGE)
 
 
 def uniform(u: Vector, own: Mapping[str, Any]) -> Vector:

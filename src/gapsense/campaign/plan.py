@@ -22,7 +22,7 @@ class Block(NamedTuple):
     columns: Mapping[Port, Sequence[Value] | npt.NDArray[Any]]
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Rows."""
         return len(next(iter(self.columns.values()))) if self.columns else 1
 
@@ -32,8 +32,8 @@ class Block(NamedTuple):
 
     def telling(self) -> list[int]:
         """Rows that have every value, or of many the least and the greatest of each column."""
-        if self.count <= FEW:
-            return list(range(self.count))
+        if self.size <= FEW:
+            return list(range(self.size))
         numbers = [np.asarray(c, dtype=np.float64) for c in self.columns.values() if all(map(is_number, plains(c)))]
         return sorted({int(f(column)) for column in numbers for f in (np.argmin, np.argmax)})
 
@@ -52,7 +52,7 @@ class Plan:
     @property
     def points(self) -> int:
         """How many points there are."""
-        return prod(block.count for block in self.blocks)
+        return prod(block.size for block in self.blocks)
 
     def __len__(self) -> int:
         return self.points * self.seeds
@@ -70,7 +70,7 @@ class Plan:
         """Row of each block in a point."""
         left, rows = range(self.points)[number], []
         for block in reversed(self.blocks):
-            left, row = divmod(left, block.count)
+            left, row = divmod(left, block.size)
             rows.append(row)
         return rows[::-1]
 
@@ -91,7 +91,7 @@ class Plan:
         """The first points, and some that have the extreme values of every block."""
         stride, numbers = self.points, set(range(min(self.points, FEW)))
         for block in self.blocks:
-            stride //= block.count
+            stride //= block.size
             numbers.update(stride * row for row in block.telling())
         return sorted(numbers)
 

@@ -135,9 +135,13 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
         )
     for metric in scenario.metrics:
         if metric.name in OWN_COLUMNS:
-            problems.append(f"{scenario.path.name}, metrics.{metric.name}: a result has a column of that name. Rename it.")
+            problems.append(
+                f"{scenario.path.name}, metrics.{metric.name}: a result has a column of that name. Rename it."
+            )
     if not scenario.metrics and not study.signals:
-        problems.append(f"{name}: nothing would be kept of the runs. Add `[metrics]` to the scenario or `[trajectories]`.")
+        problems.append(
+            f"{name}: nothing would be kept of the runs. Add `[metrics]` to the scenario or `[trajectories]`."
+        )
     return problems
 
 
@@ -157,7 +161,7 @@ def renamed(problem: str, study: Study, file: str) -> tuple[str, str]:
             head = f"{file}, sweep.{port}{end}"
             if problem.startswith(head):
                 own = f"{study.path.name}, {place}"
-                return own, f"{own}{'' if place.endswith(str(port)) else f', `{port}`'}{end}{problem[len(head):]}"
+                return own, f"{own}{'' if place.endswith(str(port)) else f', `{port}`'}{end}{problem[len(head) :]}"
     head = f"{file}, sweep, "
     return (head, problem) if problem.startswith(head) else ("", problem)
 
@@ -166,4 +170,3 @@ def few(place: str, problems: list[str]) -> list[str]:
     """The first problems of one place, and how many more there are."""
     left = len(problems) - SHOWN
     return problems[:SHOWN] + ([f"{place.rstrip(', ')}: {left} more values are wrong."] if left > 0 else [])
-

@@ -68,7 +68,9 @@ class Campaign:
         """Columns of all runs, some rows at a time."""
         known = self.manifest.columns.runs.names
         if unknown := [name for name in names if name not in known]:
-            raise InputError([f"{self.folder}: there is no column `{name}`. {suggest(name, known)}" for name in unknown])
+            raise InputError(
+                [f"{self.folder}: there is no column `{name}`. {suggest(name, known)}" for name in unknown]
+            )
         files = [str(self.folder / part.file) for part in self.manifest.parts]
         if files:
             runs = ds.dataset(files, schema=self.manifest.columns.runs, format="parquet")

@@ -13,7 +13,7 @@ from typing import Any
 
 from distributed import WorkerPlugin, get_worker
 
-from gapsense import __version__
+import gapsense
 from gapsense.campaign.task import job
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Component, Scenario
@@ -29,7 +29,7 @@ Asked = tuple[int, Mapping[str, Any]]  # number and request
 
 def identity() -> tuple[str, str]:
     """Version of Gapsense, and hash of all that decides results in it."""
-    return __version__, key("campaign")
+    return gapsense.__version__, key("campaign")
 
 
 @dataclass
@@ -146,5 +146,6 @@ def located_request(request: Mapping[str, Any], here: Mapping[str, str]) -> dict
 
 def perform(name: str, asked: Sequence[Asked]) -> list[Entry]:
     """Do some runs of a campaign, as a task of a worker."""
-    site: Site = get_worker().plugins[name]
-    return site.answers(asked)
+    site: Any = get_worker().plugins[name]
+    answers: list[Entry] = site.answers(asked)
+    return answers

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, NamedTuple, TextIO
 
 import numpy as np
 import numpy.typing as npt
@@ -196,6 +196,10 @@ def without_signals(line: Line) -> Line:
     return {key: value for key, value in line.items() if key != SIGNALS}
 
 
-def put(path: Path, write: Callable[[IO[bytes]], None]) -> None:
+def put(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Write a file of bytes, complete or not at all."""
-    write_atomically(path, lambda file: write(file.buffer))  # type: ignore[attr-defined]
+
+    def write_bytes(file: TextIO) -> None:
+        write(file.buffer)
+
+    write_atomically(path, write_bytes)

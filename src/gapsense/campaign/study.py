@@ -70,7 +70,7 @@ class Reader:
         blocks = (*self.rows(own["rows"]), *self.sample(), *self.grid(), *self.ranges())
         plan = Plan(blocks, own["seeds"], own["noise"] == "common")
         if len(plan) > MOST_RUNS:
-            found = " x ".join(str(n) for n in (*(block.count for block in blocks), own["seeds"]))
+            found = " x ".join(str(n) for n in (*(block.size for block in blocks), own["seeds"]))
             self.table.note("", f"{found} make {len(plan):.9g} runs, at most {MOST_RUNS} are done. Shorten something.")
         kept = self.table.table("trajectories")
         signals = kept.read(keys.TRAJECTORIES) if "trajectories" in self.table.data else {}
@@ -108,7 +108,9 @@ class Reader:
         if file is None:
             return
         self.files.append(self.folder / file)
-        rows, self.columns = read_rows(self.folder / file, Table({}, self.path.name, "", self.table.problems), self.files)
+        rows, self.columns = read_rows(
+            self.folder / file, Table({}, self.path.name, "", self.table.problems), self.files
+        )
         if rows:
             yield from self.known("rows", {port: [row[port] for row in rows] for port in rows[0]})
 
