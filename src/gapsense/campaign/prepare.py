@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from gapsense.files import SHOWN
 from gapsense.ledger import fingerprint
 from gapsense.problems import ScenarioError
 
+NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")
 OWN_COLUMNS = ("run", "seed", "wall", "error")  # of a result, beside parameters and metrics
 
 
@@ -146,27 +148,25 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
 
 
 def translated(found: Iterable[str], study: Study, file: str) -> list[str]:
-    """Problems of the scenario with the places of the study file where it gives the value; of one place a few."""
+    """Problems of the scenario, at the place of the study file where that gives the value; of many alike the first."""
     told: dict[str, list[str]] = {}
-    for problem in found:
-        place, problem = renamed(problem, study, file)
-        told.setdefault(place or problem, []).append(problem)
-    return [problem for place, problems in told.items() for problem in few(place, problems)]
+    for problem in (renamed(problem, study, file) for problem in found):
+        told.setdefault(NUMBERS.sub("", problem), []).append(problem)
+    return [problem for alike in told.values() for problem in few(alike)]
 
 
-def renamed(problem: str, study: Study, file: str) -> tuple[str, str]:
-    """Place in the study file, or nothing, and the sentence."""
+def renamed(problem: str, study: Study, file: str) -> str:
+    """A problem with the place in the study file, if that gives the value."""
     for port, place in study.places.items():
         for end in (":", " ("):
             head = f"{file}, sweep.{port}{end}"
             if problem.startswith(head):
-                own = f"{study.path.name}, {place}"
-                return own, f"{own}{'' if place.endswith(str(port)) else f', `{port}`'}{end}{problem[len(head) :]}"
-    head = f"{file}, sweep, "
-    return (head, problem) if problem.startswith(head) else ("", problem)
+                name = "" if place.endswith(str(port)) else f", `{port}`"
+                return f"{study.path.name}, {place}{name}{end}{problem[len(head) :]}"
+    return problem
 
 
-def few(place: str, problems: list[str]) -> list[str]:
-    """The first problems of one place, and how many more there are."""
-    left = len(problems) - SHOWN
-    return problems[:SHOWN] + ([f"{place.rstrip(', ')}: {left} more values are wrong."] if left > 0 else [])
+def few(alike: list[str]) -> list[str]:
+    """The first of some sentences that differ in numbers, and how many more there are."""
+    left = len(alike) - SHOWN
+    return alike[:SHOWN] + ([f"{alike[0].partition(': ')[0]}: {left} more values are wrong."] if left > 0 else [])

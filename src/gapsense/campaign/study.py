@@ -141,13 +141,13 @@ class Reader:
         table = self.table.table("sample")
         own, items = table.read(keys.SAMPLE), table.take("factors", TABLES, required=True)
         tables = [table.child(item, f"factors[{k}]") for k, item in enumerate(items or ())]
+        if items == []:
+            table.note("factors", "there is none. Add a table `[[sample.factors]]`.")
         factors, count = [factor for factor in map(read_factor, tables) if factor], own["count"]
         if own["method"] == "sobol" and count and count & (count - 1):
             below = 1 << (count.bit_length() - 1)
             table.note("count", f"{count} found, a power of 2 expected for Sobol: {below} or {2 * below}. Choose one.")
-        if items == []:
-            table.note("factors", "there is none. Add a table `[[sample.factors]]`.")
-        if count and count <= MOST_RUNS and factors and len(factors) == len(tables):
+        elif count and count <= MOST_RUNS and factors and len(factors) == len(tables):
             drawn = points(own["method"], count, len(factors), own["seed"])
             yield from self.drawn(factors, drawn)
 
