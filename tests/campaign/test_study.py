@@ -141,10 +141,8 @@ def test_units_and_cells_of_rows_are_told_with_their_lines(write, fmus, tmp_path
 
 
 def test_input_that_the_scenario_holds_constant_can_be_varied(write, fmus):
-    gain = (
-        NOISE
-        + '[components.gain]\nfmu = "Gain"\n[inputs]\n"gain.u" = 1.0\n[metrics.out]\nkind = "final"\nsignal = "gain.y"\n'
-    )
+    gain = '[components.gain]\nfmu = "Gain"\n[inputs]\n"gain.u" = 1.0\n'
+    gain = NOISE + gain + '[metrics.out]\nkind = "final"\nsignal = "gain.y"\n'
     study = write('title = "x"\nscenario = "demo"\n[grid]\n"gain.u" = [1.0, 2.0, 3.0]\n', gain)
     values = campaign.run(study, fmus=fmus, workers=1, out=study.parent / "out").column("out")
     assert values == pytest.approx([values[0], 2.0 * values[0], 3.0 * values[0]]) and values[0] != 0.0

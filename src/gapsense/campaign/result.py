@@ -71,9 +71,11 @@ class Campaign:
             raise InputError(
                 [f"{self.folder}: there is no column `{name}`. {suggest(name, known)}" for name in unknown]
             )
-        files = [str(self.folder / part.file) for part in self.manifest.parts]
+        files = [self.folder / part.file for part in self.manifest.parts]
+        if not all(file.is_file() for file in files):
+            raise InputError([f"{self.folder}: it has changed since it was read. Read it again."])
         if files:
-            runs = ds.dataset(files, schema=self.manifest.columns.runs, format="parquet")
+            runs = ds.dataset([*map(str, files)], schema=self.manifest.columns.runs, format="parquet")
             yield from runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
         yield from self.recent.select(list(names)).to_batches()
 
