@@ -58,7 +58,8 @@ def start(fmus: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
             command = [sys.executable, *words, *map(str, arguments)]
             settings = {"stdin": pipe, "stdout": pipe, "stderr": pipe, "text": True, "env": environment, **options}
             process = subprocess.Popen(command, **settings)
+            stack.enter_context(process)  # which waits for it, after its end
             stack.callback(process.kill)
-            return stack.enter_context(process)
+            return process
 
         yield start

@@ -20,7 +20,7 @@ from gapsense.problems import InputError
 
 pytest.importorskip("distributed")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")]
-LONG = NOISE.replace("stop = 10.0", "stop = 300.0")
+LONG = NOISE.replace("stop = 10.0", "stop = 100.0")
 MANY = STUDY.replace("seeds = 2", "seeds = 20") + '[trajectories]\nsignals = ["noise.y"]\ndecimation = 100\n'
 QUIET = {"stdin": None, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -101,7 +101,7 @@ def test_worker_with_a_nanny_and_threads_and_one_that_comes_late(write, fmus, cl
 def test_killed_scheduler_ends_the_campaign_and_another_one_goes_on(write, fmus, cluster, tmp_path):
     study, out = write(MANY, LONG), tmp_path / "out"
     made = cluster(2)
-    with pytest.raises(RuntimeError, match="scheduler has gone. What was finished is kept"):
+    with pytest.raises(RuntimeError, match=r"scheduler has gone\. What was finished is kept"):
         campaign.run(study, None, out, fmus, made.address, progress=at(20, made.scheduler.kill))
     there = campaign.read(out).rows
     assert 20 <= there < 120
@@ -141,7 +141,7 @@ FAULTY = (
 @pytest.mark.parametrize("fault", ["nan", "kill", "hang"])
 def test_run_that_ends_its_process_is_a_row_and_ends_no_worker(write, fmus, cluster, tmp_path, fault):
     text = FAULTY.replace("FAULT", fault).replace("noise = 10", "noise = 10\ncoil = 0")
-    study, made = write(STUDY, text.replace("stop = 300.0", "stop = 300.0\nstep_limit = 1.0")), cluster(1)
+    study, made = write(STUDY, text.replace("stop = 100.0", "stop = 100.0\nstep_limit = 1.0")), cluster(1)
     result = campaign.run(study, None, tmp_path / "out", fmus, made.address)
     assert [index for index, _ in result.errors(9)] == [2]
     assert rows(result) == rows(campaign.run(study, 1, tmp_path / "alone", fmus))
@@ -177,15 +177,13 @@ def test_cluster_is_left_as_it_was(write, fmus, cluster, tmp_path):
     made, places = cluster(1), Path(f"/proc/{cluster.workers[0].pid}/task")
     campaign.run(write(), None, tmp_path / "out", fmus, made.address)
     with Client(made.address, set_as_default=False) as client:
-        assert client.run(plugins) == {address: [] for address in client.nthreads()}
+        assert client.run(lambda dask_worker: [name for name in dask_worker.plugins if "gapsense" in name]) == {
+            address: [] for address in client.nthreads()
+        }
     end = time.monotonic() + 10.0
     while descendants(places) and time.monotonic() < end:
         time.sleep(0.1)
     assert not descendants(places)
-
-
-def plugins(dask_worker):
-    return [name for name in dask_worker.plugins if name.startswith("gapsense")]
 
 
 def descendants(tasks: Path) -> list[str]:
@@ -221,5 +219,5 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
     (other / "__init__.py").write_text((other / "__init__.py").read_text().replace('"0.1.0"', '"0.0.9"'))
-    with pytest.raises(InputError, match="it has Gapsense 0.0.9, 0.1.0 is expected. Install that"):
+    with pytest.raises(InputError, match=r"it has Gapsense 0\.0\.9, 0\.1\.0 is expected\. Install that"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)

@@ -41,7 +41,7 @@ class Cluster:
         self.name = f"gapsense-{uuid4().hex}"
         self.client: Any = None
         self.thread: Thread | None = None
-        self.is_over = Event()
+        self.is_over, self.is_known = Event(), False
 
     def start(self, pending: Pending, answers: Answers) -> None:
         """Give every worker what it needs, and a thread of ours the work."""
@@ -51,6 +51,7 @@ class Cluster:
             said = str(error).partition("\n")[0].rstrip(".")
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
         refuse_others(self.client, self.address)
+        self.is_known = True
         self.client.register_plugin(Site(self.name, packed(self.prepared)))
         self.thread = Thread(target=self.feed, args=(self.client, pending, answers), daemon=True)
         self.thread.start()
@@ -63,7 +64,7 @@ class Cluster:
         self.is_over.set()
         if self.thread:
             self.thread.join()
-        if self.client and self.client.status == "running":
+        if self.is_known and self.client.status == "running":
             self.client.unregister_worker_plugin(self.name)
         if self.client:
             self.client.close(timeout=PATIENCE)
