@@ -104,6 +104,37 @@ def test_words_of_study_and_scenario_may_change(write, fmus, tmp_path):
     assert campaign.read(tmp_path / "out").manifest.about["title"] == "Ramps and more"
 
 
+DRAWN = """
+title = "Drawn"
+scenario = "demo"
+[sample]
+count = 4
+method = "sobol"
+[[sample.factors]]
+parameter = "source.seed"
+distribution = "integer"
+low = 1
+high = 9
+[[sample.factors]]
+parameter = "source.shape"
+distribution = "choice"
+values = ["up", "down"]
+[[sample.factors]]
+parameter = "source.slope"
+distribution = "lognormal"
+median = 2.0
+sigma = 0.5
+"""
+
+
+def test_drawn_values_are_columns_of_their_types_and_again_the_same(write, fmus, tmp_path):
+    first, again = (campaign.run(write(DRAWN), 1, tmp_path / name, fmus) for name in ("one", "two"))
+    assert rows(first) == rows(again)
+    assert [str(first.table().schema.field(name).type) for name in first.factors] == ["int64", "string", "double"]
+    assert first.column("end") == pytest.approx(1.0 + 10.0 * first.column("source.slope"))
+    assert set(first.table().to_pydict()["source.shape"]) <= {"up", "down"}
+
+
 COMMON = 'title = "x"\nscenario = "demo"\nseeds = 2\nnoise = "common"\n[grid]\n"source.slope" = [1.0, 2.0]\n'
 
 
@@ -144,6 +175,7 @@ def test_number_that_does_not_exist_is_missing_and_no_failure(write, fmus, tmp_p
     assert np.isfinite(result.quantiles()["spread"]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 def test_killed_worker_processes_lose_nothing(write, fmus, tmp_path):
     study = write(STUDY.replace("seeds = 2", "seeds = 4"), LONG)
@@ -178,6 +210,7 @@ campaign.run(sys.argv[1], 2, sys.argv[2], fmus, progress=told)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")
 def test_killed_client_loses_what_was_under_way_only(write, fmus, start, tmp_path):
     study, out = write(STUDY.replace("seeds = 2", "seeds = 6"), LONG), tmp_path / "out"
@@ -204,6 +237,7 @@ print(result.interrupted, 3 <= result.rows < 12)
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_was_done(write, fmus, start, tmp_path):
     output, error = start(INTERRUPT, write(STUDY, LONG), tmp_path / "out").communicate(timeout=60)
     assert output.split() == ["True", "True"], error
@@ -211,6 +245,7 @@ def test_ctrl_c_keeps_what_was_done(write, fmus, start, tmp_path):
     assert campaign.run(write(STUDY, LONG), 1, tmp_path / "out", fmus).computed == 12 - there
 
 
+@pytest.mark.slow
 def test_two_clients_on_one_folder_do_nothing_twice(write, fmus, start, tmp_path):
     processes = [start(CLIENT, write(STUDY, LONG), tmp_path / "out") for _ in range(2)]
     said = [process.communicate(timeout=60) for process in processes]

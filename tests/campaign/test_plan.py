@@ -84,6 +84,11 @@ high = 1.0
 parameter = "b.choice.deep"
 distribution = "choice"
 values = ["p", "q"]
+[[sample.factors]]
+parameter = "b.whole"
+distribution = "integer"
+low = 1
+high = 9
 """
 
 
@@ -93,11 +98,21 @@ def test_every_kind_of_factor_of_a_file(tmp_path):
     study = load_study(tmp_path / "study.toml")
     plan = study.plan
     assert (plan.points, len(plan), plan.is_common) == (2 * 4 * 3 * 3 * 3, 3 * 216, True)
-    assert list(map(str, plan.ports)) == ["c.x", "c.y", "b.uniform", "b.choice.deep", "a.list", "a.even", "a.ratio"]
+    assert list(map(str, plan.ports)) == [
+        "c.x",
+        "c.y",
+        "b.uniform",
+        "b.choice.deep",
+        "b.whole",
+        "a.list",
+        "a.even",
+        "a.ratio",
+    ]
     first, second, last = plan.point(0), plan.point(1), plan.point(plan.points - 1)
     assert (first["c", "x"], first["a", "list"], first["a", "even"], first["a", "ratio"]) == (1.0, 2, 1, 1.0)
     assert (second["a", "ratio"], last["a", "even"], last["c", "y"]) == (10.0, 5, False)
     assert type(first["a", "even"]) is int
+    assert type(first["b", "whole"]) is int and 1 <= first["b", "whole"] <= 9
     assert len({plan.point(k)["b", "uniform"] for k in range(plan.points)}) == 4
     again = load_study(tmp_path / "study.toml").plan
     assert [again.values(k) for k in range(len(again))] == [plan.values(k) for k in range(len(plan))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
@@ -30,6 +31,7 @@ AHEAD = 2  # tasks per thread of the cluster, so that none waits for us
 LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
 LOST = "the Dask scheduler has gone. What was finished is kept: the same command goes on when it is back."
+LOG = logging.getLogger(__name__)
 ASKING = 1.0  # seconds between two questions to the scheduler
 
 
@@ -112,9 +114,12 @@ class Feeder:
             raise LostError(LOST)
         if now - self.asked_at > ASKING:
             try:
-                self.threads, self.asked_at = sum(self.client.nthreads().values()), now
+                threads = sum(self.client.nthreads().values())
             except OSError:
                 raise LostError(LOST) from None
+            if not threads and self.threads:
+                LOG.warning("the cluster has no workers any more; waiting for some.")
+            self.threads, self.asked_at = threads, now
 
     def fill(self, pending: Pending) -> None:
         """Send tasks until the queue is long enough."""

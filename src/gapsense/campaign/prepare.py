@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from gapsense.campaign.plan import Block, Plan
 from gapsense.campaign.study import Study, read_study
@@ -23,6 +27,7 @@ from gapsense.cosim.worker import thrifty
 from gapsense.files import SHOWN
 from gapsense.ledger import fingerprint
 from gapsense.problems import ScenarioError
+from gapsense.tables import Value
 
 NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")
 OWN_COLUMNS = ("run", "seed", "wall", "error")  # of a result, beside parameters and metrics
@@ -41,13 +46,18 @@ class Prepared:
     def facts(self) -> dict[str, str]:
         """Hashes of what decides the numbers, but for the number of seeds."""
         files = {str(file.resolve()): file for file in self.study.files}
-        plan = [[[str(p), facts(list(c), files)] for p, c in block.columns.items()] for block in self.plan.blocks]
+        plan = [[[str(p), facts(hashable(c), files)] for p, c in block.columns.items()] for block in self.plan.blocks]
         return {
             "the scenario": fingerprint(deciding(self.scenario)),
             "the FMUs": fingerprint({name: d.sha256 for name, d in self.descriptions.items()}),
             "the values": fingerprint([plan, self.plan.is_common]),
             "the trajectories": fingerprint([self.study.signals, self.study.decimation]),
         }
+
+
+def hashable(column: Sequence[Value] | npt.NDArray[Any]) -> Any:
+    """A column whose bytes are its values, or a list of these."""
+    return column if isinstance(column, np.ndarray) and column.dtype != object else list(column)
 
 
 def check(study: str | Path, fmus: str | Path | None = None) -> list[str]:
