@@ -152,6 +152,7 @@ FAULTY = (
 SEEDED = FAULTY.replace("noise = 10", "noise = 10\ncoil = 0")
 
 
+@pytest.mark.slow
 def test_failed_runs_are_rows_and_are_tried_again_when_asked_for(write, fmus, tmp_path):
     study, out = write(COMMON.replace('"common"', '"own"'), SEEDED.replace("FAULT", "kill")), tmp_path / "out"
     for retry, computed in ((False, 4), (False, 0), (True, 1)):

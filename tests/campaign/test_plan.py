@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.campaign.plan import Block, Plan
@@ -36,6 +36,7 @@ def test_points_are_the_product_of_the_blocks_in_order(sizes, seeds, is_common):
     assert shifts == [k // len(expected) for k in range(len(plan))] if is_common else list(range(len(plan)))
 
 
+@settings(max_examples=20)
 @given(st.integers(0, 2**32), st.integers(1001, 1200), st.integers(1, 3))
 def test_telling_points_have_the_extremes_of_many_values_and_every_one_of_few(seed, count, size):
     values = np.random.default_rng(seed).normal(size=count)

@@ -13,7 +13,7 @@ from contextlib import suppress
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.campaign import store as of
@@ -58,6 +58,7 @@ def test_what_is_appended_is_read_at_once_and_after_each_step(tmp_path):
     assert campaign.units == {"a.x": "V", "a.name": "", "m": "A", "wall": "s"}
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 400))
 def test_torn_line_is_no_run_and_those_before_it_are(tmp_path_factory, kept):
     folder = tmp_path_factory.mktemp("torn")

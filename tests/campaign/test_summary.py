@@ -59,7 +59,9 @@ def test_leading_parameter_is_found_by_rank_correlation(made):
     assert found["up"].factor == "a.x" and found["up"].correlation == pytest.approx(1.0)
     assert abs(found["noise"].correlation) < 0.1 and "none" not in found
     y = np.random.default_rng(5).normal(size=x.size) + x
-    assert summary.correlation(x, y) == pytest.approx(stats.spearmanr(x, y).statistic, abs=1e-12)
+    assert summary.correlation(summary.ranks(x), summary.ranks(y)) == pytest.approx(
+        stats.spearmanr(x, y).statistic, abs=1e-12
+    )
     assert summary.correlation(x, np.ones_like(x)) == 0.0
 
 
@@ -84,6 +86,11 @@ def test_groups_and_clouds_count_every_run(made):
     cloud = summary.clouds(result, ["a.x"], ["up"])["a.x", "up"]
     inside = np.isfinite(up) & (x >= cloud.x[0]) & (x <= cloud.x[-1]) & (up >= cloud.y[0]) & (up <= cloud.y[-1])
     assert cloud.counts.sum() == inside.sum() > 2500
+    good = np.isfinite(up)
+    assert np.array_equal(cloud.counts, np.histogram2d(x[good], up[good], (cloud.x, cloud.y))[0])
+    assert summary.places(np.array([0.0, 0.5, 1.0, 2.0, 2.1, -0.1, np.nan]), np.array([0.0, 1.0, 2.0])).tolist() == [
+        *(0, 0, 1, 1, -1, -1, -1)
+    ]
     bins, counts = summary.histogram(result, "up")
     assert counts.sum() == ((up >= bins[0]) & (up <= bins[-1])).sum()
 

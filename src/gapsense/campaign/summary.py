@@ -73,13 +73,16 @@ def leading(campaign: Campaign) -> dict[str, Leading]:
     if not factors or campaign.rows < 3:
         return {}
     sample = sampled(campaign, [*factors, *metrics])
+    known: dict[bytes, list[Vector]] = {}  # ranks of the parameters; most metrics lack the same runs
     found = {}
     for metric in metrics:
         good = np.isfinite(sample[metric])
-        values = {f: correlation(sample[f][good], sample[metric][good]) for f in factors}
-        best = max(values, key=lambda f: abs(values[f]))
-        if good.sum() > 2 and values[best]:
-            found[metric] = Leading(best, values[best])
+        of_factors = known.setdefault(good.tobytes(), []) or [ranks(sample[f][good]) for f in factors]
+        known[good.tobytes()], own = of_factors, ranks(sample[metric][good])
+        values = [correlation(other, own) for other in of_factors]
+        best = max(range(len(factors)), key=lambda k: abs(values[k]))
+        if values[best]:
+            found[metric] = Leading(factors[best], values[best])
     return found
 
 
@@ -93,13 +96,18 @@ def sampled(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
     return {name: np.concatenate(column) for name, column in zip(names, zip(*parts))}
 
 
-def correlation(x: Vector, y: Vector) -> float:
-    """Spearman's rank correlation, 0 where one of both does not change."""
-    if x.size < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
-        return 0.0
+def ranks(values: Vector) -> Vector:
+    """Ranks; those of equal values are the same."""
     from scipy.stats import rankdata  # here, since it takes a while to load
 
-    return float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
+    return np.asarray(rankdata(values), dtype=np.float64)
+
+
+def correlation(x: Vector, y: Vector) -> float:
+    """Correlation, of ranks that of Spearman, 0 where one of both does not change."""
+    if x.size < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return 0.0
+    return float(np.corrcoef(x, y)[0, 1])
 
 
 def levels(campaign: Campaign, name: str) -> list[Any] | None:
@@ -145,11 +153,20 @@ def clouds(campaign: Campaign, factors: Sequence[str], metrics: Sequence[str]) -
         for m in metrics
     }
     for batch in campaign.arrays(*factors, *metrics):
-        columns = dict(zip((*factors, *metrics), batch))
+        where = {name: places(column, bins[name]) for name, column in zip(bins, batch)}
         for (f, m), cloud in made.items():
-            good = np.isfinite(columns[m])
-            cloud.counts[:] += np.histogram2d(columns[f][good], columns[m][good], (cloud.x, cloud.y))[0]
+            inside, rows = (where[f] >= 0) & (where[m] >= 0), cloud.counts.shape[1]
+            flat = np.bincount(where[f][inside] * rows + where[m][inside], minlength=cloud.counts.size)
+            cloud.counts[:] += flat.reshape(cloud.counts.shape)
     return made
+
+
+def places(values: Vector, bins: Vector) -> npt.NDArray[np.intp]:
+    """Bin of each value, the last one with its upper edge; -1 for what is outside, or no number."""
+    found = np.searchsorted(bins, values, side="right") - 1
+    found[values == bins[-1]] = bins.size - 2
+    found[found == bins.size - 1] = -1
+    return found
 
 
 def histogram(campaign: Campaign, metric: str) -> tuple[Vector, Vector]:

@@ -88,7 +88,8 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     factors = chosen(factors, campaign.factors, "parameter")
     if not metrics or not campaign.rows:
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
-    title, size = f"{campaign.manifest.about['title']}: {campaign.rows} runs", (len(metrics), 1 + len(factors))
+    words = f"{campaign.rows} runs{'; dark where many lie' if campaign.rows > POINTS else ''}"
+    title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
     made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
     few = {name: of.levels(campaign, name) for name in factors}
     many = [name for name in factors if few[name] is None]
