@@ -7,7 +7,7 @@ import json
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import sleep
 from typing import IO, Any
@@ -66,16 +66,7 @@ class Ledger:
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Wait until no other process works with this file, and keep others waiting; a kill ends that too."""
-        if self.file is None:
-            return (yield)
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        with naming(self.file):
-            mine = self.file.open("ab")
-        with mine:
-            if not is_locked(mine):
-                LOG.warning("%s: another process is at work on it; waiting for its end.", self.file)
-                while not is_locked(mine):
-                    sleep(PAUSE)
+        with nullcontext() if self.file is None else alone(self.file):
             yield
 
     def read(self) -> dict[int, Entry]:
@@ -101,6 +92,20 @@ class Ledger:
             file.write((b"\n" if is_torn else b"") + lines.encode())
             file.flush()
             os.fsync(file.fileno())
+
+
+@contextmanager
+def alone(file: Path) -> Iterator[None]:
+    """Wait until no other process works with a file, which is made if need be, and keep others waiting."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with naming(file):
+        mine = file.open("ab")
+    with mine:
+        if not is_locked(mine):
+            LOG.warning("%s: another process is at work on it; waiting for its end.", file)
+            while not is_locked(mine):
+                sleep(PAUSE)
+        yield
 
 
 def is_locked(file: IO[bytes]) -> bool:

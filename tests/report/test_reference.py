@@ -20,7 +20,8 @@ else:
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 SCENARIOS = sorted((ROOT / "scenarios").glob("*/scenario.toml"))
-SCHEMA = reference.schema()
+SCHEMA, STUDY_SCHEMA = reference.schema(), reference.study_schema()
+STUDIES = [file for file in (ROOT / "scenarios").glob("*/*.toml") if "scenario =" in file.read_text(encoding="utf-8")]
 GOOD = """
 title = "t"
 experiment = { stop = 1.0, base_step = 0.1 }
@@ -35,21 +36,38 @@ def errors(text: str) -> list[str]:
 def test_page_and_schema_in_docs_are_current():
     """If not: `python -m gapsense.report.reference docs`."""
     page = (DOCS / reference.PAGE).read_text(encoding="utf-8")
-    assert reference.rewritten(page) == page
+    assert reference.rewritten(page, reference.keys()) == page
     assert json.loads((DOCS / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
+    studies = (DOCS / reference.STUDY_PAGE).read_text(encoding="utf-8")
+    assert reference.rewritten(studies, reference.study_keys()) == studies
+    assert json.loads((DOCS / reference.STUDY_SCHEMA).read_text(encoding="utf-8")) == STUDY_SCHEMA
+    assert "### `[[sample.factors]]`" in studies and "| `trajectories` |" not in studies
     assert "## At the top" in page and "| `loop_area` |" in page
 
 
 def test_reference_is_written_again(tmp_path):
-    (tmp_path / reference.PAGE).write_text(f"head\n{reference.BEGIN}old\n{reference.END}tail\n", encoding="utf-8")
+    names = (reference.PAGE, reference.STUDY_PAGE)
+    for name in names:
+        (tmp_path / name).write_text(f"head\n{reference.BEGIN}old\n{reference.END}tail\n", encoding="utf-8")
     reference.write(tmp_path)
-    page = (tmp_path / reference.PAGE).read_text(encoding="utf-8")
-    assert page.startswith("head\n") and page.endswith("tail\n") and "old\n" not in page
+    for name in names:
+        page = (tmp_path / name).read_text(encoding="utf-8")
+        assert page.startswith("head\n") and page.endswith("tail\n") and "old\n" not in page
     assert json.loads((tmp_path / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
 
 
 def test_schema_is_one():
     Draft7Validator.check_schema(SCHEMA)
+    Draft7Validator.check_schema(STUDY_SCHEMA)
+
+
+def test_every_study_fits_its_schema_and_a_wrong_one_does_not():
+    assert STUDIES
+    for file in STUDIES:
+        assert not [*Draft7Validator(STUDY_SCHEMA).iter_errors(tomllib.loads(file.read_text(encoding="utf-8")))], file
+    for text in ("title = 1", "[sample]\ncount = 0", "[[ranges]]\nto = 1", '[grid]\n"a.b" = []', "[trajectories]"):
+        study = {"title": "t", "scenario": "s", **tomllib.loads(text)}
+        assert [*Draft7Validator(STUDY_SCHEMA).iter_errors(study)], text
 
 
 @pytest.mark.parametrize("file", SCENARIOS, ids=lambda file: file.parent.name)

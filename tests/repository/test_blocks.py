@@ -25,7 +25,7 @@ import pytest
 from sources import ROOT
 from typer.testing import CliRunner
 
-from gapsense import Scenario
+from gapsense import Scenario, campaign
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.document import Document
@@ -37,7 +37,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "scenario-file.md", "python.md", "faults.md")]
+PAGES = [ROOT / "docs" / f"{name}.md" for name in ("tutorial", "scenario-file", "python", "faults", "campaigns")]
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 APART = {("pythonfmu", "build"), ("gapsense", "build")}  # not in a process that has run FMUs made with pythonfmu
@@ -72,6 +72,9 @@ class Reader:
 
     def toml(self, block: Block) -> None:
         data = tomllib.loads(block.text)
+        if "scenario" in data:  # a study
+            assert not campaign.check(block.about), block.place
+            return
         if "title" in data and "components" in data:
             self.file, self.whole = Path(block.about if block.note == "file" else "scenario.toml"), data
         document = Document(self.file, merged(self.whole, data))

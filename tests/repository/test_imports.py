@@ -26,7 +26,7 @@ OF_FILES = (  # likewise
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"control", "cosim", "embedded", "fmi", "lanes"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"campaign", "control", "cosim", "embedded", "fmi", "lanes"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
@@ -34,6 +34,7 @@ MAY_IMPORT = {
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi", "random"},
+    "campaign": GENERAL | {"campaign", "cosim"},
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "report": NUMBERS | {"report"},
     "cli": NUMBERS | {"report", "studies", "cli"},
@@ -48,13 +49,14 @@ PACKAGES = {  # beside the standard library
     "embedded": set(),
     **{part: {"numpy", "tomli"} for part in GENERAL},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
+    "campaign": {"numpy", "scipy", "pyarrow", "distributed"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
     "build_fmus": set(),
 }
-HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas"}
+HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed"}
 SHOWING = {"rich", "typer"}
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"

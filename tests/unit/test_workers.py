@@ -18,16 +18,16 @@ def test_answers_that_wait_are_taken_together_and_a_failure_after_them():
     answers = Queue()
     for answer in ({"index": 3}, {"index": 1}, ValueError("torn"), {"index": 2}):
         answers.put(answer)
-    assert awaited(answers, [], never) == [{"index": 3}, {"index": 1}]
-    assert awaited(answers, [], never) == [{"index": 2}]
+    assert awaited(answers, never, never) == [{"index": 3}, {"index": 1}]
+    assert awaited(answers, never, never) == [{"index": 2}]
     with pytest.raises(ValueError, match="torn"):
-        awaited(answers, [], never)
+        awaited(answers, never, never)
 
 
 def test_nothing_is_taken_after_a_ctrl_c():
     answers = Queue()
     answers.put({"index": 0})
-    assert awaited(answers, [], lambda: 1) == []
+    assert awaited(answers, never, lambda: 1) == []
 
 
 def test_entries_that_are_added_together_are_lines_of_their_own_also_after_a_torn_one(tmp_path):

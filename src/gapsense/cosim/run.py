@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +16,11 @@ from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
 from gapsense.cosim.recording import STOP
-from gapsense.cosim.scenario import ISOLATIONS, Scenario
+from gapsense.cosim.scenario import ISOLATIONS, Port, Scenario
 from gapsense.cosim.subject import Subject
 from gapsense.interrupts import counted
 from gapsense.problems import suggest
+from gapsense.tables import Value
 
 
 def run(
@@ -99,7 +100,7 @@ def run_once(
     master: Master,
     seed_shift: int = 0,
     progress: Progress | None = None,
-    point: int | None = None,
+    point: int | Mapping[Port, Value] | None = None,
     kept: Keeper | None = None,
 ) -> Result:
     """One run of a loaded scenario; raises FmuError with the partial result if a component fails.

@@ -19,9 +19,10 @@ from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256, state
+from gapsense.tables import Value
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,9 @@ class Subject:
         """Hash of each file as it is now, and of what stands in none."""
         return {name: known_hash(file, *state(file)) for name, file in self.files.items()} | {**self.scenario.hashes}
 
-    def taken(self, seed_shift: int = 0, point: int | None = None) -> Take:
-        """What one run takes."""
-        values = {} if point is None else self.scenario.points()[point]
+    def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
+        """What one run takes; a point of a sweep, or values of parameters."""
+        values = self.scenario.points()[point] if isinstance(point, int) else point or {}
         random = {
             event.seed_name: event.seed
             for event in varied(self.scenario.events, values, []).values()

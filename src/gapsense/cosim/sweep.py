@@ -30,11 +30,11 @@ from gapsense.cosim.order import execution_order
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Points, Port, Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
-from gapsense.cosim.worker import Runs
+from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.files import write_atomically, write_columns
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Entry, Ledger, kept, key
@@ -132,16 +132,18 @@ def swept(
 ) -> Sweep:
     """The runs of a sweep."""
     read, descriptions = subject.scenario, subject.descriptions
-    runs = range(seeds * len(read.points()))
+    points = read.points()
+    runs = range(seeds * len(points))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
     ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
+    runnable = read if measure or keep else thrifty(read)
     task = {
-        "pickled": b64encode(pickle.dumps((read, descriptions))).decode(),
+        "pickled": b64encode(pickle.dumps((runnable, descriptions))).decode(),
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }
-    job = Job(Runs, task, workers, measure, mourner(read, descriptions), limit_of(read))
+    job = Job(Runs, task, workers, measure, mourner(read, descriptions), limit_of(read), lambda i: asked(points, i))
     with ledger.alone():
         known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
         before = len(known)
@@ -156,6 +158,11 @@ def swept(
         if file is not None and not interrupted:
             save_table(result, file.with_suffix(".csv"))
     return result
+
+
+def asked(points: Points, index: int) -> dict[str, Any]:
+    """What a worker is asked for run `index`."""
+    return request(index, index, points[index % len(points)])
 
 
 def mourner(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Entry]:

@@ -1,4 +1,4 @@
-"""The runs of a sweep, as one of its worker processes does them."""
+"""The runs of a sweep or a campaign, as one of the worker processes does them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from typing import Any
 from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError, Result
 from gapsense.cosim.run import run_once
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.subject import versions
 from gapsense.importable import imported
 from gapsense.ledger import kept
 from gapsense.processes import own_marks
+from gapsense.tables import Value
 
 
 class Runs:
@@ -28,24 +29,25 @@ class Runs:
         import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
 
         versions()  # likewise: it starts a process
-        scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
+        self.scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = None if task["keep"] is None else Path(task["keep"])
-        self.scenario = scenario if self.measure or self.keep else thrifty(scenario)
         self.master: Master | None = None
         atexit.register(self.drop)
 
-    def __call__(self, index: int) -> dict[str, Any]:
+    def __call__(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Metrics of one run, or what went wrong."""
         try:
             self.master = self.master or Master(self.scenario, self.descriptions, own_marks())
-            point = index % len(self.scenario.points()) if self.scenario.swept else None
-            result = run_once(self.master, index, point=point)
-            problem = self.save(result, index)
-            return {"error": problem} if problem else {"metrics": self.metrics(result)}
+            return self.answer(run_once(self.master, asked["shift"], point=by_port(asked["values"])), asked["index"])
         except FmuError as error:
             self.drop()
             return {"error": str(error)}
+
+    def answer(self, result: Result, index: int) -> dict[str, Any]:
+        """What is answered for a run."""
+        problem = self.save(result, index)
+        return {"error": problem} if problem else {"metrics": self.metrics(result)}
 
     def save(self, result: Result, index: int) -> str:
         """Keep the signals, if they are wanted; what went wrong, or nothing."""
@@ -68,6 +70,16 @@ class Runs:
         if self.master:
             self.master.close()
         self.master = None
+
+
+def request(index: int, shift: int, values: Mapping[Port, Value]) -> dict[str, Any]:
+    """What is asked, of JSON: the run of that index, with `shift` added to every seed, and values of parameters."""
+    return {"index": index, "shift": shift, "values": {str(port): value for port, value in values.items()}}
+
+
+def by_port(values: Mapping[str, Value]) -> dict[Port, Value]:
+    """Values by port instead of by name."""
+    return {Port(*name.split(".", 1)): value for name, value in values.items()}
 
 
 def thrifty(scenario: Scenario) -> Scenario:

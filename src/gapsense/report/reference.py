@@ -1,4 +1,4 @@
-"""The reference of scenario files, as a page and as a JSON schema; both are made from the table of keys.
+"""The reference of scenario and study files, as pages and as JSON schemas; both are made from the tables of keys.
 
 `python -m gapsense.report.reference docs` writes them again.
 """
@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gapsense.campaign.keys import STUDY
 from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.keys import FILE, VARIANT
 from gapsense.cosim.metrics import KINDS
@@ -20,6 +21,8 @@ from gapsense.tables import TABLES, Key, Section
 
 BEGIN, END = "<!-- keys: made by gapsense.report.reference -->\n", "<!-- end of keys -->\n"
 PAGE, SCHEMA = "scenario-file.md", "scenario.schema.json"
+STUDY_PAGE, STUDY_SCHEMA = "campaigns.md", "study.schema.json"
+DRAFT = "http://json-schema.org/draft-07/schema#"
 USES = {
     "required": "needed: signal, parameter or number",
     "optional": "may be given",
@@ -37,11 +40,17 @@ def schema() -> dict[str, Any]:
     laid_over = {key.name: of_key(FILE, key, True) for key in FILE.keys if key.name != "variants"}
     variant = {"type": "object", "properties": {**laid_over, **own}, "additionalProperties": False}
     return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
+        "$schema": DRAFT,
         "title": "Scenario of Gapsense",
         **of_section(FILE, False),
         "definitions": {"variant": variant, **dict(definitions(FILE))},
     }
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON schema of a study file."""
+    own = of_section(STUDY, False)
+    return {"$schema": DRAFT, "title": "Study of Gapsense", **own, "definitions": dict(definitions(STUDY))}
 
 
 def of_section(section: Section, is_partial: bool) -> dict[str, Any]:
@@ -97,10 +106,21 @@ def name_of(section: Section) -> str:
 # Page -----------------------------------------------------------------------------------------------------------------
 
 
-def rewritten(page: str) -> str:
+def rewritten(page: str, made: str) -> str:
     """The page with its tables of keys made anew; what is written by hand stays."""
     head, _, rest = page.partition(BEGIN)
-    return f"{head}{BEGIN}\n{keys()}\n{END}{rest.partition(END)[2]}"
+    return f"{head}{BEGIN}\n{made}\n{END}{rest.partition(END)[2]}"
+
+
+def study_keys() -> str:
+    """The keys of a study file; its examples are written by hand."""
+    chapters = [f"### {heading(section)}\n\n{section.what}\n\n{table(section)}" for section in with_keys(STUDY)]
+    return "\n".join(chapters)
+
+
+def heading(section: Section) -> str:
+    """How a kind of table is called."""
+    return f"`{section.header}`" if section.header else "At the top"
 
 
 def keys() -> str:
@@ -125,8 +145,7 @@ def own(section: Section) -> list[Key]:
 
 def chapter(section: Section) -> str:
     """What a kind of table is for, its keys, an example."""
-    heading = f"`{section.header}`" if section.header else "At the top"
-    return f"## {heading}\n\n{section.what}\n\n{table(section)}\n{block(section)}"
+    return f"## {heading(section)}\n\n{section.what}\n\n{table(section)}\n{block(section)}"
 
 
 def table(*sections: Section) -> str:
@@ -192,9 +211,12 @@ def metrics() -> str:
 
 def write(folder: Path) -> None:
     """Write both again."""
-    page = rewritten((folder / PAGE).read_text(encoding="utf-8"))
-    write_atomically(folder / PAGE, lambda file: print(page, end="", file=file))
-    write_atomically(folder / SCHEMA, lambda file: print(json.dumps(schema(), indent=2), file=file))
+    pages = {PAGE: keys(), STUDY_PAGE: study_keys()}
+    texts = {name: rewritten((folder / name).read_text(encoding="utf-8"), made) for name, made in pages.items()}
+    schemas = {SCHEMA: schema(), STUDY_SCHEMA: study_schema()}
+    texts |= {name: f"{json.dumps(made, indent=2)}\n" for name, made in schemas.items()}
+    for name, text in texts.items():
+        write_atomically(folder / name, lambda file, text=text: print(text, end="", file=file))  # type: ignore[misc]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,132 @@
+"""What a campaign costs: `python benchmarks/campaign.py --help`.
+
+A thousand runs of semera_valve on local processes: how busy the processors are, and how much memory is used on the way.
+Then a result of a million rows, made by the same writer: how long its summary and its figure take, and how much memory.
+Nothing is asserted: the aims stand beside what was measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter, sleep
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import gapsense
+from gapsense.campaign.columns import columns_of
+from gapsense.campaign.engine import manifest_of
+from gapsense.campaign.prepare import prepare
+from gapsense.campaign.store import Store, read_manifest
+
+ROOT = Path(__file__).resolve().parents[1]
+STUDY = ROOT / "scenarios" / "semera_valve" / "tolerances.toml"
+OURS = {**os.environ, "PYTHONPATH": str(Path(gapsense.__file__).resolve().parents[1])}
+CONSOLE = Console(width=110) if not sys.stdout.isatty() else Console()
+GROUP = 1000  # rows that are appended at once
+
+
+def gapsense_process(*arguments: object) -> subprocess.Popen[bytes]:
+    """The command line, in a process of its own."""
+    command = [sys.executable, "-m", "gapsense.cli", "campaign", *map(str, arguments)]
+    return subprocess.Popen(command, env=OURS, stdout=subprocess.DEVNULL)
+
+
+def memory(pid: int) -> dict[int, float]:
+    """Resident memory [MB] of a process and of those that it has started."""
+    tasks = Path(f"/proc/{pid}/task")
+    children = [int(child) for task in tasks.iterdir() for child in (task / "children").read_text().split()]
+    return {p: int(Path(f"/proc/{p}/statm").read_text().split()[1]) * 4096 / 1e6 for p in (pid, *children)}
+
+
+def busy(folder: Path, workers: int) -> tuple[dict[str, str], str]:
+    """The thousand runs: what was measured, by what it is."""
+    begun, before = perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    process, seen = gapsense_process(STUDY, "--workers", workers, "--out", folder), []
+    while process.poll() is None:
+        sleep(0.5)
+        try:
+            seen.append(memory(process.pid))
+        except OSError:  # one of them has just ended
+            continue
+    wall, after = perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    whole = [m for m in seen if len(m) == workers + 1]
+    early, late = (sum(whole[k].values()) for k in (len(whole) // 5, -2))
+    rows = read_manifest(folder)
+    count = sum(part.rows for part in rows.parts) if rows else 0
+    share = 100 * spent / wall / workers
+    return {
+        f"{count} runs on {workers} processes": f"{wall:.1f} s, {1e3 * wall / max(count, 1):.1f} ms per run",
+        "processors busy (aim: 90 % or more)": f"{share:.0f} % of {workers}, start and end included",
+        "memory of all processes, after a fifth and at the end (aim: the same)": f"{early:.0f} MB, {late:.0f} MB",
+    }, "Load of the machine beside it counts against it"
+
+
+def synthetic(folder: Path, rows: int) -> float:
+    """Write a result of so many rows through the writer of campaigns; the time [s]."""
+    prepared = prepare(STUDY)
+    manifest = replace(manifest_of(prepared), columns=columns_of(prepared))
+    manifest = replace(manifest, about={**manifest.about, "runs": rows, "points": rows})
+    store, random, begun = Store(folder, manifest), np.random.default_rng(1), perf_counter()
+    for first in range(0, rows, GROUP):
+        store.append([line(first + k, manifest, random) for k in range(min(GROUP, rows - first))])
+    store.fold()
+    store.compact()
+    return perf_counter() - begun
+
+
+def line(run: int, manifest: Any, random: np.random.Generator) -> dict[str, Any]:
+    """A run as a worker might have answered it."""
+    x = dict(zip(manifest.columns.factors, random.normal(size=len(manifest.columns.factors)).tolist()))
+    noise, base = random.normal(size=len(manifest.columns.metrics)).tolist(), sum(x.values())
+    if run % 9973 == 0:
+        return {"run": run, "seed": run, "values": x, "error": "valve, t = 0.01 s (base step 400): it is stuck."}
+    metrics = {name: math.exp(0.2 * base + 0.1 * n) for name, n in zip(manifest.columns.metrics, noise)}
+    return {"run": run, "seed": run, "values": x, "metrics": metrics, "wall": 0.05}
+
+
+def looked_at(folder: Path, command: str, *options: object) -> str:
+    """Time and memory of a command on a result."""
+    begun = perf_counter()
+    process = gapsense_process(command, folder, *options)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return f"{perf_counter() - begun:.1f} s, at most {used.ru_maxrss / 1e3:.0f} MB"
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--rows", type=int, default=10**6, help="of the synthetic result")
+    parser.add_argument("--only-rows", action="store_true", help="leave the thousand runs out")
+    chosen = parser.parse_args()
+    table = Table("what", "measured", title="Campaigns")
+    with tempfile.TemporaryDirectory() as place:
+        if not chosen.only_rows:
+            measured, caption = busy(Path(place, "runs"), chosen.workers)
+            table.caption = caption
+            for what, value in measured.items():
+                table.add_row(what, value)
+        folder = Path(place, "rows")
+        seconds = synthetic(folder, chosen.rows)
+        size = sum(file.stat().st_size for file in folder.rglob("*.parquet")) / 1e6
+        table.add_row(f"{chosen.rows} rows written, in files at the end", f"{seconds:.1f} s, {size:.0f} MB on the disk")
+        table.add_row("summary of them (aim: below 10 s)", looked_at(folder, "show"))
+        table.add_row("figure of them (aim: below 10 s)", looked_at(folder, "figure", "--out", Path(place, "x.png")))
+    CONSOLE.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""From a study file to what can be run: the study, its scenario and FMUs, and the plan, with everything checked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.campaign.plan import Block, Plan
+from gapsense.campaign.study import Study, read_study
+from gapsense.cosim.check import check_scenario, read_descriptions
+from gapsense.cosim.check_record import unmatched
+from gapsense.cosim.check_values import taken
+from gapsense.cosim.deciding import deciding, facts
+from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.document import scenario_file
+from gapsense.cosim.load import read_draft
+from gapsense.cosim.prepare import find_fmus
+from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.signals import signals
+from gapsense.cosim.worker import thrifty
+from gapsense.files import SHOWN
+from gapsense.ledger import fingerprint
+from gapsense.problems import ScenarioError
+from gapsense.tables import Value
+
+NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")
+OWN_COLUMNS = ("run", "seed", "wall", "error")  # of a result, beside parameters and metrics
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a campaign runs; the plan has the combinations of the scenario's own `[sweep]` too."""
+
+    study: Study
+    scenario: Scenario  # without a sweep, and without the inputs that are varied
+    descriptions: Descriptions
+    plan: Plan
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Hashes of what decides the numbers, but for the number of seeds."""
+        files = {str(file.resolve()): file for file in self.study.files}
+        plan = [[[str(p), facts(hashable(c), files)] for p, c in block.columns.items()] for block in self.plan.blocks]
+        return {
+            "the scenario": fingerprint(deciding(self.scenario)),
+            "the FMUs": fingerprint({name: d.sha256 for name, d in self.descriptions.items()}),
+            "the values": fingerprint([plan, self.plan.is_common]),
+            "the trajectories": fingerprint([self.study.signals, self.study.decimation]),
+        }
+
+
+def hashable(column: Sequence[Value] | npt.NDArray[Any]) -> Any:
+    """A column whose bytes are its values, or a list of these."""
+    return column if isinstance(column, np.ndarray) and column.dtype != object else list(column)
+
+
+def check(study: str | Path, fmus: str | Path | None = None) -> list[str]:
+    """Problems of a study file, its scenario and FMUs, found without running anything.
+
+    Parameters
+    ----------
+    study : str or Path
+        Study file.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `gapsense.run`.
+
+    Returns
+    -------
+    list of str
+        One sentence each with file, place, what was found, what was expected and what to do; empty if all is well.
+    """
+    return inspect(study, fmus)[0]
+
+
+def prepare(study: str | Path, fmus: str | Path | None = None) -> Prepared:
+    """What a study file says can be run; a ScenarioError has all problems of it, its scenario and the FMUs."""
+    problems, prepared = inspect(study, fmus)
+    if problems or prepared is None:
+        raise ScenarioError(problems)
+    return prepared
+
+
+def inspect(path: str | Path, fmus: str | Path | None) -> tuple[list[str], Prepared | None]:
+    """Problems, and what could be prepared."""
+    problems: list[str] = []
+    study = read_study(path, problems)
+    if study is None:
+        return problems, None
+    draft = read_draft(study.scenario, study.variant)
+    problems += draft.problems
+    if draft.scenario is None:
+        return problems, None
+    folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(study.scenario))
+    descriptions = read_descriptions(draft.scenario, folder, problems)
+    read = taken(draft.scenario, descriptions)
+    plan = whole(study.plan, read)
+    judged = judgeable(study, read, plan)
+    problems += own_problems(study, read)
+    problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
+    if len(descriptions) == len(read.components):
+        found = unmatched(study.signals, signals(descriptions), "trajectories.signals")
+        problems += [f"{study.path.name}, {problem}" for problem in found]
+    return problems, Prepared(study, runnable(judged, study), descriptions, plan)
+
+
+def runnable(scenario: Scenario, study: Study) -> Scenario:
+    """What the workers run: without a sweep, and recording only what metrics look at and what is kept."""
+    spare = thrifty(replace(scenario, rows=(), rows_columns={}))
+    names = tuple(dict.fromkeys((*spare.record.signals, *study.signals)))
+    return replace(spare, record=replace(spare.record, signals=names))
+
+
+def whole(plan: Plan, scenario: Scenario) -> Plan:
+    """The plan with every combination of the scenario's own sweep."""
+    rows = [Block({port: [row[port] for row in scenario.rows] for port in scenario.rows[0]})] if scenario.rows else []
+    lists = [Block({port: values}) for port, values in scenario.grid.items()]
+    return replace(plan, blocks=(*rows, *lists, *plan.blocks))
+
+
+def judgeable(study: Study, scenario: Scenario, plan: Plan) -> Scenario:
+    """The scenario with telling points of the plan as its sweep."""
+    numbers = plan.telling() if plan.ports else []
+    inputs = {port: value for port, value in scenario.inputs.items() if port not in study.places}
+    columns = {**scenario.rows_columns, **study.columns}
+    block = {port: k for k, block in enumerate(plan.blocks) for port in block.columns}
+    rows = [plan.rows(number) for number in numbers]
+    lines = {port: tuple(column.lines[row[block[port]]] for row in rows) for port, column in columns.items()}
+    told = {port: column._replace(lines=lines[port]) for port, column in columns.items()}
+    return replace(scenario, inputs=inputs, grid={}, rows=tuple(map(plan.point, numbers)), rows_columns=told)
+
+
+def own_problems(study: Study, scenario: Scenario) -> list[str]:
+    """What does not fit together, whatever the FMUs."""
+    name, problems = study.path.name, []
+    for port, place in study.places.items():
+        if port in scenario.swept:
+            problems.append(f"{name}, {place}: the scenario's `[sweep]` gives `{port}` too. Keep one.")
+    if not scenario.seeds and study.plan.seeds > 1:
+        problems.append(
+            f"{name}, seeds: {study.plan.seeds} runs of each point would be the same. Add `[seeds]` to the scenario."
+        )
+    for metric in scenario.metrics:
+        if metric.name in OWN_COLUMNS:
+            problems.append(
+                f"{scenario.path.name}, metrics.{metric.name}: a result has a column of that name. Rename it."
+            )
+    if not scenario.metrics and not study.signals:
+        problems.append(
+            f"{name}: nothing would be kept of the runs. Add `[metrics]` to the scenario or `[trajectories]`."
+        )
+    return problems
+
+
+def translated(found: Iterable[str], study: Study, file: str) -> list[str]:
+    """Problems of the scenario, at the place of the study file where that gives the value; of many alike the first."""
+    told: dict[str, list[str]] = {}
+    for problem in (renamed(problem, study, file) for problem in found):
+        told.setdefault(NUMBERS.sub("", problem), []).append(problem)
+    return [problem for alike in told.values() for problem in few(alike)]
+
+
+def renamed(problem: str, study: Study, file: str) -> str:
+    """A problem with the place in the study file, if that gives the value."""
+    for port, place in study.places.items():
+        for end in (":", " ("):
+            head = f"{file}, sweep.{port}{end}"
+            if problem.startswith(head):
+                name = "" if place.endswith(str(port)) else f", `{port}`"
+                return f"{study.path.name}, {place}{name}{end}{problem[len(head) :]}"
+    return problem
+
+
+def few(alike: list[str]) -> list[str]:
+    """The first of some sentences that differ in numbers, and how many more there are."""
+    left = len(alike) - SHOWN
+    return alike[:SHOWN] + ([f"{alike[0].partition(': ')[0]}: {left} more values are wrong."] if left > 0 else [])

@@ -1,0 +1,175 @@
+"""What many runs say, in numbers: one column at a time is in memory, or some thousand rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from gapsense.campaign.result import Campaign, quantiles
+
+Vector = npt.NDArray[np.float64]
+SAMPLED = 50_000  # runs of which correlations are computed
+LEVELS = (0.0, 0.05, 0.5, 0.95, 1.0)
+MOST_LEVELS = 12  # values of a parameter that are shown one by one
+BINS = 60
+
+
+class Spread(NamedTuple):
+    """Quantiles of a column, and how many runs have no number there."""
+
+    name: str
+    least: float
+    low: float  # 5 %
+    median: float
+    high: float  # 95 %
+    greatest: float
+    missing: int
+
+
+class Leading(NamedTuple):
+    """The parameter that a metric goes with most: Spearman's rank correlation."""
+
+    factor: str
+    correlation: float
+
+
+class Cloud(NamedTuple):
+    """How many runs lie where: edges of both axes, and counts."""
+
+    x: Vector
+    y: Vector
+    counts: Vector
+
+
+class Group(NamedTuple):
+    """Quantiles 5, 50 and 95 % of a metric at one value of a parameter."""
+
+    value: Any
+    quantiles: tuple[float, ...]
+
+
+def spread(campaign: Campaign, name: str) -> Spread:
+    """Quantiles of a column of numbers."""
+    values = campaign.column(name).astype(np.float64)
+    least, low, median, high, greatest = quantiles(values, LEVELS)
+    return Spread(name, least, low, median, high, greatest, int(values.size - np.isfinite(values).sum()))
+
+
+def numeric(campaign: Campaign) -> list[str]:
+    """Parameters that are numbers."""
+    kinds = campaign.manifest.columns.factors
+    return [name for name, (kind, _) in kinds.items() if kind in ("double", "int64")]
+
+
+def leading(campaign: Campaign) -> dict[str, Leading]:
+    """For each metric the parameter that it goes with most."""
+    factors, metrics = numeric(campaign), campaign.metrics
+    if not factors or campaign.rows < 3:
+        return {}
+    sample = sampled(campaign, [*factors, *metrics])
+    known: dict[bytes, list[Vector]] = {}  # ranks of the parameters; most metrics lack the same runs
+    found = {}
+    for metric in metrics:
+        good = np.isfinite(sample[metric])
+        of_factors = known.setdefault(good.tobytes(), []) or [ranks(sample[f][good]) for f in factors]
+        known[good.tobytes()], own = of_factors, ranks(sample[metric][good])
+        values = [correlation(other, own) for other in of_factors]
+        best = max(range(len(factors)), key=lambda k: abs(values[k]))
+        if values[best]:
+            found[metric] = Leading(factors[best], values[best])
+    return found
+
+
+def sampled(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
+    """Columns of some runs, drawn with one seed for ever."""
+    random, share = np.random.default_rng(0), min(1.0, SAMPLED / campaign.rows)
+    parts: list[list[Vector]] = []
+    for batch in campaign.arrays(*names):
+        chosen = random.random(batch[0].size) < share
+        parts.append([column[chosen].astype(np.float64) for column in batch])
+    return {name: np.concatenate(column) for name, column in zip(names, zip(*parts))}
+
+
+def ranks(values: Vector) -> Vector:
+    """Ranks; those of equal values are the same."""
+    from scipy.stats import rankdata  # here, since it takes a while to load
+
+    return np.asarray(rankdata(values), dtype=np.float64)
+
+
+def correlation(x: Vector, y: Vector) -> float:
+    """Correlation, of ranks that of Spearman, 0 where one of both does not change."""
+    if x.size < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return 0.0
+    return float(np.corrcoef(x, y)[0, 1])
+
+
+def levels(campaign: Campaign, name: str) -> list[Any] | None:
+    """Values of a parameter in order, None if they are many."""
+    found: set[Any] = set()
+    for batch in campaign.batches(name):
+        found.update(value for value in pc.unique(batch[name]).to_pylist() if value is not None)
+        if len(found) > MOST_LEVELS:
+            return None
+    return sorted(found, key=lambda value: (str(type(value)), value))
+
+
+def grouped(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
+    """A metric at each value of a parameter."""
+    codes: list[Vector] = []
+    numbers: list[Vector] = []
+    known = pa.array(values, campaign.manifest.columns.runs.field(factor).type)
+    for batch in campaign.batches(factor, metric):
+        code = pc.fill_null(pc.index_in(batch[factor], value_set=known), -1)
+        codes.append(code.to_numpy(zero_copy_only=False))
+        numbers.append(batch[metric].to_numpy(zero_copy_only=False))
+    code, number = np.concatenate(codes), np.concatenate(numbers)
+    return [Group(value, quantiles(number[code == k], LEVELS[1:4])) for k, value in enumerate(values)]
+
+
+def edges(campaign: Campaign, name: str) -> Vector:
+    """Edges of bins that hold all but the outermost thousandths."""
+    low, high = quantiles(campaign.column(name).astype(np.float64), (0.001, 0.999))
+    if not low < high:
+        low, high = low - 0.5, high + 0.5
+    count = min(BINS, 1 + math.isqrt(campaign.rows))
+    return np.linspace(low, high, count + 1) if np.isfinite(low) else np.linspace(0.0, 1.0, count + 1)
+
+
+def clouds(campaign: Campaign, factors: Sequence[str], metrics: Sequence[str]) -> dict[tuple[str, str], Cloud]:
+    """Counts of each parameter and metric, in one go through the runs."""
+    if not factors or not metrics:
+        return {}
+    bins = {name: edges(campaign, name) for name in (*factors, *metrics)}
+    made = {
+        (f, m): Cloud(bins[f], bins[m], np.zeros((bins[f].size - 1, bins[m].size - 1)))
+        for f in factors
+        for m in metrics
+    }
+    for batch in campaign.arrays(*factors, *metrics):
+        where = {name: places(column, bins[name]) for name, column in zip(bins, batch)}
+        for (f, m), cloud in made.items():
+            inside, rows = (where[f] >= 0) & (where[m] >= 0), cloud.counts.shape[1]
+            flat = np.bincount(where[f][inside] * rows + where[m][inside], minlength=cloud.counts.size)
+            cloud.counts[:] += flat.reshape(cloud.counts.shape)
+    return made
+
+
+def places(values: Vector, bins: Vector) -> npt.NDArray[np.intp]:
+    """Bin of each value, the last one with its upper edge; -1 for what is outside, or no number."""
+    found = np.searchsorted(bins, values, side="right") - 1
+    found[values == bins[-1]] = bins.size - 2
+    found[found == bins.size - 1] = -1
+    return found
+
+
+def histogram(campaign: Campaign, metric: str) -> tuple[Vector, Vector]:
+    """Edges and counts of a metric."""
+    values, bins = campaign.column(metric), edges(campaign, metric)
+    return bins, np.histogram(values[np.isfinite(values)], bins)[0].astype(np.float64)

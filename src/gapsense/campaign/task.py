@@ -1,0 +1,41 @@
+"""What workers need to know of a campaign, here or on a cluster."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from pickle import dumps
+from typing import Any
+
+from gapsense.campaign.plan import Plan
+from gapsense.campaign.prepare import Prepared
+from gapsense.campaign.worker import CampaignRuns
+from gapsense.cosim.apart import limit_of
+from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.sweep import mourner
+from gapsense.cosim.worker import request
+from gapsense.workers import Job
+
+TRIES = 2  # of a run whose process dies: somebody may have ended it
+
+
+def job(scenario: Scenario, descriptions: Descriptions, signals: tuple[str, ...], decimation: int) -> Job:
+    """What a process does, on whatever machine."""
+    task = {
+        "pickled": b64encode(dumps((scenario, descriptions))).decode(),
+        "signals": list(signals),
+        "decimation": decimation,
+    }
+    return Job(CampaignRuns, task, 1, None, mourner(scenario, descriptions), limit_of(scenario), tries=TRIES)
+
+
+def local_job(prepared: Prepared, workers: int) -> Job:
+    """The same for so many processes here."""
+    study, plan = prepared.study, prepared.plan
+    made = job(prepared.scenario, prepared.descriptions, study.signals, study.decimation)
+    return made._replace(workers=workers, request=lambda index: asked(plan, index))
+
+
+def asked(plan: Plan, index: int) -> dict[str, Any]:
+    """What a worker is asked for a run."""
+    return request(index, plan.shift(index), plan.values(index))

@@ -1,0 +1,30 @@
+"""The runs of a campaign, as a worker process does them."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gapsense.cosim.record import Result
+from gapsense.cosim.signals import matching
+from gapsense.cosim.worker import Runs
+
+
+class CampaignRuns(Runs):
+    """Runs that answer with their wall time and the signals that are kept, too."""
+
+    def __init__(self, task: Mapping[str, Any]) -> None:
+        super().__init__({**task, "measure": None, "keep": None})
+        self.patterns, self.decimation = task["signals"], task["decimation"]
+
+    def answer(self, result: Result, index: int) -> dict[str, Any]:
+        """Metrics, wall time, and signals as bytes: time first, one after the other."""
+        answer = {"metrics": self.metrics(result), "wall": result.wall}
+        if not self.patterns:
+            return answer
+        kept = [result.times, *(result[name] for name in matching(self.patterns, result.signals))]
+        data = np.stack([signal[:: self.decimation] for signal in kept]).astype("<f8")
+        return {**answer, "trajectory": b64encode(data.tobytes()).decode()}

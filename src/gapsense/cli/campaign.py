@@ -1,0 +1,94 @@
+"""Commands for campaigns: run one, show its result, draw it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from gapsense import campaign
+from gapsense.cli import common as cli
+from gapsense.problems import InputError
+
+RUN = "run"
+
+
+class RunsByDefault(TyperGroup):
+    """A group whose first word may be that of `run` left out: `gapsense campaign STUDY.toml`."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments name."""
+        return super().resolve_command(ctx, args if args[0] in self.commands else [RUN, *args])
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Options before the study file are those of `run`."""
+        is_option = args and args[0].startswith("-") and args[0] not in ctx.help_option_names
+        return super().parse_args(ctx, [RUN, *args] if is_option else args)
+
+
+group = typer.Typer(
+    cls=RunsByDefault,
+    no_args_is_help=True,
+    help="Thousands of runs over what a study file varies: `gapsense campaign STUDY.toml` is `... run STUDY.toml`.",
+)
+cli.app.add_typer(group, name="campaign")
+Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", show_default=False)]
+
+
+@cli.command(RUN, group)
+def run(
+    study: Annotated[Path, typer.Argument(help="Study file", show_default=False)],
+    workers: Annotated[int | None, typer.Option(help="Processes", min=1, show_default="one per processor")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Dask scheduler whose workers do the runs: tcp://HOST:8786", show_default=False)
+    ] = None,
+    fmus: cli.Fmus = None,
+    to: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the result", show_default="results/<study>")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run those again that failed")] = False,
+    only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
+) -> None:
+    """Run a study: what is in its folder already is not run again, so the same command goes on after any end."""
+    if only_check:
+        if problems := campaign.check(study, fmus):
+            raise InputError(problems)
+        return cli.show(f"{study}: no problems.")
+    with cli.bar("running") as progress:
+        result = campaign.run(study, workers, to, fmus, scheduler, retry, progress)
+    summarize(result)
+    cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {result.computed} of them done now.")
+    if result.interrupted:
+        cli.problem("interrupted; the same command goes on from here.", "yellow")
+    raise typer.Exit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)
+
+
+@cli.command("show", group)
+def show(result: Result) -> None:
+    """Quantiles of every metric, what it goes with, and what failed; also of a campaign that is at work."""
+    summarize(campaign.read(result))
+
+
+def summarize(result: campaign.Campaign) -> None:
+    """Print what came of it."""
+    from gapsense.report import campaigns
+
+    cli.show(*campaigns.summary(result))
+
+
+@cli.command("figure", group)
+def figure(
+    result: Result,
+    metric: Annotated[list[str] | None, typer.Option(help="Metric to draw", show_default="the first 4")] = None,
+    factor: Annotated[list[str] | None, typer.Option(help="Parameter to draw", show_default="the first 4")] = None,
+    to: Annotated[Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="<result>.png")] = None,
+) -> None:
+    """Draw every metric over every parameter: points, or where they are many how many lie where."""
+    from gapsense.report import campaigns, plot
+
+    file = to or result.resolve().with_name(f"{result.resolve().name}.png")
+    plot.check_file(file)
+    made = campaigns.figure(campaign.read(result), metric or (), factor or ())
+    cli.written(plot.save(made, file))

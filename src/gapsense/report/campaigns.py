@@ -1,0 +1,154 @@
+"""Tables and figure of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from gapsense.problems import InputError, suggest
+from gapsense.report.table import add_row, quantity, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from gapsense.campaign.result import Campaign
+
+SHOWN = 5  # failures
+PANELS = 4  # metrics and parameters of a figure, unless they are chosen
+POINTS = 2000  # runs that are drawn as points; more are counted
+
+
+def summary(campaign: Campaign) -> list[Table | str]:
+    """What was varied, what came of it, and what went wrong."""
+    about = campaign.manifest.about
+    state = f"{campaign.rows} of {campaign.runs} runs, {campaign.failed} failed"
+    heading = f"{about['title']}: {about['scenario']}, {state}"
+    shown: list[Table | str] = [heading, *factors(campaign), *metrics(campaign)]
+    shown += [f"run {run}: {error}" for run, error in campaign.errors(SHOWN)]
+    more = campaign.failed - SHOWN
+    return [*shown, f"{more} more failed: column `error`."] if more > 0 else shown
+
+
+def factors(campaign: Campaign) -> list[Table]:
+    """What was varied."""
+    from gapsense.campaign import summary as of
+
+    if not campaign.factors or not campaign.rows:
+        return []
+    made, numeric = table("Varied", ("parameter", "least", "median", "greatest")), of.numeric(campaign)
+    for name in campaign.factors:
+        unit = campaign.units[name]
+        if name in numeric:
+            found = of.spread(campaign, name)
+            add_row(made, name, *(quantity(v, unit) for v in (found.least, found.median, found.greatest)))
+        else:
+            values = of.levels(campaign, name)
+            add_row(made, name, "many values" if values is None else ", ".join(map(str, values)))
+    return [made]
+
+
+def metrics(campaign: Campaign) -> list[Table]:
+    """Quantiles of each metric, and the parameter that it goes with."""
+    from gapsense.campaign import summary as of
+
+    made: dict[str, Table] = {}
+    leading = of.leading(campaign)
+    for name, (title, label) in campaign.manifest.about["labels"].items() if campaign.rows else ():
+        title = title or "Metrics"
+        heads = ("metric", "least", "5 %", "median", "95 %", "greatest", "goes with", "missing")
+        shown = made.setdefault(title, table(title, heads))
+        found, unit = of.spread(campaign, name), campaign.units[name]
+        numbers = (found.least, found.low, found.median, found.high, found.greatest)
+        best = leading.get(name)
+        with_it = f"{best.factor} {best.correlation:+.2f}" if best else "-"
+        add_row(shown, label, *(quantity(number, unit) for number in numbers), with_it, str(found.missing or "-"))
+    return list(made.values())
+
+
+def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[str] = ()) -> Figure:
+    """Each metric, alone and over each parameter: points, or how many runs lie where.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Its result.
+    metrics, factors : sequences of str
+        Those that are shown, by default the first ones.
+
+    Returns
+    -------
+    Figure
+    """
+    from gapsense.campaign import summary as of
+    from gapsense.report import plot
+
+    metrics = chosen(metrics, campaign.metrics, "metric")
+    factors = chosen(factors, campaign.factors, "parameter")
+    if not metrics or not campaign.rows:
+        raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
+    words = f"{campaign.rows} runs{'; dark where many lie' if campaign.rows > POINTS else ''}"
+    title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
+    made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
+    few = {name: of.levels(campaign, name) for name in factors}
+    many = [name for name in factors if few[name] is None]
+    clouds = of.clouds(campaign, many, metrics) if campaign.rows > POINTS else {}
+    for row, metric in zip(axes, metrics):
+        alone(row[0], campaign, metric)
+        for axis, factor in zip(row[1:], factors):
+            if few[factor] is not None:
+                bars(axis, of.grouped(campaign, factor, metric, few[factor] or ()))
+            elif clouds:
+                density(axis, clouds[factor, metric])
+            else:
+                axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
+    for axis, name in zip(axes[-1], ("runs", *factors)):
+        axis.set_xlabel(name if name == "runs" else labelled(campaign, name))
+    return made
+
+
+def chosen(names: Sequence[str], known: Sequence[str], what: str) -> list[str]:
+    """Names that are chosen, by default the first ones; an InputError if one is unknown."""
+    if unknown := [name for name in names if name not in known]:
+        raise InputError([f"there is no {what} `{name}`. {suggest(name, known)}" for name in unknown])
+    return list(names or known[:PANELS])
+
+
+def labelled(campaign: Campaign, name: str) -> str:
+    """Label of an axis."""
+    unit = campaign.units.get(name, "")
+    return f"{name}\n/ {unit}" if unit not in ("", "1") else name
+
+
+def alone(axis: Any, campaign: Campaign, metric: str) -> None:
+    """Histogram of a metric, lying."""
+    from gapsense.campaign import summary as of
+    from gapsense.report import plot
+
+    bins, counts = of.histogram(campaign, metric)
+    axis.stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
+    axis.set_axisbelow(True)
+    axis.set_ylabel(labelled(campaign, metric))
+
+
+def bars(axis: Any, groups: Sequence[Any]) -> None:
+    """Median and 5-95 % range at each value of a parameter."""
+    from gapsense.report import plot
+
+    for k, group in enumerate(groups):
+        low, median, high = group.quantiles
+        axis.plot([k, k], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
+        axis.plot([k], [median], "o", color=plot.FIRST)
+    names = [f"{g.value:.6g}" if isinstance(g.value, float) else str(g.value) for g in groups]
+    axis.set_xticks(range(len(groups)), names, rotation=30 if max(map(len, names), default=0) > 6 else 0)
+
+
+def density(axis: Any, cloud: Any) -> None:
+    """Counts in colours, logarithmic; where no run lies there is none."""
+    import numpy as np
+    from matplotlib.colors import LogNorm
+
+    counts = np.where(cloud.counts > 0.0, cloud.counts, np.nan).T
+    norm = LogNorm(1.0, max(2.0, float(cloud.counts.max())))
+    axis.pcolormesh(cloud.x, cloud.y, counts, norm=norm, cmap="viridis_r", rasterized=True)

@@ -1,0 +1,223 @@
+"""A campaign on a real cluster of separate processes, of which some are killed, gives the table of one process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from studies_of_ramps import NOISE, STUDY
+
+from gapsense import campaign
+from gapsense.problems import InputError
+
+pytest.importorskip("distributed")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")]
+LONG = NOISE.replace("stop = 10.0", "stop = 100.0")
+MANY = STUDY.replace("seeds = 2", "seeds = 20") + '[trajectories]\nsignals = ["noise.y"]\ndecimation = 100\n'
+QUIET = {"stdin": None, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
+
+class Cluster(NamedTuple):
+    address: str
+    scheduler: subprocess.Popen
+    add: Callable[..., subprocess.Popen]
+
+
+@pytest.fixture
+def cluster(start, tmp_path, monkeypatch):
+    """Starter of a scheduler with so many workers."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "10s")
+
+    def make(count: int, **options: object) -> Cluster:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        address = f"tcp://127.0.0.1:{port}"
+        where = {**QUIET, "cwd": tmp_path}
+        scheduler = start(
+            "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard", **where
+        )
+
+        def add(*arguments: str, **more: object) -> subprocess.Popen:
+            words = [address, "--no-dashboard", *(arguments or ("--nthreads", "1", "--no-nanny"))]
+            return start("distributed.cli.dask_worker", *words, **{**where, **options, **more})
+
+        made = Cluster(address, scheduler, add)
+        workers[:] = [add() for _ in range(count)]
+        return made
+
+    workers: list[subprocess.Popen] = []
+    make.workers = workers
+    return make
+
+
+def rows(result):
+    return result.table().drop(["wall"]).to_pydict()
+
+
+def at(done_at: int, action: Callable[[], object]) -> Callable[[int, int], None]:
+    """Progress that does something once when so many runs are done."""
+    left = [action]
+
+    def progress(done: int, total: int) -> None:
+        if done >= done_at and left:
+            left.pop()()
+
+    return progress
+
+
+@pytest.mark.parametrize("victim", [None, "worker"])
+def test_cluster_gives_the_table_of_one_process_also_if_a_worker_is_killed(write, fmus, cluster, tmp_path, victim):
+    study, alone = write(MANY, LONG), tmp_path / "alone"
+    expected = campaign.run(study, 1, alone, fmus)
+    made = cluster(2)
+    killed = at(20, cluster.workers[0].kill if victim else lambda: None)
+    result = campaign.run(study, None, tmp_path / "cluster", fmus, made.address, progress=killed)
+    assert (result.computed, result.failed) == (120, 0)
+    assert (cluster.workers[0].poll() is not None) is (victim is not None)
+    assert rows(result) == rows(expected)
+    for run in (0, 57, 119):
+        kept, other = result.trajectory(run), expected.trajectory(run)
+        assert {name: kept[name].tolist() for name in kept} == {name: other[name].tolist() for name in other}
+
+
+def test_worker_with_a_nanny_and_threads_and_one_that_comes_late(write, fmus, cluster, tmp_path):
+    study = write(MANY, LONG)
+    made = cluster(0)
+    made.add("--nthreads", "2", "--nworkers", "1")
+    late = at(10, made.add)
+    result = campaign.run(study, None, tmp_path / "cluster", fmus, made.address, progress=late)
+    assert rows(result) == rows(campaign.run(study, 2, tmp_path / "alone", fmus))
+
+
+def test_killed_scheduler_ends_the_campaign_and_another_one_goes_on(write, fmus, cluster, tmp_path):
+    study, out = write(MANY, LONG), tmp_path / "out"
+    made = cluster(2)
+    with pytest.raises(RuntimeError, match=r"scheduler has gone\. What was finished is kept"):
+        campaign.run(study, None, out, fmus, made.address, progress=at(20, made.scheduler.kill))
+    there = campaign.read(out).rows
+    assert 20 <= there < 120
+    result = campaign.run(study, None, out, fmus, cluster(2).address)
+    assert (result.rows, result.computed) == (120, 120 - there)
+    assert rows(result) == rows(campaign.run(study, 2, tmp_path / "alone", fmus))
+
+
+CLIENT = """
+import sys
+from gapsense import campaign
+told = lambda done, total: print(done, flush=True)
+campaign.run(sys.argv[1], None, sys.argv[2], fmus, sys.argv[3], progress=told)
+"""
+
+
+def test_killed_client_goes_on_from_another_process_and_place(write, fmus, start, cluster, tmp_path):
+    study, out, made = write(MANY, LONG), tmp_path / "out", cluster(2)
+    process, told = start(CLIENT, study, out, made.address), 0
+    while told < 30:
+        told = int(process.stdout.readline())
+    process.send_signal(signal.SIGKILL)
+    told = max([told, *map(int, process.stdout.read().split())])
+    there = campaign.read(out).rows
+    assert told <= there < 120
+    result = campaign.run(study, 2, out, fmus)  # here, not there
+    assert result.computed == 120 - there
+    assert rows(result) == rows(campaign.run(study, None, tmp_path / "other", fmus, made.address))
+
+
+FAULTY = (
+    LONG
+    + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0, only = 2 }\n[inputs]\n"coil.u" = 0.0\n'
+)
+
+
+@pytest.mark.parametrize("fault", ["nan", "kill", "hang"])
+def test_run_that_ends_its_process_is_a_row_and_ends_no_worker(write, fmus, cluster, tmp_path, fault):
+    text = FAULTY.replace("FAULT", fault).replace("noise = 10", "noise = 10\ncoil = 0")
+    study, made = write(STUDY, text.replace("stop = 100.0", "stop = 100.0\nstep_limit = 1.0")), cluster(1)
+    result = campaign.run(study, None, tmp_path / "out", fmus, made.address)
+    assert [index for index, _ in result.errors(9)] == [2]
+    assert rows(result) == rows(campaign.run(study, 1, tmp_path / "alone", fmus))
+    assert cluster.workers[0].poll() is None
+
+
+def test_files_and_fmus_come_to_workers_that_see_none_of_the_clients_folders(write, fmus, cluster, tmp_path):
+    scenario = NOISE + '[sweep]\n"source.table.file" = ["a.toml", "b.toml"]\n'
+    study = write('title = "Files"\nscenario = "demo"\n', scenario)
+    for name in ("a", "b"):
+        (tmp_path / "demo" / f"{name}.toml").write_text(name)
+    mine, made = tmp_path / "fmus", cluster(1)
+    mine.mkdir()
+    for file in fmus.glob("*.fmu"):
+        (mine / file.name).write_bytes(file.read_bytes())
+    opened = []
+
+    def watch(done: int, total: int) -> None:
+        """Files below the client's folder that processes of the worker have open or map."""
+        for own in Path("/proc").glob("[0-9]*/maps"):
+            try:
+                opened.extend(line for line in own.read_text().splitlines() if str(mine) in line)
+            except OSError:
+                continue
+
+    result = campaign.run(study, None, tmp_path / "out", mine, made.address, progress=watch)
+    assert result.failed == 0 and result.rows == 2 and not opened
+
+
+def test_cluster_is_left_as_it_was(write, fmus, cluster, tmp_path):
+    from distributed import Client
+
+    made, places = cluster(1), Path(f"/proc/{cluster.workers[0].pid}/task")
+    campaign.run(write(), None, tmp_path / "out", fmus, made.address)
+    with Client(made.address, set_as_default=False) as client:
+        assert client.run(lambda dask_worker: [name for name in dask_worker.plugins if "gapsense" in name]) == {
+            address: [] for address in client.nthreads()
+        }
+    end = time.monotonic() + 10.0
+    while descendants(places) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not descendants(places)
+
+
+def descendants(tasks: Path) -> list[str]:
+    return [pid for task in tasks.iterdir() for pid in (task / "children").read_text().split()]
+
+
+def test_cluster_that_cannot_do_it_is_refused_with_what_to_do(write, fmus, cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr("gapsense.campaign.cluster.PATIENCE", 3.0)
+    with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `tcp://127.0.0.1:9`"):
+        campaign.run(write(), None, tmp_path / "out", fmus, "tcp://127.0.0.1:9")
+    with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `here`"):
+        campaign.run(write(), None, tmp_path / "out", fmus, "here")
+    with pytest.raises(InputError, match=r"has no workers. Start some: `dask worker tcp://"):
+        campaign.run(write(), None, tmp_path / "out", fmus, cluster(0).address)
+
+
+def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path):
+    other = tmp_path / "elsewhere" / "gapsense"
+    other.mkdir(parents=True)
+    (other / "__init__.py").write_text('raise ImportError("no such package here")\n')
+    hidden = {**os.environ, "PYTHONPATH": str(other.parent)}
+    with pytest.raises(
+        InputError, match=r"tcp://.*: Gapsense is not installed there \(no such package here\). Install"
+    ):
+        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
+    import shutil
+
+    import gapsense
+
+    shutil.rmtree(other)
+    shutil.copytree(Path(gapsense.__file__).parent, other, ignore=shutil.ignore_patterns("__pycache__"))
+    (other / "units.py").write_text((other / "units.py").read_text() + "\n")
+    with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
+        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
+    (other / "__init__.py").write_text((other / "__init__.py").read_text().replace('"0.1.0"', '"0.0.9"'))
+    with pytest.raises(InputError, match=r"it has Gapsense 0\.0\.9, 0\.1\.0 is expected\. Install that"):
+        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)

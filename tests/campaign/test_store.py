@@ -1,0 +1,196 @@
+"""A result is whole at whatever moment its writer is killed: nothing is lost, nothing is there twice."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import sys
+import time
+from base64 import b64encode
+from contextlib import suppress
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gapsense.campaign import store as of
+from gapsense.campaign.columns import Columns
+from gapsense.campaign.result import read
+from gapsense.campaign.store import Manifest, Store, read_manifest
+from gapsense.problems import InputError
+
+COLUMNS = Columns({"a.x": ("double", "V"), "a.name": ("string", "")}, {"m": "A"}, {"a.y": "V"})
+BARE = Columns({}, {"m": "A"})
+
+
+def new(columns=COLUMNS, runs=100):
+    return Manifest({"title": "t", "runs": runs, "scenario": "s", "labels": {}}, columns)
+
+
+def line(run, error=None):
+    samples = np.array([[0.0, 0.1], [run, 2.0 * run]]).astype("<f8")
+    signals = {"trajectory": b64encode(samples.tobytes()).decode()}
+    own = {"error": error} if error else {"metrics": {"m": run / 7}, "wall": 0.1, **signals}
+    return {"run": run, "seed": run, "values": {"a.x": 0.5 * run, "a.name": f"n{run}"}, **own}
+
+
+def held(folder):
+    """Runs that are there, each as often as it is."""
+    return sorted(read(folder).column("run").tolist())
+
+
+def test_what_is_appended_is_read_at_once_and_after_each_step(tmp_path):
+    store = Store(tmp_path, new())
+    store.append([line(4), line(2, "broken")])
+    for step in (lambda: None, store.fold, store.compact, lambda: Store(tmp_path, read_manifest(tmp_path))):
+        step()
+        campaign = read(tmp_path)
+        table = campaign.table().to_pydict()
+        assert (table["run"], table["a.x"], table["a.name"]) == ([2, 4], [1.0, 2.0], ["n2", "n4"])
+        assert (table["m"], table["error"]) == ([None, 4 / 7], ["broken", None])
+        assert (campaign.rows, campaign.failed, campaign.errors(5)) == (2, 1, [(2, "broken")])
+        assert campaign.trajectory(4)["a.y"].tolist() == [4.0, 8.0]
+        with pytest.raises(InputError, match="no signals of run 2"):
+            campaign.trajectory(2)
+    assert campaign.units == {"a.x": "V", "a.name": "", "m": "A", "wall": "s"}
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 400))
+def test_torn_line_is_no_run_and_those_before_it_are(tmp_path_factory, kept):
+    folder = tmp_path_factory.mktemp("torn")
+    Store(folder, new(BARE)).append([line(k) for k in range(3)])
+    journal = next(folder.glob("journal-*"))
+    content = journal.read_bytes()
+    journal.write_bytes(content[: min(kept, len(content))])
+    whole = content[:kept].count(b"\n")
+    assert held(folder) == [*range(whole)]
+    again = Store(folder, read_manifest(folder))
+    assert again.known(5).tolist() == [k < whole for k in range(5)]
+    again.append([line(k) for k in range(whole, 5)])
+    assert held(folder) == [*range(5)]
+
+
+class Killed(BaseException):
+    pass
+
+
+@pytest.mark.parametrize("calls", range(12))
+@pytest.mark.parametrize("step", ["fold", "compact", "forget_failed"])
+def test_end_at_any_write_or_removal_loses_and_repeats_nothing(tmp_path, monkeypatch, step, calls):
+    monkeypatch.setattr(of, "FILE_RUNS", 6)
+    store = Store(tmp_path, new())
+    for group in ([9, 1, 5], [7, 3], [2, 8, 0, 11]):
+        store.append([line(k, "broken" if k == 5 else None) for k in group])
+        if step != "fold":
+            store.fold()
+    left = [calls]
+
+    def counting(function):
+        def counted(*arguments, **options):
+            left[0] -= 1
+            if left[0] < 0:
+                raise Killed
+            return function(*arguments, **options)
+
+        return counted
+
+    with monkeypatch.context() as patch:
+        for owner, name in ((of, "write_atomically"), (of.Path, "unlink"), (of, "write_manifest")):
+            patch.setattr(owner, name, counting(getattr(owner, name)))
+        with suppress(Killed):
+            getattr(store, step)()
+    everything = [0, 1, 2, 3, 5, 7, 8, 9, 11]
+    forgotten = [k for k in everything if k != 5]
+    assert held(tmp_path) in ([everything, forgotten] if step == "forget_failed" else [everything])
+    again = Store(tmp_path, read_manifest(tmp_path))
+    assert held(tmp_path) in ([everything, forgotten] if step == "forget_failed" else [everything])
+    again.compact()
+    assert read(tmp_path).column("run").tolist() == held(tmp_path)
+    counted = {f"runs/{file.name}" for file in (tmp_path / "runs").iterdir()}
+    assert counted == {part.file for part in again.manifest.parts}
+    assert read(tmp_path).trajectory(9)["a.y"].tolist() == [9.0, 18.0]
+
+
+def test_journal_is_folded_when_it_is_long(tmp_path, monkeypatch):
+    monkeypatch.setattr(of, "FOLD_RUNS", 10)
+    store = Store(tmp_path, new())
+    for k in range(25):
+        store.append([line(k)])
+    assert [part.rows for part in store.manifest.parts] == [10, 10]
+    assert len(next(tmp_path.glob("journal-*")).read_text().splitlines()) == 5
+    monkeypatch.setattr(of, "FOLD_BYTES", 300)
+    store.append([line(25)])
+    assert [part.rows for part in store.manifest.parts] == [10, 10, 6]
+    assert held(tmp_path) == [*range(26)]
+
+
+def test_compact_result_is_in_order_in_few_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(of, "FILE_RUNS", 40)
+    store, runs = Store(tmp_path, new(BARE)), [*range(100)]
+    random.Random(3).shuffle(runs)
+    for k in range(0, 100, 9):
+        store.append([line(run) for run in runs[k : k + 9]])
+        store.fold()
+    store.compact()
+    tables = [pq.read_table(tmp_path / part.file)["run"].to_pylist() for part in store.manifest.parts]
+    assert tables == [[*range(40)], [*range(40, 80)], [*range(80, 100)]]
+    before = store.manifest
+    store.compact()
+    assert store.manifest == before  # what is in order is left as it is
+
+
+@pytest.mark.parametrize(
+    "content", ["{", "[]", '{"format": "gapsense campaign 0"}', '{"format": "gapsense campaign 1"}']
+)
+def test_what_is_no_campaign_is_refused(tmp_path, content):
+    (tmp_path / "campaign.json").write_text(content)
+    with pytest.raises(InputError, match="no campaign of this version"):
+        read(tmp_path)
+    with pytest.raises(InputError, match="The folder of a campaign's result is expected"):
+        read(tmp_path / "none")
+
+
+def test_unknown_column_is_told(tmp_path):
+    Store(tmp_path, new()).append([line(1)])
+    with pytest.raises(InputError, match=r"no column `wal`\. Did you mean `wall`"):
+        read(tmp_path).column("wal")
+
+
+WRITER = """
+import sys
+from gapsense.campaign import store as of
+from test_store import COLUMNS, line, new
+of.FOLD_RUNS = 7
+of.FILE_RUNS = 20
+folder = Path(sys.argv[1])
+store = of.Store(folder, of.read_manifest(folder) or new(runs=10_000))
+left = [int(k) for k in (~store.known(10_000)).nonzero()[0]]
+while left:
+    group = [left.pop(0) for _ in range(min(3, len(left)))]
+    store.append([line(k) for k in group])
+    print(group[-1], flush=True)
+    if group[-1] % 50 < 3:
+        store.fold()
+        store.compact()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")
+def test_sigkill_at_random_moments_loses_nothing_that_was_told_and_repeats_nothing(tmp_path, start):
+    folder, chance = tmp_path / "result", random.Random(1)
+    told = -1
+    for _ in range(12):
+        process = start(f"import sys\nsys.path.insert(0, {str(of.Path(__file__).parent)!r})\n{WRITER}", folder)
+        process.stdout.readline()
+        time.sleep(chance.uniform(0.0, 0.25))
+        process.send_signal(signal.SIGKILL)
+        told = max([told, *map(int, process.stdout.read().split())])
+        runs = held(folder)
+        assert runs == [*range(len(runs))] and len(runs) > told
+    assert told > 100
+    assert json.loads((folder / "campaign.json").read_text())["number"] > 10
