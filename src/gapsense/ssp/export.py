@@ -161,8 +161,20 @@ def notes(made: Exported) -> Iterator[str]:
     for link in made.scenario.connections:
         if link.converts:
             yield f"{link}: the conversion is there, but some tools, fmpy among them, leave it out."
+    yield from of_fmpy(made)
     for path in made.files:
         yield f"`{path.name}` is in the package; only import into Gapsense finds it there."
+
+
+def of_fmpy(made: Exported) -> Iterator[str]:
+    """One sentence on each value that `simulate_ssp` of fmpy does not set as it stands in a file."""
+    for name, variable, value in changed_values(made):
+        if variable.type in UNUSUAL or value is False:
+            kind = f"values of type {variable.type}" if variable.type in UNUSUAL else "false"
+            yield f"components.{name}: `simulate_ssp` of fmpy sets no {kind}, so it cannot run this as it is."
+    names = list(made.scenario.components)
+    for name, other in ((a, b) for a in names for b in names if a != b and b.startswith(a)):
+        yield f"components.{other}: `simulate_ssp` of fmpy takes its values for those of `{name}`. Rename one."
 
 
 def description(made: Exported) -> bytes:
@@ -218,10 +230,15 @@ def add_experiment(root: Element, made: Exported) -> None:
     parts.add_annotation(around, OWN, own)
 
 
+def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
+    """Values by `component.variable` that are not what the FMU starts with anyway."""
+    for name in made.scenario.components:
+        yield from ((f"{name}.{v.name}", v, value) for v, value in made.values(name) if v.number(value) != v.start)
+
+
 def all_values(made: Exported) -> bytes:
-    """All values in one set, by `component.variable`, for tools that are given one."""
-    every = [(f"{name}.{v.name}", v, value) for name in made.scenario.components for v, value in made.values(name)]
-    return parts.written(parts.parameter_set(made.scenario.name, every))
+    """All these values in one set, for tools that are given one."""
+    return parts.written(parts.parameter_set(made.scenario.name, changed_values(made)))
 
 
 def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -> None:
