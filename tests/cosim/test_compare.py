@@ -53,7 +53,9 @@ def held(values, reference=SQUARE, **options):
 
 
 def shifted(values, rows: int):
-    return np.concatenate([np.full(rows, values[0]), values[:-rows]]) if rows > 0 else shifted(values[::-1], -rows)[::-1]
+    return (
+        np.concatenate([np.full(rows, values[0]), values[:-rows]]) if rows > 0 else shifted(values[::-1], -rows)[::-1]
+    )
 
 
 @pytest.mark.parametrize("rows", [-1, 1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -54,7 +53,7 @@ def project(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, fmus: Pa
         file = pytester.path / "scenarios" / folder / "scenario.toml"
         file.parent.mkdir(parents=True)
         file.write_text(text, encoding="utf-8")
-    os.symlink(fmus, pytester.mkdir("build") / "fmus")
+    (pytester.mkdir("build") / "fmus").symlink_to(fmus)
     return pytester
 
 

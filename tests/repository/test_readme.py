@@ -152,6 +152,6 @@ def test_imports_of_the_package_are_declared():
     declared = {package(r) for r in PROJECT["dependencies"]}
     names = {"markdown_it": "markdown-it-py"}
     used = {names.get(name, name).lower().replace("_", "-") for path in MODULES for name, _ in others(path)}
-    optional = {package(r) for r in PROJECT["optional-dependencies"]["pandas"]}
+    optional = {package(r) for extra in ("pandas", "dev") for r in PROJECT["optional-dependencies"][extra]}
     assert used <= declared | optional
     assert declared <= used | {"tomli", "scipy"}

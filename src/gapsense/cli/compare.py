@@ -49,7 +49,7 @@ def compare(
     how = tolerance(rtol, atol, edge_steps, tolerances or ())
     window = Window(tuple(signals or ("*",)), after, before)
     pairs = [*paired(result, reference)]
-    read = [[read_trajectories(path) for path in pair] for pair in pairs]
+    read = [(read_trajectories(ours), read_trajectories(theirs)) for ours, theirs in pairs]
     failed = 0
     for (ours, _), both in zip(pairs, read):
         found = compare_trajectories(*both, how, window)

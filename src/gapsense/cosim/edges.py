@@ -57,8 +57,10 @@ def moved(values: Vector, reference: Vector, allowed: float, rows: int) -> Rows:
     if not rows or not values.size:
         return np.zeros(values.shape, dtype=np.bool_)
     near = near_edges(values, rows) | near_edges(reference, rows)
-    return near & between(values, *envelope(reference, rows), allowed) & between(
-        reference, *envelope(values, rows), allowed
+    return (
+        near
+        & between(values, *envelope(reference, rows), allowed)
+        & between(reference, *envelope(values, rows), allowed)
     )
 
 

@@ -24,7 +24,8 @@ def common(times: Vector, other: Vector, after: float, before: float) -> Vector:
     near = slack(times, other)
     low, high = max(times[0], other[0], after) - near, min(times[-1], other[-1], before) + near
     first, second = (grid[(grid >= low) & (grid <= high)] for grid in (times, other))
-    return second if second.size < first.size else first
+    chosen: Vector = second if second.size < first.size else first
+    return chosen
 
 
 def sampled(times: Vector, values: Vector, at: Vector) -> Vector:
@@ -37,7 +38,8 @@ def sampled(times: Vector, values: Vector, at: Vector) -> Vector:
     is_row = np.abs(times[before] - at) <= slack(times, at)
     finite = values[np.isfinite(values)]
     if (finite == np.round(finite)).all():
-        return values[before]
+        held: Vector = values[before]
+        return held
     after = np.minimum(before + 1, times.size - 1)
     width = np.where(after > before, times[after] - times[before], 1.0)
     part = np.clip((at - times[before]) / width, 0.0, 1.0)

@@ -158,9 +158,7 @@ def other_unit(result: Trajectories, reference: Trajectories, name: str) -> str:
     return f"{name}: it is in {found} in {result.name}, in {expected} in {reference.name}. Nothing is converted."
 
 
-def difference(
-    result: Trajectories, reference: Trajectories, name: str, times: Vector, how: Baseline
-) -> Difference:
+def difference(result: Trajectories, reference: Trajectories, name: str, times: Vector, how: Baseline) -> Difference:
     """A signal of both at the times that are compared."""
     about = [t.about[name] for t in (reference, result)]
     nominal = next((a.nominal for a in about if math.isfinite(a.nominal)), 1.0)

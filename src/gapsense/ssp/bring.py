@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
+from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
 from gapsense.cosim.archive import UnusableError, shown
@@ -22,7 +23,7 @@ from gapsense.ssp.package import Package, opened
 from gapsense.ssp.scenario import Maker, plain_names
 from gapsense.ssp.structure import Element, read_element
 from gapsense.ssp.told import Told
-from gapsense.ssp.units import read_units, together, units_of
+from gapsense.ssp.units import Units, read_units, together, units_of
 from gapsense.ssp.values import Reader
 from gapsense.ssp.words import DESCRIPTION, tag
 
@@ -79,34 +80,21 @@ def refuse(path: Path, problems: list[str]) -> None:
         raise InputError([f"{path.name}: {problem}" for problem in problems])
 
 
-def content(
-    package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any
-) -> dict[str, Any]:
+def content(package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any) -> dict[str, Any]:
     """Tables of the scenario; FMUs and other files are put into its folder. Not complete if there are problems."""
-    try:
-        root, violations = package.document(DESCRIPTION, "ssd")
-        system = root.find(tag("ssd:System"))
-        version = root.get("version", "")
-        if system is None or not version.startswith("1."):
-            raise UnusableError(f"it is of SSP `{shown(version)}`, a system of SSP 1.0 is expected. Export it as that.")
-        notes += [f"{DESCRIPTION} is not as the schema says: {text}" for text in violations]
-        outer = read_element(system, (), problems)
-    except (ParseError, ValueError) as error:
-        raise InputError([f"{package.path}: {error}"]) from error
+    root, outer = read_structure(package, problems, notes)
     told = Told(root, problems, notes)
     components = [*outer.components()]
     fmus = take_fmus(package, components, folder, problems)
     descriptions = described_all(components, fmus, folder, problems)
-    units, other = together(units_of(folder / FMUS / file) for file in dict.fromkeys(fmus.values()))
-    problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
-    units = {**units, **read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")}
+    units = all_units(root, [folder / FMUS / file for file in dict.fromkeys(fmus.values())], problems)
     reader = Reader(package, units, {path: d.variables for path, d in descriptions.items()}, problems, notes)
     reader.read(outer)
     reader.finish()
     wiring = Wiring(outer, units, problems)
     experiment = told.experiment(**options)
-    if problems or not components:
-        problems += [] if components else ["there is no component in it. Add one."]
+    problems += [] if components else ["there is no component in it. Add one."]
+    if problems:
         return {}
     names = plain_names([one.path for one in components])
     notes += [f"`{one.name}` is called `{names[one.path]}`." for one in components if names[one.path] != one.name]
@@ -117,7 +105,29 @@ def content(
     return data
 
 
-def take_fmus(package: Package, components: list[Element], folder: Path, problems: list[str]) -> dict[structure.Path, str]:
+def read_structure(package: Package, problems: list[str], notes: list[str]) -> tuple[Xml, Element]:
+    """The document and its outermost system."""
+    try:
+        root, violations = package.document(DESCRIPTION, "ssd")
+        system, version = root.find(tag("ssd:System")), root.get("version", "")
+        if system is None or not version.startswith("1."):
+            raise UnusableError(f"it is of SSP `{shown(version)}`, a system of SSP 1.0 is expected. Export it as that.")
+        notes += [f"{DESCRIPTION} is not as the schema says: {text}" for text in violations]
+        return root, read_element(system, (), problems)
+    except (ParseError, ValueError) as error:
+        raise InputError([f"{package.path}: {error}"]) from error
+
+
+def all_units(root: Xml, fmus: list[Path], problems: list[str]) -> Units:
+    """Units of the FMUs, and those of the document, which go before them."""
+    units, other = together(map(units_of, fmus))
+    problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
+    return {**units, **read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")}
+
+
+def take_fmus(
+    package: Package, components: list[Element], folder: Path, problems: list[str]
+) -> dict[structure.Path, str]:
     """Name of the FMU file of each component, which is in the folder of FMUs now."""
     files: dict[str, str] = {}
     out: dict[structure.Path, str] = {}

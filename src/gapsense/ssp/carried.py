@@ -7,6 +7,7 @@ from typing import Any
 
 from gapsense.cosim.document import Document
 from gapsense.cosim.scenario import Component, Scenario
+from gapsense.problems import listing
 
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "isolation")
@@ -16,6 +17,7 @@ LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its o
 def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
     """Tables for the annotation."""
     tables = {key: document.data[key] for key in WHOLE if key in document.data}
+    tables["experiment"] = {**tables["experiment"], "method": scenario.experiment.method}
     components = {name: own for name, component in scenario.components.items() if (own := differing(component))}
     played = {
         str(port): {
@@ -45,17 +47,20 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
     experiment = scenario.experiment
     if experiment.method != "jacobi":
         yield f"experiment.method: SSP says nothing on the coupling; `{experiment.method}` is in our annotation only."
-    for name, component in scenario.components.items():
-        if component.step > 1:
-            size = component.step * experiment.base_step
-            yield f"components.{name}.step: its step of {size:.9g} s is in our annotation and in that of OSP."
-        if component.offset:
-            yield f"components.{name}.offset: it is in our annotation only; elsewhere the component starts at once."
-    for port in scenario.played:
-        yield f"inputs.{port}: the signal is in our annotation only; elsewhere its first value holds."
-    for link in scenario.connections:
-        if link.delayed:
-            yield f"{link.place}: the delay is in our annotation only."
+    slower, later = (
+        [name for name, component in scenario.components.items() if getattr(component, key) != usual]
+        for key, usual in (("step", 1), ("offset", 0))
+    )
+    delayed = [str(link.target) for link in scenario.connections if link.delayed]
+    if slower:
+        yield f"step of {listing(slower)}: it is in our annotation and in that of OSP; elsewhere they step with all."
+    if later:
+        yield f"offset of {listing(later)}: it is in our annotation only; elsewhere they start at once."
+    if scenario.played:
+        found = listing([str(port) for port in scenario.played])
+        yield f"signals of {found}: they are in our annotation only; elsewhere their first value holds."
+    if delayed:
+        yield f"delay of {listing(delayed)}: it is in our annotation only."
     for key, what in LEFT_OUT.items():
         if data.get(key):
             yield f"{key}: {what} is left out." if key != "variants" else f"{key}: {what} are left out."

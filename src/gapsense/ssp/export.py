@@ -17,7 +17,7 @@ from gapsense.cosim.scenario import Port, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.files import write_atomically
 from gapsense.parameters import is_file
-from gapsense.problems import InputError, ScenarioError
+from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried, parts
 from gapsense.ssp.schema import violations
 from gapsense.ssp.units import Units, together, units_of
@@ -87,9 +87,7 @@ class Exported:
         return self.files[Path(str(value)).resolve()] if is_file(name, value) else value
 
 
-def export(
-    source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None
-) -> list[str]:
+def export(source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
     """Write a scenario as SSP 1.0, complete or not at all.
 
     Parameters
@@ -151,30 +149,27 @@ def refusals(made: Exported) -> Iterator[str]:
 
 
 def notes(made: Exported) -> Iterator[str]:
-    """One sentence on what some tools do not take."""
-    for name in made.descriptions:
-        yield from (
-            f"components.{name}.{v.name}: its unit `{v.unit}` is not defined by the FMU, and is left out."
-            for v in made.connectors(name)
-            if v.unit and v.unit not in made.units
-        )
-    for link in made.scenario.connections:
-        if link.converts:
-            yield f"{link}: the conversion is there, but some tools, fmpy among them, leave it out."
-    yield from of_fmpy(made)
+    """One sentence on each thing that some tools do not take."""
+    every = [(f"{name}.{v.name}", v) for name in made.descriptions for v in made.connectors(name)]
+    undefined = [name for name, v in every if v.unit and v.unit not in made.units]
+    if undefined:
+        yield f"units of {listing(undefined)}: their FMUs do not define them, and they are left out."
+    converted = [str(link.target) for link in made.scenario.connections if link.converts]
+    if converted:
+        yield f"conversion to {listing(converted)}: it is there, but some tools, fmpy among them, leave it out."
+    values = [*changed_values(made)]
+    texts = [name for name, v, _ in values if v.type in UNUSUAL]
+    if texts:
+        yield f"values of {listing(texts)}: `simulate_ssp` of fmpy sets no texts; see docs/ssp.md."
+    switches = [name for name, _, value in values if value is False]
+    if switches:
+        yield f"values of {listing(switches)}: `simulate_ssp` of fmpy sets true in place of false; see docs/ssp.md."
+    names = list(made.scenario.components)
+    confused = [b for a in names for b in names if a != b and b.startswith(a)]
+    if confused:
+        yield f"values of {listing(confused)}: fmpy looks for them in a component whose name theirs begins with, too."
     for path in made.files:
         yield f"`{path.name}` is in the package; only import into Gapsense finds it there."
-
-
-def of_fmpy(made: Exported) -> Iterator[str]:
-    """One sentence on each value that `simulate_ssp` of fmpy does not set as it stands in a file."""
-    for name, variable, value in changed_values(made):
-        if variable.type in UNUSUAL or value is False:
-            kind = f"values of type {variable.type}" if variable.type in UNUSUAL else "false"
-            yield f"components.{name}: `simulate_ssp` of fmpy sets no {kind}, so it cannot run this as it is."
-    names = list(made.scenario.components)
-    for name, other in ((a, b) for a in names for b in names if a != b and b.startswith(a)):
-        yield f"components.{other}: `simulate_ssp` of fmpy takes its values for those of `{name}`. Rename one."
 
 
 def description(made: Exported) -> bytes:

@@ -56,14 +56,16 @@ class Wiring:
         else:
             (one, gives), (other, other_gives) = (end for end in ends if end)
             if gives == other_gives:
-                self.problems.append(f"{system.name}, {place}: both ends {'give' if gives else 'take'} a value. Correct it.")
+                self.problems.append(
+                    f"{system.name}, {place}: both ends {'give' if gives else 'take'} a value. Correct it."
+                )
             else:
                 self.join(*((one, other) if gives else (other, one)), link, f"{system.name}, {place}")
 
     def end(self, system: Element, element: str, connector: str) -> tuple[Node, bool] | None:
         """An end of a connection, and whether it gives a value; a system's own input gives it to those inside."""
         owner = system.elements.get(element) if element else system
-        found = owner and owner.connectors.get(connector)
+        found = owner.connectors.get(connector) if owner else None
         if owner is None or found is None:
             return None
         return (owner.path, connector), (found.kind in SINKS) == (owner is system)

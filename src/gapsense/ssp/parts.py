@@ -24,7 +24,8 @@ def written(root: Element) -> bytes:
     for prefix, uri in PREFIXES.items():
         register_namespace(prefix, uri)
     indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8", xml_declaration=False) + b"\n"
+    text = tostring(root, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
 def add_connector(parent: Element, variable: Variable, units: Units, enumeration: str) -> None:
@@ -76,7 +77,9 @@ def add_units(parent: Element, names: Iterable[str], units: Units) -> None:
     for name in used:
         base = units[name]
         powers = {key: power for key, power in zip(EXPONENTS, base.exponents) if power}
-        line = {key: repr(x) for key, x, usual in (("factor", base.factor, 1.0), ("offset", base.offset, 0.0)) if x != usual}
+        line = {
+            key: repr(x) for key, x, usual in (("factor", base.factor, 1.0), ("offset", base.offset, 0.0)) if x != usual
+        }
         add(add(made, "ssc:Unit", {"name": name}), "ssc:BaseUnit", {**powers, **line})
 
 

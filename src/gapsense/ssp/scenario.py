@@ -48,7 +48,9 @@ class Maker:
         self.refuse_strange_ends()
         if self.idle:
             self.notes.append(f"nothing drives {listing(self.idle)}; they keep the start values of their FMUs.")
-        about = {key: self.told.own[key] for key in ("description", "figure") if isinstance(self.told.own.get(key), str)}
+        about = {
+            key: self.told.own[key] for key in ("description", "figure") if isinstance(self.told.own.get(key), str)
+        }
         sections = {
             "components": components,
             "connect": self.connect,
@@ -110,7 +112,9 @@ class Maker:
         way = self.way(node) if node in self.wiring.edges else None
         if way and way.source[0] in self.descriptions:
             name = ".".join((self.names[node[0]], variable.name))
-            self.problems.append(f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be. Set a value.")
+            self.problems.append(
+                f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be. Set a value."
+            )
             return None
         value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
         return None if value == variable.start and not variable.is_settable else value

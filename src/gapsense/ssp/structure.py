@@ -103,9 +103,7 @@ def read_connector(xml: Xml) -> Connector:
     """A connector with its type, which is one of its children."""
     found = next((child for child in xml if plain(child.tag).removeprefix("ssc:") in TYPES), None)
     kind = "" if found is None else plain(found.tag).removeprefix("ssc:")
-    return Connector(
-        xml.get("name", ""), xml.get("kind", ""), kind, "" if found is None else found.get("unit", "")
-    )
+    return Connector(xml.get("name", ""), xml.get("kind", ""), kind, "" if found is None else found.get("unit", ""))
 
 
 def read_link(xml: Xml) -> Link:

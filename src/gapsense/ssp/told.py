@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element as Xml
@@ -10,7 +11,11 @@ from xml.etree.ElementTree import Element as Xml
 from gapsense.cosim.archive import shown
 from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
 from gapsense.ssp.words import OSP, OWN, tag
-from gapsense.tables import tomllib
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 JACOBI = "jacobi"  # what tools of SSP do where nothing else is told
 SIGNAL = ("times", "values", "interpolation")

@@ -33,7 +33,12 @@ class Reader:
     """Reads the bindings of all elements; `problems` and `notes` take what is wrong, and what is left out."""
 
     def __init__(
-        self, package: Package, units: Units, known: Mapping[Path, Collection[str]], problems: list[str], notes: list[str]
+        self,
+        package: Package,
+        units: Units,
+        known: Mapping[Path, Collection[str]],
+        problems: list[str],
+        notes: list[str],
     ) -> None:
         self.package, self.units, self.known = package, units, known  # variables of each component whose FMU is read
         self.problems, self.notes = problems, notes
@@ -73,7 +78,9 @@ class Reader:
         if own != kind[0]:
             raise UnusableError(f"it is of type `{shown(own)}`, `{kind[0]}` expected. Export it as that.")
         if source and xml.get("sourceBase", "SSD") != "SSD":
-            raise UnusableError(f"its source `{shown(source)}` is in the component. Put it beside the system structure.")
+            raise UnusableError(
+                f"its source `{shown(source)}` is in the component. Put it beside the system structure."
+            )
         if source:
             root, violations = self.package.document(self.package.member(source), kind[1])
             self.notes += [f"{shown(source)} is not as the schema says: {text}" for text in violations]
