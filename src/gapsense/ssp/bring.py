@@ -87,7 +87,7 @@ def content(package: Package, folder: Path, problems: list[str], notes: list[str
     components = [*outer.components()]
     fmus = take_fmus(package, components, folder, problems)
     descriptions = described_all(components, fmus, folder, problems)
-    units = all_units(root, [folder / FMUS / file for file in dict.fromkeys(fmus.values())], problems)
+    units = all_units(root, list({d.path: None for d in descriptions.values()}), problems)
     reader = Reader(package, units, {path: d.variables for path, d in descriptions.items()}, problems, notes)
     reader.read(outer)
     reader.finish()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from gapsense.cosim.archive import shown
@@ -77,11 +77,11 @@ class Wiring:
         else:
             self.edges[sink] = Edge(source, link)
 
-    def way(self, sink: Node, units: Mapping[Node, str]) -> Way | None:
+    def way(self, sink: Node, units: Mapping[Node, str], given: Collection[Node]) -> Way | None:
         """Where an input of a component gets its value from, or None if nothing is connected to it.
 
-        A source without a further one is an output of a component or an input of a system. `units` has those of the
-        variables of components, which go before what the structure says.
+        That is an output of a component, or the outermost connector of a system on the way that is `given` a value.
+        `units` has those of the variables of components, which go before what the structure says.
         """
         steps: list[tuple[Node, Link]] = []
         node = sink
@@ -91,6 +91,8 @@ class Wiring:
             node = edge.source
             if node[0] in self.components:
                 break
+        while steps and node not in given and node[0] not in self.components:
+            node = steps.pop()[0]
         return Way(node, self.line(node, steps, units)) if steps else None
 
     def line(self, source: Node, steps: list[tuple[Node, Link]], units: Mapping[Node, str]) -> Line:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from gapsense.ssp.schema import violations
 from gapsense.ssp.words import DESCRIPTION
 
 LARGEST = 64 * 10**6  # bytes of a document
+UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, NotImplementedError, EOFError, UnicodeError)
 CHUNK = 2**20  # bytes that are unpacked at once
 
 
@@ -62,5 +64,5 @@ def opened(path: Path) -> Iterator[Package]:
             yield Package(path, archive, names)
     except UnusableError as error:
         raise InputError([f"{path}: {error}"]) from error
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError, UnicodeError) as error:
+    except UNREADABLE as error:
         raise InputError([f"{path}: not a readable package: {error}. Export or copy it again."]) from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from gapsense.cosim.archive import shown
@@ -40,12 +41,14 @@ class Maker:
     inputs: dict[str, Any] = field(default_factory=dict)
     seeds: dict[str, Value] = field(default_factory=dict)
     idle: list[str] = field(default_factory=list)
+    reached: set[Node] = field(default_factory=set)  # where values come from
 
     def made(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
         """Tables of the scenario."""
         base = experiment.get("base_step")
         components = {self.names[one.path]: self.component(one, base) for one in self.components}
         self.refuse_strange_ends()
+        self.note_unused()
         if self.idle:
             self.notes.append(f"nothing drives {listing(self.idle)}; they keep the start values of their FMUs.")
         about = {
@@ -119,10 +122,25 @@ class Maker:
         value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
         return None if value == variable.start and not variable.is_settable else value
 
+    @cached_property
+    def units_of_variables(self) -> dict[Node, str]:
+        """Units that the FMUs state."""
+        every = ((path, v) for path, own in self.descriptions.items() for v in own.variables.values())
+        return {(path, v.name): v.unit or "" for path, v in every}
+
+    def note_unused(self) -> None:
+        """Note values of connectors of systems that arrive nowhere."""
+        for node in self.given:
+            if node[0] not in self.descriptions and node not in self.reached:
+                name = shown(".".join((*node[0], node[1])))
+                self.notes.append(f"{self.given[node].place}: `{name}` is connected to no component, and left out.")
+
     def way(self, node: Node) -> Way | None:
         """Where an input gets its value from."""
-        units = {(path, v.name): v.unit or "" for path, d in self.descriptions.items() for v in d.variables.values()}
-        return self.wiring.way(node, units)
+        way = self.wiring.way(node, self.units_of_variables, self.given)
+        if way:
+            self.reached.add(way.source)
+        return way
 
     def through(self, way: Way, variable: Variable) -> Value | None:
         """Value of a connector of a system, as it arrives at a variable."""

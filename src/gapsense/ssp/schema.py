@@ -25,9 +25,12 @@ def violations(content: bytes, kind: str) -> list[str]:
     from lxml import etree
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    root, schema = etree.fromstring(content, parser), load_schema(kind)
-    if schema.validate(root):
-        return []
+    schema = load_schema(kind)
+    try:
+        if schema.validate(etree.fromstring(content, parser)):
+            return []
+    except etree.XMLSyntaxError as error:  # limits that others do not have
+        return [str(error)]
     found = [f"line {error.line}: {error.message}" for error in schema.error_log]
     return found[:SHOWN] + ([f"{len(found) - SHOWN} more violations."] if len(found) > SHOWN else [])
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
 from gapsense.cosim.archive import DESCRIPTION
+from gapsense.files import state
 from gapsense.ssp.words import tag
 from gapsense.units import UNITS, base_exponents
 
@@ -69,9 +70,14 @@ def read_units(root: Element, path: str) -> dict[str, BaseUnit]:
     return {name: read_base(base) for name, base in bases.items() if base is not None}
 
 
-@lru_cache(maxsize=64)
 def units_of(fmu: Path) -> Units:
-    """Units that an FMU defines, and ours for names that it leaves undefined."""
+    """Units that an FMU defines, and ours for names that it leaves undefined; its description was read before."""
+    return remembered(fmu, *state(fmu))
+
+
+@lru_cache(maxsize=64)
+def remembered(fmu: Path, *_: int) -> Units:
+    """Units of a file in some state."""
     with zipfile.ZipFile(fmu) as archive:
         root = fromstring(archive.read(DESCRIPTION))
     bases = {unit.get("name", ""): unit.find("BaseUnit") for unit in root.iterfind("UnitDefinitions/Unit")}
