@@ -19,6 +19,7 @@ from gapsense.cosim.grids import sampled
 from gapsense.cosim.pairs import (
     Trajectories,
     Window,
+    compare_results,
     compare_trajectories,
     of_result,
     paired,
@@ -213,6 +214,8 @@ def test_a_result_equals_itself_on_disk_and_not_another_run(write, chain, fmus, 
     assert same.passed and all(d.is_equal for d in same.signals) and len(same.signals) == 7
     found = compare_trajectories(of_result(other, "other"), read_trajectories(file), how(), Window())
     assert {"source.y", "lag.u", "lag.y"} <= {d.name for d in found.failing}
+    assert compare_results(result, result, 0.0).passed and not compare_results(other, result).passed
+    assert compare_results(other, result, atol=1.0).passed
     stopped = compare_trajectories(of_result(replace(result, interrupted=True), "run"), same_as(file), how(), Window())
     assert stopped.problems == ("run: the run was interrupted.",)
 

@@ -132,4 +132,4 @@ def test_edges_of_a_baseline_may_move_by_as_many_steps_as_it_says(write, fmus, s
 
 def test_a_wrong_number_of_steps_is_refused(write, fmus):
     path = write(STEP + "edge_steps = -1\n")
-    assert "edge_steps: -1 found, a whole number of at least 0" in test_scenarios(path, fmus)[0].failures[0].failure
+    assert "edge_steps: `-1` found, a whole number of at least 0" in test_scenarios(path, fmus)[0].failures[0].failure

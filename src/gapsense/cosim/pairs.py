@@ -16,7 +16,7 @@ from gapsense.cosim.difference import Comparison, Difference
 from gapsense.cosim.edges import reach
 from gapsense.cosim.grids import are_same, common, sampled
 from gapsense.cosim.record import TIME, Result, Run, Signal, read_result
-from gapsense.cosim.scenario import Baseline
+from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.sidecar import read_sidecar
 from gapsense.cosim.signals import matching
 from gapsense.files import read_columns, read_sheet
@@ -95,6 +95,24 @@ def of_result(result: Result, name: str) -> Trajectories:
     ended = "was interrupted" if result.interrupted else f"failed: {result.failure}" if result.failure else ""
     problems = (f"{name}: the run {ended}.",) if ended else ()
     return Trajectories(name, result.times, dict(result.signals), dict(result.about), result.run, problems)
+
+
+def compare_results(
+    result: Result, reference: Result, rtol: float = Tolerance.rtol, atol: float = 0.0, edge_steps: int = 1
+) -> Comparison:
+    """Hold a result against another one, all signals over the whole run, as `gapsense compare` does.
+
+    Parameters
+    ----------
+    result, reference : Result
+        Their rows may be at different times.
+    rtol, atol : float
+        Allowed is `atol + rtol * nominal`.
+    edge_steps : int
+        Steps of its component that an edge may come earlier or later.
+    """
+    both = of_result(result, "the result"), of_result(reference, "the reference")
+    return compare_trajectories(*both, Baseline(Path(), tolerance=Tolerance(rtol, atol, edge_steps)), Window())
 
 
 def compare_trajectories(result: Trajectories, reference: Trajectories, how: Baseline, window: Window) -> Comparison:
