@@ -89,6 +89,13 @@ def test_folders_are_compared_result_by_result(results, write, chain, fmus):
     assert {file.name for file in results.glob("*.png")} == {"d_x.png", "d_y.png"}
 
 
+def test_files_without_a_common_signal_differ_and_are_drawn_empty(results):
+    for name in ("x", "y"):
+        (results / f"{name}.csv").write_text(f"time [s],{name}\n0,1\n1,2\n")
+    done = gapsense("compare", "x.csv", "y.csv", "--figure", "d.svg")
+    assert done.exit_code == 1 and "only in x.csv: `x`" in done.output and (results / "d.svg").is_file()
+
+
 def test_a_baseline_is_compared_without_a_side_car(results, write, chain, fmus):
     path = write(chain + "[baseline]\ndecimation = 2\n", "held")
     update_baseline(path, fmus=fmus, write=True)

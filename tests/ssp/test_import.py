@@ -427,6 +427,19 @@ def test_what_is_no_archive_is_refused(tmp_path, content):
         bring(path, tmp_path / "mine")
 
 
+def test_systems_are_not_nested_without_end(tmp_path, stock):
+    content = ""
+    for _ in range(200):
+        content = system("s", elements=content or component("lag", "Lag"))
+    assert "nested more than 50 deep" in refused(tmp_path, stock, content)[0]
+
+
+def test_what_a_kill_left_is_no_obstacle(tmp_path, stock):
+    (tmp_path / ".mine.part" / "fmus").mkdir(parents=True)
+    bring(packed(tmp_path / "a.ssp", structure(CHAIN), stock, *FMUS), tmp_path / "mine")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.ssp", "mine"]
+
+
 def test_a_damaged_archive_is_refused(tmp_path, stock):
     path = packed(tmp_path / "a.ssp", structure(CHAIN), stock, *FMUS)
     content = bytearray(path.read_bytes())

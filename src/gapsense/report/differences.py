@@ -30,7 +30,8 @@ def figure(comparison: Comparison, title: str) -> Figure:
             draw(axis, difference, rows)
     for axis in axes[-1]:
         axis.set_xlabel("time / ms")
-    legend_below(made)
+    if chosen:
+        legend_below(made)
     return made
 
 

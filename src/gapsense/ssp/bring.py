@@ -61,6 +61,7 @@ def bring(
     partial = folder.with_name(f".{folder.name}.part")
     problems: list[str] = []
     notes: list[str] = []
+    shutil.rmtree(partial, ignore_errors=True)  # what a kill left
     try:
         (partial / FMUS).mkdir(parents=True)
         with opened(path) as package:

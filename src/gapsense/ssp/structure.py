@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.archive import shown
+from gapsense.cosim.archive import UnusableError, shown
 from gapsense.ssp.units import Line
 from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 
 Path = tuple[str, ...]  # of an element: names from the outermost system on, without that
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter")
+DEEPEST = 50  # levels of systems
 REFUSED = {  # elements that nothing is made of
     "ssd:SignalDictionaryReference": "a signal dictionary",
 }
@@ -67,6 +68,8 @@ class Element:
 
 def read_element(xml: Xml, path: Path, problems: list[str]) -> Element:
     """An element of a system structure; `problems` takes what cannot be used."""
+    if len(path) > DEEPEST:
+        raise UnusableError(f"systems are nested more than {DEEPEST} deep. Connect them at fewer levels.")
     made = Element(path, xml)
     for one in xml.iterfind(f"{tag('ssd:Connectors')}/{tag('ssd:Connector')}"):
         connector = read_connector(one)
