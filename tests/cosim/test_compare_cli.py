@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from gapsense import Scenario
 from gapsense.cli import app
-from gapsense.cosim import run, test_scenarios, update_baseline
+from gapsense.cosim import test_scenarios, update_baseline
 
 PNG = b"\x89PNG"
 
@@ -17,12 +19,23 @@ def gapsense(*arguments: object):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-@pytest.fixture
-def results(write, chain, fmus, tmp_path, monkeypatch) -> Path:
+@pytest.fixture(scope="module")
+def three(tmp_path_factory, fmus) -> Path:
     """Results of three runs: `a.csv`, the same again, and one with another slope."""
+    folder = tmp_path_factory.mktemp("three")
+    with Scenario("chain", folder, fmus, stop=1.0, base_step=0.1) as s:
+        s.add("source", "Source").add("lag", "Lag").add("gain", "Gain")
+        s.connect("source.y", "lag.u").connect("lag.y", "gain.u")
+        for name, slope in {"a": 2.0, "same": 2.0, "steep": 2.01}.items():
+            s.set("source.slope", slope).run().save(folder / f"{name}.csv")
+    return folder
+
+
+@pytest.fixture
+def results(three, tmp_path, monkeypatch) -> Path:
+    """Their copies, in the working folder."""
     monkeypatch.chdir(tmp_path)
-    for name, slope in {"a": "2.0", "same": "2.0", "steep": "2.01"}.items():
-        run(write(chain.replace("slope = 2.0", f"slope = {slope}"), name), fmus=fmus).save(tmp_path / f"{name}.csv")
+    shutil.copytree(three, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 
@@ -69,7 +82,7 @@ def test_tolerances_signals_and_times_are_chosen(results, options, code):
         (["a.csv", "a.csv", "--rtol", "nan", "--atol", "-1"], "--atol: -1.0 found"),
         (["a.csv", "a.csv", "--signal", "gain.yy"], "Did you mean `gain.y`?"),
         (["a.csv", "a.csv", "--figure", "d.txt"], "written as .png"),
-        (["a", "a.csv"], "is a folder"),
+        ([".", "a.csv"], "is a folder"),
     ],
 )
 def test_wrong_input_ends_with_2_and_a_sentence(results, arguments, words):
@@ -77,7 +90,8 @@ def test_wrong_input_ends_with_2_and_a_sentence(results, arguments, words):
     assert done.exit_code == 2 and words in done.output.replace("\n", " ")
 
 
-def test_folders_are_compared_result_by_result(results, write, chain, fmus):
+@pytest.mark.slow
+def test_folders_are_compared_result_by_result(results):
     for folder, steep in (("old", "a"), ("new", "steep")):
         (results / folder).mkdir()
         for name, source in (("x", "a"), ("y", steep)):
@@ -103,6 +117,7 @@ def test_a_baseline_is_compared_without_a_side_car(results, write, chain, fmus):
     assert gapsense("compare", "steep.csv", path.parent / "baseline.csv").exit_code == 1
 
 
+@pytest.mark.slow
 def test_a_failing_baseline_is_drawn(results, write, chain, fmus):
     path = write(chain + "[baseline]\n", "held")
     update_baseline(path, fmus=fmus, write=True)

@@ -77,6 +77,7 @@ def test_what_fails_is_told_in_the_words_of_the_command(project):
     assert "Traceback" not in done.stdout.str() and "pytest_plugin.py" not in done.stdout.str()
 
 
+@pytest.mark.slow
 def test_one_is_chosen_by_its_name(project):
     pytest_of(project, "scenarios", "-k", "valve and not tight").assert_outcomes(passed=1, deselected=1)
     pytest_of(project, "scenarios/valve/scenario.toml::valve[tight]").assert_outcomes(failed=1)

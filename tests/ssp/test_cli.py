@@ -27,7 +27,7 @@ def test_a_package_is_written_and_read(folder, stock):
     done = gapsense("import-ssp", "a.ssp", "--out", "mine")
     assert done.exit_code == 0 and "Go on with `gapsense run mine`." in done.output
     assert "gain = 5.0" in (folder / "mine" / "scenario.toml").read_text()
-    assert gapsense("run", "mine").exit_code == 0
+    assert gapsense("check", "mine").exit_code == 0
 
 
 def test_what_is_left_out_is_told(folder, stock):

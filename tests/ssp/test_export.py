@@ -93,7 +93,7 @@ def members(path: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-@pytest.mark.parametrize("variant", [None, "steep"])
+@pytest.mark.parametrize("variant", [None, pytest.param("steep", marks=pytest.mark.slow)])
 def test_all_comes_back_with_the_same_bits(scenario, stock, tmp_path, variant):
     assert check(scenario, fmus=stock) == []
     export(scenario, tmp_path / "a.ssp", variant, stock)
@@ -112,6 +112,7 @@ def test_all_comes_back_with_the_same_bits(scenario, stock, tmp_path, variant):
     assert again.run.title == "All that a scenario may say: <&>"
 
 
+@pytest.mark.slow
 def test_what_comes_back_goes_out_again_the_same(scenario, stock, tmp_path):
     export(scenario, tmp_path / "a.ssp", None, stock)
     bring(tmp_path / "a.ssp", tmp_path / "all_again" / "all")
