@@ -290,6 +290,27 @@ def test_what_is_not_as_the_schema_says_is_told_and_read_all_the_same(brought, e
     assert any("SystemStructure.ssd is not as the schema says: line " in note for note in notes)
 
 
+GEOMETRY = '<ssd:{}Geometry x="0.0" y="0.5"/>'
+OLD = """<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:SimulationInformation>
+<oms:FixedStepMaster description="oms-ma" stepSize="0.100000"/></oms:SimulationInformation></ssc:Annotation>
+<ssc:Annotation type="org.openmodelica"><oms:Bus name="bus"><oms:Signal name="y"/></oms:Bus></ssc:Annotation>
+</ssd:Annotations><ssd:Connectors />"""
+
+
+def test_the_dialect_of_omsimulator(brought, expected):
+    """Annotations first, empty connectors, geometry, empty names of elements, values of a system in a file."""
+    text = CHAIN.replace(packages.MASTER, "").replace('<ssd:System name="chain">', '<ssd:System name="chain">' + OLD)
+    text = text.replace("</ssd:Connector>", GEOMETRY.format("Connector") + "</ssd:Connector>")
+    text = text.replace("</ssd:Connection>", '<ssd:ConnectionGeometry pointsX="0.1" pointsY="0.2"/></ssd:Connection>')
+    text = text.replace(bindings(binding(values(gain=3.0))), "").replace(bindings(binding(values(slope=2.0))), "")
+    of_system = '<ssd:ParameterBindings><ssd:ParameterBinding source="resources/chain.ssv"/></ssd:ParameterBindings>'
+    text = text.replace("<ssd:Elements>", of_system + "<ssd:Elements>", 1)
+    ssd = structure(text, 'startTime="0.000000" stopTime="1.000000"', "")
+    notes, result = brought(ssd, chain__ssv=values(gain__gain=3.0, source__slope=2.0))
+    assert same(result, expected())
+    assert any("not as the schema says" in note for note in notes)
+
+
 REFUSALS = {
     "dictionary": (
         "<ssd:Elements>",
