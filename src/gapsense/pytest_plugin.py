@@ -101,9 +101,13 @@ class ScenarioItem(pytest.Item):
             return
         from gapsense.report import differences, plot
 
-        name = re.sub(r"[^\w.-]+", "_", f"{self.path.parent.name}_{self.variant or ''}").strip("_")
-        file = plot.save(differences.figure(outcome.comparison, self.name), folder / f"{name}.png")
-        self.add_report_section("call", "picture", str(file))
+        name = re.sub(r"\W+", "_", self.nodeid.replace(f"/{FILE}::{self.path.parent.name}", "")).strip("_")
+        file = folder / f"{name}.png"
+        try:
+            said = f"{plot.save(differences.figure(outcome.comparison, self.name), file)} written."
+        except OSError as error:
+            said = f"`{file}` cannot be written: {error.strerror}. Choose another folder."
+        self.add_report_section("call", "picture", said)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """The words of `gapsense test` where a check failed; where the plugin fails, where it does."""

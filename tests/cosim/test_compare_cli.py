@@ -125,6 +125,9 @@ def test_a_failing_baseline_is_drawn(results, write, chain, fmus):
     done = gapsense("test", path.parent, "--fmus", fmus)
     assert done.exit_code == 1 and "rows differ from the baseline" in done.output
     assert (results / "results" / "failed" / "held.png").read_bytes().startswith(PNG)
+    (results / "no_folder").write_text("")
+    done = gapsense("test", path.parent, "--fmus", fmus, "--figures", "no_folder")
+    assert done.exit_code == 1 and "cannot be written" in done.output and "0 passed, 1 failed" in done.output
 
 
 STEP = """

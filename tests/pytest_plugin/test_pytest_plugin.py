@@ -100,7 +100,7 @@ def test_a_baseline_that_differs_is_three_lines_and_a_picture(project):
     done.stdout.fnmatch_lines(
         ["baseline: valve.* rows differ from the baseline by more than *", "  first t = *; worst t = *", "  worst by *"]
     )
-    assert (project.path / "pictures" / "valve.png").read_bytes().startswith(b"\x89PNG")
+    assert (project.path / "pictures" / "scenarios_valve.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

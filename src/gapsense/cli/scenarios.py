@@ -177,8 +177,7 @@ def test(
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
             cli.show(runs.outcome(last))
-            if last.comparison and last.comparison.failing:
-                draw(last.comparison, figures / f"{file_name(last.scenario)}.png", last.scenario)
+            picture(last, figures)
         if junit:
             cosim.write_junit(outcomes, junit)
 
@@ -188,9 +187,14 @@ def test(
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
 
 
-def file_name(scenario: str) -> str:
-    """Name of a file for a scenario and variant at whatever depth."""
-    return scenario.replace("/", "_").replace("[", "_").rstrip("]")
+def picture(outcome: cosim.Outcome, folder: Path) -> None:
+    """Draw what differs from a baseline, if anything does; without it the tests go on all the same."""
+    if outcome.comparison and outcome.comparison.failing:
+        name = outcome.scenario.replace("/", "_").replace("[", "_").rstrip("]")
+        try:
+            draw(outcome.comparison, folder / f"{name}.png", outcome.scenario)
+        except OSError as error:
+            cli.notice(f"`{folder / name}.png` cannot be written: {error.strerror}. Choose another folder.")
 
 
 @cli.command("baseline")
