@@ -46,8 +46,11 @@ fmu = "Noise"
 fmu = "Lag"
 [components.types]
 fmu = "Types"
+[components.third]
+fmu = "Lag"
 [connect]
 "lag.u" = "source.y"
+"third.u" = "types.half"
 [[connections]]
 from = "lag.y"
 to = "gain.u"
@@ -98,6 +101,7 @@ def test_all_comes_back_with_the_same_bits(scenario, stock, tmp_path, variant):
     assert check(scenario, fmus=stock) == []
     export(scenario, tmp_path / "a.ssp", variant, stock)
     bring(tmp_path / "a.ssp", tmp_path / "back")
+    assert '"third.u" = "types.half"' in (tmp_path / "back" / "scenario.toml").read_text()  # units that are not told
     result, again = run(scenario, variant, stock), run(tmp_path / "back")
     assert result.signals.keys() == again.signals.keys()
     assert all(np.array_equal(result[name], again[name]) for name in result.signals)

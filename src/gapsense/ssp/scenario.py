@@ -102,7 +102,7 @@ class Maker:
         source = f"{self.names[path]}.{output}"
         delayed = {"delayed": True} if (source, target) in self.told.delayed() else {}
         gives = self.descriptions[path].variables.get(output)
-        is_other = gives is not None and gives.unit != variable.unit
+        is_other = bool(gives and gives.unit and variable.unit and gives.unit != variable.unit)
         if way.line == Line() and not is_other and not delayed:
             self.connect[target] = source
             return

@@ -126,19 +126,12 @@ class Reader:
         """Keep a value for the element that a hierarchical name means."""
         node = target(element, name)
         known = () if node is None else self.known.get(node[0])
-        if node is None or (known is not None and node[1] not in known and element_at(element, node).is_component):
+        if node is None or (known is not None and node[1] not in known):
             hint = suggest(name, known or ())
             self.unused[source, name] = f"{given.place}: there is no `{shown(name)}` in {element.name}. {hint}"
         else:
             self.used.add((source, name))
             self.given[node] = given
-
-
-def element_at(element: Element, node: Node) -> Element:
-    """The element below another one, or itself, that a node is in."""
-    for name in node[0][len(element.path) :]:
-        element = element.elements[name]
-    return element
 
 
 def target(element: Element, name: str) -> Node | None:
