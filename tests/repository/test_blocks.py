@@ -37,7 +37,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PAGES = [ROOT / "docs" / f"{name}.md" for name in ("tutorial", "scenario-file", "python", "faults", "campaigns")]
+NAMES = ("tutorial", "scenario-file", "python", "faults", "campaigns", "ssp", "regression")
+PAGES = [ROOT / "docs" / f"{name}.md" for name in NAMES]
+LONG = ("ssp.md", "regression.md")
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 APART = {("pythonfmu", "build"), ("gapsense", "build")}  # not in a process that has run FMUs made with pythonfmu
@@ -125,7 +127,9 @@ def folder(tmp_path: Path, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     yield tmp_path
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [pytest.param(p, marks=[pytest.mark.slow] * (p.name in LONG)) for p in PAGES], ids=lambda page: page.name
+)
 def test_blocks_of_a_page_run_in_order(page, folder):
     reader, every = Reader(), blocks(page)
     assert len(every) > 5

@@ -155,6 +155,6 @@ def test_imports_of_the_package_are_declared():
     names = {"markdown_it": "markdown-it-py"}
     used = {names.get(name, name).lower().replace("_", "-") for path in MODULES for name, _ in others(path)}
     extras = PROJECT["optional-dependencies"]
-    optional = {package(r) for extra in ("pandas", "campaign") for r in extras[extra]}
+    optional = {package(r) for extra in ("pandas", "campaign", "report", "dev") for r in extras[extra]}
     assert used <= declared | optional
     assert declared <= used | {"tomli", "scipy"}

@@ -10,12 +10,14 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli import common as cli
+from gapsense.cli.compare import draw
 from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
 from gapsense.interrupts import counted
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
+FAILED = Path("results/failed")
 REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `[baseline.tolerances]`."
 
 
@@ -168,12 +170,14 @@ def test(
     fmus: cli.Fmus = None,
     junit: Annotated[Path | None, typer.Option(help="JUnit XML file to write", show_default=False)] = None,
     native: cli.Native = False,
+    figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
 ) -> None:
     """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
 
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
             cli.show(runs.outcome(last))
+            picture(last, figures)
         if junit:
             cosim.write_junit(outcomes, junit)
 
@@ -181,6 +185,16 @@ def test(
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
+
+
+def picture(outcome: cosim.Outcome, folder: Path) -> None:
+    """Draw what differs from a baseline, if anything does; without it the tests go on all the same."""
+    if outcome.comparison and outcome.comparison.failing:
+        name = outcome.scenario.replace("/", "_").replace("[", "_").rstrip("]")
+        try:
+            draw(outcome.comparison, folder / f"{name}.png", outcome.scenario)
+        except OSError as error:
+            cli.notice(f"`{folder / name}.png` cannot be written: {error.strerror}. Choose another folder.")
 
 
 @cli.command("baseline")

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.load import load as load
     from gapsense.cosim.master import Master as Master
     from gapsense.cosim.metrics import Measured as Measured
+    from gapsense.cosim.pairs import compare_results as compare_results
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.prepare import prepare as prepare
     from gapsense.cosim.record import FmuError as FmuError
@@ -52,6 +53,7 @@ OF_MODULES = {
     "load": ("load",),
     "master": ("Master",),
     "metrics": ("Measured",),
+    "pairs": ("compare_results",),
     "prepare": ("check", "prepare"),
     "record": ("FmuError", "Result", "read_result"),
     "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),

@@ -102,15 +102,16 @@ def refuse_collisions(names: Iterable[str]) -> None:
         raise UnusableError(f"its member `{shown(name)}` is a file and a folder. {UNTRUSTED}")
 
 
-def refuse_document_type(data: bytes) -> None:
+def refuse_document_type(data: bytes, name: str = DESCRIPTION) -> None:
     """Raise for XML with a document type, the only place where entities are declared, or in an odd encoding."""
+    name = shown(name)
 
     def document_type(*_: object) -> None:
-        raise UnusableError(f"its {DESCRIPTION} declares a document type, which FMI does not know. {UNTRUSTED}")
+        raise UnusableError(f"its {name} declares a document type, which it must not. {UNTRUSTED}")
 
     def declaration(_: str, encoding: str | None, __: int) -> None:
         if (encoding and encoding.lower()) not in ENCODINGS:
-            found = f"its {DESCRIPTION} is encoded as `{shown(encoding or '')}`, FMI asks for UTF-8"
+            found = f"its {name} is encoded as `{shown(encoding or '')}`, UTF-8 is expected"
             raise UnusableError(f"{found}. Export it again.")
 
     parser = expat.ParserCreate()
@@ -118,11 +119,11 @@ def refuse_document_type(data: bytes) -> None:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise UnusableError(f"its {DESCRIPTION} is no XML: {error}. Export it again.") from error
+        raise UnusableError(f"its {name} is no XML: {error}. Export it again.") from error
     except (LookupError, ValueError) as error:
         if isinstance(error, UnusableError):
             raise
-        raise UnusableError(f"its {DESCRIPTION} cannot be read: {error}. Export it again.") from error
+        raise UnusableError(f"its {name} cannot be read: {error}. Export it again.") from error
 
 
 def refuse_identifier(identifier: str) -> None:

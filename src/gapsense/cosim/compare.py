@@ -9,13 +9,16 @@ from fnmatch import fnmatchcase
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.record import TIME, Result
+from gapsense.cosim.difference import Comparison, Difference
+from gapsense.cosim.edges import reach
+from gapsense.cosim.record import TIME, Result, Run
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.signals import matching
 from gapsense.files import read_columns
 from gapsense.problems import listing
 
 Vector = npt.NDArray[np.float64]
+BASELINE = "the baseline"
 
 
 def selected(result: Result, baseline: Baseline) -> list[str]:
@@ -29,8 +32,8 @@ def thinned(result: Result, baseline: Baseline) -> Result:
     return replace(result, times=result.times[::n], signals={k: v[::n] for k, v in result.signals.items()})
 
 
-def compare(result: Result, baseline: Baseline) -> list[str]:
-    """Everything in which a result differs from its baseline.
+def compare(result: Result, baseline: Baseline) -> Comparison:
+    """Hold a result against its baseline.
 
     Parameters
     ----------
@@ -41,22 +44,22 @@ def compare(result: Result, baseline: Baseline) -> list[str]:
 
     Returns
     -------
-    list of str
-        Differences, one sentence each; empty if the result is as before.
+    Comparison
+        Its `sentences` tell everything in which they differ; there are none if the result is as before.
     """
     try:
         columns = read_columns(baseline.file, {**TIME, **result.units})
     except (OSError, ValueError) as error:
-        return [f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."]
+        problem = f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."
+        return Comparison((problem,))
     times = columns.pop("time", np.empty(0))
     result = thinned(result, baseline)
     problem = other_times(result, times)
     if problem:
-        return [problem]
+        return Comparison((problem,))
     names = selected(result, baseline)
-    both = [name for name in names if name in columns]
-    found = (difference(result, name, columns[name], tolerance_of(name, baseline)) for name in both)
-    return [*other_signals(names, columns), *filter(None, found)]
+    found = [difference(result, name, columns[name], baseline) for name in names if name in columns]
+    return Comparison(tuple(other_signals(names, columns)), tuple(found))
 
 
 def other_times(result: Result, times: Vector) -> str:
@@ -84,17 +87,15 @@ def tolerance_of(name: str, baseline: Baseline) -> Tolerance:
     return next(own, baseline.tolerance)
 
 
-def difference(result: Result, name: str, reference: Vector, tolerance: Tolerance) -> str:
-    """Sentence on a signal that differs from its reference, or nothing; NaN differs from everything."""
-    values, signal = result.signals[name], result.about[name]
-    allowed = tolerance.atol + tolerance.rtol * signal.nominal
-    error = np.abs(values - reference)
-    failing = ~(error <= allowed)
-    if not failing.any():
-        return ""
-    rows = np.argmax(failing), np.argmax(np.where(np.isnan(error), np.inf, error))
-    first, worst = (f"t = {result.times[r]:.9g} s: {values[r]:.9g} instead of {reference[r]:.9g}" for r in rows)
-    return (
-        f"{name}{f' [{signal.unit}]' if signal.unit else ''}: {failing.sum()} of {values.size} rows differ from "
-        f"the baseline by more than {allowed:.3g}; first {first}; worst {worst}"
-    )
+def difference(result: Result, name: str, reference: Vector, baseline: Baseline) -> Difference:
+    """A signal of a result beside its reference at the same rows."""
+    tolerance, signal = tolerance_of(name, baseline), result.about[name]
+    rows = reach(tolerance.edge_steps, step_of(name, result.run), result.times)
+    values = result.signals[name]
+    return Difference(name, signal.unit, result.times, values, reference, tolerance, signal.nominal, rows, BASELINE)
+
+
+def step_of(name: str, run: Run) -> float:
+    """Communication step of the component that a signal is of [s]."""
+    component = run.components.get(name.partition(".")[0], {})
+    return run.base_step * int(component.get("step", 1))

@@ -275,10 +275,17 @@ METRIC = Section(
 METRICS = Section("[metrics]", "The metrics by name.", free=Key("<metric>", kinds.TABLE, "A metric", section=METRIC))
 RTOL = Key("rtol", kinds.NOT_NEGATIVE, "Share of the nominal value", "1e-6", default=Tolerance().rtol)
 ATOL = Key("atol", kinds.NOT_NEGATIVE, "In the unit of the signal", "1e-9", default=Tolerance().atol)
+EDGES = Key(
+    "edge_steps",
+    kinds.INDEX,
+    "Steps of its component by which an edge may come earlier or later",
+    "1",
+    default=Tolerance().edge_steps,
+)
 TOLERANCE = Section(
     "[baseline.tolerances.<pattern>]",
     "Another tolerance for the signals that match a pattern.",
-    tuple(key._replace(default=None, otherwise="that of `[baseline]`") for key in (RTOL, ATOL)),
+    tuple(key._replace(default=None, otherwise="that of `[baseline]`") for key in (RTOL, ATOL, EDGES)),
     at='[baseline.tolerances."valve.*"]',
 )
 TOLERANCES = Section(
@@ -303,6 +310,7 @@ BASELINE = Section(
         Key("decimation", kinds.COUNT, "Every which recorded row", "8", default=1),
         RTOL,
         ATOL,
+        EDGES,
         Key("tolerances", kinds.TABLE, "Exceptions", otherwise="none", section=TOLERANCES),
     ),
 )

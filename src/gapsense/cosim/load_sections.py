@@ -167,7 +167,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     own = table.data["variants"][variant].get("baseline") if variant else None
     if variant and not (isinstance(own, dict) and "file" in own):
         file = default
-    tolerance = Tolerance(given["rtol"], given["atol"])
+    tolerance = Tolerance(given["rtol"], given["atol"], given["edge_steps"])
     exceptions = baseline.table("tolerances")
     tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
     chosen = None if given["signals"] is None else tuple(given["signals"])

@@ -10,6 +10,7 @@ from time import perf_counter
 
 from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
+from gapsense.cosim.difference import Comparison
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, FmuError, Result
@@ -39,6 +40,7 @@ class Outcome:
     checks: tuple[Check, ...]
     seconds: float
     result: Result | None = field(default=None, repr=False)
+    comparison: Comparison | None = field(default=None, repr=False)  # with the baseline, if there is one
 
     @property
     def failures(self) -> list[Check]:
@@ -159,13 +161,16 @@ def test_scenario(
         result = run(path, variant, fmus, isolation=isolation)
     except (ScenarioError, FmuError, OSError) as error:
         return Outcome(name, path, variant, (Check("run", str(error)),), perf_counter() - begin)
-    return Outcome(name, path, variant, tuple(checks(scenario, result)), perf_counter() - begin, result)
+    is_held = scenario.baseline.file.is_file() and not result.interrupted
+    comparison = compare(result, scenario.baseline) if is_held else None
+    found = tuple(checks(scenario, result, comparison))
+    return Outcome(name, path, variant, found, perf_counter() - begin, result, comparison)
 
 
 test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
 
 
-def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
+def checks(scenario: Scenario, result: Result, comparison: Comparison | None) -> Iterator[Check]:
     """The run itself, every metric, and the baseline if the scenario declares one or its file exists."""
     if result.interrupted:
         yield Check("run", f"interrupted at t = {result.times[-1]:.9g} s.")
@@ -174,8 +179,8 @@ def checks(scenario: Scenario, result: Result) -> Iterator[Check]:
     for name, measured in result.metrics.items():
         yield Check(f"metric {name}", "" if measured.passed else f"{measured}: outside its bounds.")
     baseline = scenario.baseline
-    if baseline.file.is_file():
-        yield Check("baseline", "\n".join(compare(result, baseline)))
+    if comparison:
+        yield Check("baseline", "\n".join(comparison.sentences))
     elif baseline.declared:
         yield Check("baseline", f"there is no file `{baseline.file}`. Write it by an explicit update of the baseline.")
 
@@ -203,7 +208,7 @@ def update_baseline(
         return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
     rows, names = thinned(result, baseline), selected(result, baseline)
     is_new = not baseline.file.is_file()
-    changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline)
+    changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline).sentences
     if write and changes:
         columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
         write_atomically(baseline.file, lambda file: write_columns(file, columns, {**TIME, **result.units}))

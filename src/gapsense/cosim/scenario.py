@@ -120,10 +120,11 @@ class Metric:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Allowed difference to the baseline: `atol + rtol * nominal`."""
+    """Allowed difference to a reference: `atol + rtol * nominal`, and steps that an edge may come earlier or later."""
 
     rtol: float = 1e-9
     atol: float = 0.0
+    edge_steps: int = 0  # of the component
 
 
 @dataclass(frozen=True)

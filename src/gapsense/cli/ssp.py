@@ -1,0 +1,58 @@
+"""The commands that write scenarios as SSP, and make scenarios of SSP."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense import cosim
+from gapsense.cli import common as cli
+
+Method = Enum("Method", {"gauss-seidel": "gauss-seidel", "jacobi": "jacobi"}, type=str)
+
+
+@cli.command("export-ssp")
+def export_ssp(
+    scenario: cli.Scenario,
+    to: Annotated[Path, typer.Option("--out", help="Package to write, with the ending .ssp", show_default=False)],
+    variant: cli.Variant = None,
+    fmus: cli.Fmus = None,
+    settings: cli.Set = None,
+    native: cli.Native = False,
+) -> None:
+    """Write a scenario as a system structure package (SSP 1.0), which other tools run.
+
+    What SSP has no words for is carried in annotations and told, one sentence each.
+    """
+    from gapsense.ssp.export import export
+
+    notes = export(cosim.changed(scenario, settings or ()), to, variant, cli.chosen(scenario, fmus, native))
+    for note in notes:
+        cli.notice(note)
+    cli.written(to)
+
+
+@cli.command("import-ssp")
+def import_ssp(
+    package: Annotated[Path, typer.Argument(help="System structure package (.ssp)", show_default=False)],
+    to: Annotated[Path, typer.Option("--out", help="Folder to make", show_default=False)],
+    step: Annotated[
+        float | None, typer.Option(help="Base step [s]", show_default="what annotations of known tools tell")
+    ] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the run [s]", show_default="that of the package")] = None,
+    method: Annotated[
+        Method | None, typer.Option(help="Coupling", show_default="that of our annotation, or jacobi")
+    ] = None,
+) -> None:
+    """Make a scenario of a system structure package (SSP 1.0), whichever tool has written it.
+
+    Everything that is wrong with the package or not supported is told at once, and then nothing is written.
+    """
+    from gapsense.ssp.bring import bring
+
+    for note in bring(package, to, step, stop, method.value if method else None):
+        cli.notice(note)
+    cli.show(f"{to / 'scenario.toml'} written. Go on with `gapsense run {to}`.")

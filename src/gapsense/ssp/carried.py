@@ -1,0 +1,66 @@
+"""What a scenario says and SSP has no words for: TOML in an annotation, with the keys of a scenario file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from gapsense.cosim.document import Document
+from gapsense.cosim.scenario import Component, Scenario
+from gapsense.problems import listing
+
+WHOLE = ("title", "description", "figure", "experiment", "record", "metrics")  # as the file has them
+OF_COMPONENTS = ("step", "offset", "isolation")
+LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
+
+
+def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
+    """Tables for the annotation."""
+    tables = {key: document.data[key] for key in WHOLE if key in document.data}
+    tables["experiment"] = {**tables["experiment"], "method": scenario.experiment.method}
+    components = {name: own for name, component in scenario.components.items() if (own := differing(component))}
+    played = {
+        str(port): {
+            "times": signal.times.tolist(),
+            "values": signal.values.tolist(),
+            "interpolation": signal.interpolation,
+        }
+        for port, signal in scenario.played.items()
+    }
+    delayed = [
+        {"from": str(link.source), "to": str(link.target), "delayed": True}
+        for link in scenario.connections
+        if link.delayed
+    ]
+    parts = {"components": components, "inputs": played, "seeds": dict(scenario.seeds), "connections": delayed}
+    return {**tables, **{name: part for name, part in parts.items() if part}}
+
+
+def differing(component: Component) -> dict[str, Any]:
+    """How a component runs, where that is not as usual."""
+    usual = Component("", "")
+    return {key: getattr(component, key) for key in OF_COMPONENTS if getattr(component, key) != getattr(usual, key)}
+
+
+def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
+    """One sentence on everything that other tools do not see, or that is left out."""
+    experiment = scenario.experiment
+    if experiment.method != "jacobi":
+        yield f"experiment.method: SSP says nothing on the coupling; `{experiment.method}` is in our annotation only."
+    slower, later = (
+        [name for name, component in scenario.components.items() if getattr(component, key) != usual]
+        for key, usual in (("step", 1), ("offset", 0))
+    )
+    delayed = [str(link.target) for link in scenario.connections if link.delayed]
+    if slower:
+        yield f"step of {listing(slower)}: it is in our annotation and in that of OSP; elsewhere they step with all."
+    if later:
+        yield f"offset of {listing(later)}: it is in our annotation only; elsewhere they start at once."
+    if scenario.played:
+        found = listing([str(port) for port in scenario.played])
+        yield f"signals of {found}: they are in our annotation only; elsewhere their first value holds."
+    if delayed:
+        yield f"delay of {listing(delayed)}: it is in our annotation only."
+    for key, what in LEFT_OUT.items():
+        if data.get(key):
+            yield f"{key}: {what} is left out." if key != "variants" else f"{key}: {what} are left out."

@@ -1,0 +1,249 @@
+"""Export a scenario as SSP 1.0."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.prepare import prepare
+from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.variables import Variable
+from gapsense.files import write_atomically
+from gapsense.parameters import is_file
+from gapsense.problems import InputError, ScenarioError, listing
+from gapsense.ssp import carried, parts
+from gapsense.ssp.schema import violations
+from gapsense.ssp.units import Units, together, units_of
+from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, VALUES, VERSION, tag
+from gapsense.tables import Value
+
+DATE = (1980, 1, 1, 0, 0, 0)  # of all members, so that the same scenario gives the same bytes
+UNUSUAL = ("String", "Enumeration")  # types that some tools refuse: listed where they are connected only
+Values = list[tuple[Variable, Value]]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What is written, and what other tools will not see of it, one sentence each."""
+
+    scenario: Scenario
+    descriptions: Mapping[str, Description]
+    data: Mapping[str, Any]  # for the annotation
+    notes: list[str] = field(default_factory=list)
+
+    @cached_property
+    def sources(self) -> dict[Path, str]:
+        """Name in the archive of each FMU file; two files of one name get a number."""
+        names: dict[Path, str] = {}
+        for path in (d.path.resolve() for d in self.descriptions.values()):
+            taken = set(names.values())
+            tries = (f"resources/{path.stem}{f'_{k}' if k else ''}.fmu" for k in range(len(names) + 1))
+            names.setdefault(path, next(name for name in tries if name not in taken))
+        return names
+
+    @cached_property
+    def files(self) -> dict[Path, str]:
+        """Name in the archive of each other file that a parameter names."""
+        named = (v for c in self.scenario.components.values() for n, v in c.values.items() if is_file(n, v))
+        paths = dict.fromkeys(Path(str(value)).resolve() for value in named)
+        return {path: f"resources/{k}_{path.name}" for k, path in enumerate(paths, 1)}
+
+    @cached_property
+    def units(self) -> Units:
+        """Definitions of units."""
+        return together(units_of(d.path.resolve()) for d in self.descriptions.values())[0]
+
+    @cached_property
+    def connected(self) -> set[Port]:
+        """Ports with a connection."""
+        return {port for link in self.scenario.connections for port in (link.source, link.target)}
+
+    def connectors(self, name: str) -> list[Variable]:
+        """Variables of a component that are listed: connected inputs, and outputs."""
+        own = self.descriptions[name]
+        inputs = [v for v in own.of("input") if Port(name, v.name) in self.connected]
+        outputs = [v for v in own.of("output") if v.type not in UNUSUAL or Port(name, v.name) in self.connected]
+        return [*inputs, *outputs]
+
+    def values(self, name: str) -> Values:
+        """Values that a component gets before its initialisation: parameters, constant inputs, its seed."""
+        scenario, variables = self.scenario, self.descriptions[name].variables
+        given: dict[str, Value] = {**scenario.components[name].values}
+        given |= {"seed": scenario.seeds[name]} if name in scenario.seeds else {}
+        given |= {port.variable: value for port, value in scenario.inputs.items() if port.component == name}
+        first = {p.variable: float(s.values[0]) for p, s in scenario.played.items() if p.component == name}
+        given |= {n: value if variables[n].type == "Real" else int(value) for n, value in first.items()}
+        return [(variables[n], self.inside(n, value)) for n, value in given.items()]
+
+    def inside(self, name: str, value: Value) -> Value:
+        """A value, but for a file its name in the archive."""
+        return self.files[Path(str(value)).resolve()] if is_file(name, value) else value
+
+
+def export(source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+    """Write a scenario as SSP 1.0, complete or not at all.
+
+    Parameters
+    ----------
+    source : str, Path or Document
+        The scenario.
+    path : Path
+        File to write, with the ending `.ssp`.
+    variant, fmus
+        As for `cosim.run`.
+
+    Returns
+    -------
+    list of str
+        What other tools will not see, or what is left out, one sentence each.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that SSP 1.0 cannot hold.
+    """
+    if path.suffix != ".ssp":
+        raise InputError([f"`{path}`: a system structure package has the ending .ssp. Change the ending."])
+    scenario, descriptions = prepare(source, variant, fmus)
+    document = merged(source, variant)
+    made = Exported(scenario, descriptions, carried.carried(scenario, document))
+    problems = [f"{scenario.path.name}, {problem}" for problem in refusals(made)]
+    if problems:
+        raise ScenarioError(problems)
+    members = {DESCRIPTION: description(made), VALUES: all_values(made)}
+    wrong = [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]
+    if wrong:
+        raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {text}" for text in wrong])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
+    return [*carried.notes(scenario, document.data), *notes(made)]
+
+
+def merged(source: Source, variant: str | None) -> Document:
+    """Content of the scenario with its variant, of which it is known that it can be read."""
+    problems: list[str] = []
+    document = read_document(source, problems)
+    chosen = document and document.with_variant(variant, problems)
+    if chosen is None:
+        raise ScenarioError(problems)
+    return chosen
+
+
+def refusals(made: Exported) -> Iterator[str]:
+    """What SSP 1.0 cannot hold, one sentence each."""
+    for name, own in made.descriptions.items():
+        if own.fmi != 2:
+            yield f"components.{name}.fmu: it is of FMI 3.0, SSP 1.0 knows FMI 2.0. Export an FMU of that."
+        for variable, value in made.values(name):
+            if isinstance(value, str) and not all(c.isprintable() or c in "\n\t" for c in value):
+                yield f"components.{name}: `{variable.name}` has characters that XML cannot hold. Remove them."
+    for unit in together(units_of(d.path.resolve()) for d in made.descriptions.values())[1]:
+        yield f"components: the unit `{unit}` is not the same in two FMUs. Correct one of them."
+
+
+def notes(made: Exported) -> Iterator[str]:
+    """One sentence on each thing that some tools do not take."""
+    every = [(f"{name}.{v.name}", v) for name in made.descriptions for v in made.connectors(name)]
+    undefined = [name for name, v in every if v.unit and v.unit not in made.units]
+    if undefined:
+        yield f"units of {listing(undefined)}: their FMUs do not define them, and they are left out."
+    converted = [str(link.target) for link in made.scenario.connections if link.converts]
+    if converted:
+        yield f"conversion to {listing(converted)}: it is there, but some tools, fmpy among them, leave it out."
+    values = [*changed_values(made)]
+    texts = [name for name, v, _ in values if v.type in UNUSUAL]
+    if texts:
+        yield f"values of {listing(texts)}: `simulate_ssp` of fmpy sets no texts; see docs/ssp.md."
+    switches = [name for name, _, value in values if value is False]
+    if switches:
+        yield f"values of {listing(switches)}: `simulate_ssp` of fmpy sets true in place of false; see docs/ssp.md."
+    names = list(made.scenario.components)
+    confused = [b for a in names for b in names if a != b and b.startswith(a)]
+    if confused:
+        yield f"values of {listing(confused)}: fmpy looks for them in a component whose name theirs begins with, too."
+    for path in made.files:
+        yield f"`{path.name}` is in the package; only import into Gapsense finds it there."
+
+
+def description(made: Exported) -> bytes:
+    """The system structure."""
+    scenario = made.scenario
+    root = Element(tag("ssd:SystemStructureDescription"), {"version": VERSION, "name": scenario.name})
+    system = parts.add(root, "ssd:System", {"name": scenario.called, "description": scenario.title})
+    elements = parts.add(system, "ssd:Elements")
+    for name in scenario.components:
+        add_component(elements, made, name)
+    if scenario.connections:
+        links = parts.add(system, "ssd:Connections")
+    for link in scenario.connections:
+        units = {made.descriptions[port.component].variables[port.variable].unit for port in (link.source, link.target)}
+        parts.add_connection(links, link, len(units) > 1)
+    every = [(name, v) for name in scenario.components for v in made.connectors(name)]
+    parts.add_enumerations(root, {f"{name}.{v.name}": v.items for name, v in every if v.type == "Enumeration"})
+    parts.add_units(root, [v.unit for _, v in every if v.unit], made.units)
+    add_experiment(root, made)
+    return parts.written(root)
+
+
+def add_component(parent: Element, made: Exported, name: str) -> None:
+    """One component with its connectors, its values and its step."""
+    source = made.sources[made.descriptions[name].path.resolve()]
+    about = {"name": name, "type": FMU_TYPE, "source": source, "implementation": "CoSimulation"}
+    component = parts.add(parent, "ssd:Component", about)
+    listed = made.connectors(name)
+    if listed:
+        connectors = parts.add(component, "ssd:Connectors")
+    for variable in listed:
+        parts.add_connector(connectors, variable, made.units, f"{name}.{variable.name}")
+    values = [(v.name, v, value) for v, value in made.values(name)]
+    if values:
+        binding = parts.add(parts.add(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
+        parts.add(binding, "ssd:ParameterValues").append(parts.parameter_set(name, values))
+    step = made.scenario.components[name].step * made.scenario.experiment.base_step
+    parts.add_annotation(component, OSP, Element(tag("osp:StepSizeHint"), {"value": repr(step)}))
+
+
+def add_experiment(root: Element, made: Exported) -> None:
+    """Start, stop and base step, and in our annotation all that SSP has no words for."""
+    import tomli_w
+
+    experiment = made.scenario.experiment
+    times = {"startTime": repr(experiment.start), "stopTime": repr(experiment.stop)}
+    around = parts.add(root, "ssd:DefaultExperiment", times)
+    algorithm = Element(tag("osp:Algorithm"))
+    parts.add(algorithm, "osp:FixedStepAlgorithm", {"baseStepSize": repr(experiment.base_step)})
+    parts.add_annotation(around, OSP, algorithm)
+    own = Element(tag("gapsense:Scenario"))
+    own.text = tomli_w.dumps(made.data)
+    parts.add_annotation(around, OWN, own)
+
+
+def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
+    """Values by `component.variable` that are not what the FMU starts with anyway."""
+    for name in made.scenario.components:
+        yield from ((f"{name}.{v.name}", v, value) for v, value in made.values(name) if v.number(value) != v.start)
+
+
+def all_values(made: Exported) -> bytes:
+    """All these values in one set, for tools that are given one."""
+    return parts.written(parts.parameter_set(made.scenario.name, changed_values(made)))
+
+
+def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -> None:
+    """The archive: documents, then FMUs and other files."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents(members, sources):
+            archive.writestr(zipfile.ZipInfo(name, DATE), content, zipfile.ZIP_DEFLATED)
+
+
+def contents(members: Mapping[str, bytes], sources: Mapping[Path, str]) -> Iterable[tuple[str, bytes]]:
+    """Name and content of each member; files are read one at a time."""
+    yield from members.items()
+    yield from ((name, path.read_bytes()) for path, name in sources.items())

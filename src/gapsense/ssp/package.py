@@ -1,0 +1,68 @@
+"""System structure packages as archives of strangers: looked through before anything is read, and read in part."""
+
+from __future__ import annotations
+
+import posixpath
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+from xml.etree.ElementTree import Element, fromstring
+
+from gapsense.cosim.archive import UnusableError, refuse_dangerous, refuse_document_type, shown
+from gapsense.problems import InputError
+from gapsense.ssp.schema import violations
+from gapsense.ssp.words import DESCRIPTION
+
+LARGEST = 64 * 10**6  # bytes of a document
+UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, NotImplementedError, EOFError, UnicodeError)
+CHUNK = 2**20  # bytes that are unpacked at once
+
+
+class Package:
+    """An open package whose archive was looked through."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, names: list[str]) -> None:
+        self.path, self.archive, self.names = path, archive, frozenset(names)
+
+    def document(self, name: str, kind: str) -> tuple[Element, list[str]]:
+        """A document of SSP, and what in it is not as the schema of its kind says; UnusableError if it is no XML."""
+        info = self.archive.getinfo(name)
+        if info.file_size > LARGEST:
+            raise UnusableError(f"`{shown(name)}` has more than {LARGEST // 10**6} MB. Export it with less in it.")
+        content = self.archive.read(info)
+        refuse_document_type(content, name)
+        return fromstring(content), violations(content, kind)
+
+    def copy(self, name: str, to: Path) -> None:
+        """Unpack one member to a file."""
+        with self.archive.open(name) as source, to.open("wb") as target:
+            while block := source.read(CHUNK):
+                target.write(block)
+
+    def member(self, source: str) -> str:
+        """Name of the member that a URI relative to the description means; UnusableError if it means none."""
+        parts = urlsplit(source)
+        if parts.scheme or parts.netloc or source.startswith("/"):
+            raise UnusableError(f"`{shown(source)}` is outside of the package. Put it in.")
+        name = posixpath.normpath(unquote(parts.path))
+        if name not in self.names:
+            raise UnusableError(f"there is no `{shown(source)}` in the package. Put it in, or correct the source.")
+        return name
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Package]:
+    """A package, read after its archive was looked through; an InputError says why it is not."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = refuse_dangerous(archive.infolist(), path.stat().st_size)
+            if DESCRIPTION not in names:
+                raise UnusableError(f"the archive has no {DESCRIPTION}, so it is no SSP. Export it again.")
+            yield Package(path, archive, names)
+    except UnusableError as error:
+        raise InputError([f"{path}: {error}"]) from error
+    except UNREADABLE as error:
+        raise InputError([f"{path}: not a readable package: {error}. Export or copy it again."]) from error
