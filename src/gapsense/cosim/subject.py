@@ -18,7 +18,7 @@ from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Connection, Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256, state
 
@@ -67,6 +67,8 @@ class Subject:
             versions={**versions(), "loop": language()},
             source=str(scenario.path.resolve()),
             figure=scenario.figure,
+            wires=tuple(map(str, scenario.connections)),
+            direct=tuple(str(c) for c in scenario.connections if is_direct(c, self.descriptions)),
         )
 
     @cached_property
@@ -87,6 +89,11 @@ class Subject:
             seeds={name: seed + seed_shift for name, seed in self.scenario.seeds.items()},
             values={} if point is None else self.scenario.points()[point],
         )
+
+
+def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
+    """True if an output of the target depends directly on what the connection carries."""
+    return connection.target.variable in descriptions[connection.target.component].direct_inputs
 
 
 def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:

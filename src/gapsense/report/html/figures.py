@@ -1,0 +1,176 @@
+"""Panels, strips and tubes as figures of Bokeh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from bokeh.models import Label, Range1d
+
+from gapsense.report.html import style
+from gapsense.report.html.axes import Axes, empty
+from gapsense.report.html.curves import Curve, Panel, Strip, Vector
+from gapsense.report.html.thin import kept
+from gapsense.report.html.tubes import Tube
+from gapsense.report.table import prefixed
+
+HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
+WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
+
+
+class Entry(NamedTuple):
+    """A curve in the legend of a figure; its renderers have the name `key`, nothing has that of one without."""
+
+    key: str
+    label: str
+    colour: str
+    dash: tuple[int, ...] = ()
+    is_band: bool = False
+
+
+class Drawn(NamedTuple):
+    """A figure with its legend and the label of its axis; `points` is how many of how many rows are shown."""
+
+    figure: Any
+    label: str
+    unit: str
+    legend: tuple[Entry, ...]
+    points: tuple[int, int]
+
+
+def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
+    """Curves over time, with their bands."""
+    made = empty(axes, LOW if of.is_error else HEIGHT, is_last)
+    scale, unit = suited(of)
+    legend, shown, rows = [], 0, 0
+    for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
+        chosen = kept(curve.values, axes.most)
+        draw(made, thinned(curve, chosen), entry, axes, scale, of.is_error)
+        legend.append(entry)
+        shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
+    return Drawn(made, of.title, unit, tuple(legend), (shown, rows))
+
+
+def suited(of: Panel) -> tuple[float, str]:
+    """Factor and unit in which the largest value has few digits."""
+    sizes = [np.abs(c.values[np.isfinite(c.values)]).max(initial=0.0) for c in of.curves]
+    factor, unit = prefixed(float(max(sizes, default=0.0)), "" if of.unit == "1" else of.unit)
+    return (1.0 / factor, unit) if of.unit not in ("", "1") else (1.0, "")
+
+
+def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
+    """Legend of a panel: a colour per component, another stroke for its second curve, truths in the colour of text."""
+    seen: dict[str, int] = {}
+    for k, curve in enumerate(of.curves):
+        turn = seen[curve.component] = seen.get(curve.component, -1) + (0 if curve.is_truth else 1)
+        number = axes.numbers[curve.component]
+        colour = style.INK if curve.is_truth else style.colour(number)
+        dash = () if curve.is_truth else style.dash(number, turn)
+        yield Entry(f"{key}-{k}", curve.name, colour, dash, curve.band is not None)
+
+
+def thinned(curve: Curve, rows: Any) -> Curve:
+    """The rows of a curve that are shown."""
+    half = None if curve.band is None else curve.band[rows]
+    return Curve(curve.name, curve.times[rows], curve.values[rows], half, curve.is_truth, curve.is_held)
+
+
+def draw(made: Any, curve: Curve, entry: Entry, axes: Axes, scale: float, is_error: bool) -> None:
+    """One curve; the band of an error is around zero."""
+    x, y = short(curve.times * axes.factor), short(curve.values * scale)
+    if curve.band is not None:
+        middle = 0.0 if is_error else y
+        area(made, x, middle - curve.band * scale, middle + curve.band * scale, entry)
+    line = {"color": entry.colour, "name": entry.key}
+    if curve.is_held:
+        width = 2.0 if curve.is_truth else 1.4
+        made.step(x, y, mode="after", line_width=width, line_dash=list(entry.dash), **line)
+    else:
+        made.scatter(x, y, size=2.5, **line)
+
+
+def area(made: Any, x: Vector, low: Vector, high: Vector, entry: Entry) -> None:
+    """A band."""
+    fill = {"fill_color": entry.colour, "fill_alpha": 0.16, "name": entry.key}
+    made.varea_step(x, short(low), short(high), step_mode="after", **fill)
+
+
+def short(values: Any) -> Any:
+    """Numbers as exact as a picture needs them."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def strips(of: Sequence[Strip], axes: Axes, is_last: bool = False) -> Drawn:
+    """A row for each signal, with a piece in the colour of each value."""
+    made = empty(axes, ROW * len(of) + 50, is_last)
+    made.y_range, made.yaxis.visible, made.ygrid.visible = Range1d(0.0, float(len(of))), False, False
+    for k, strip in enumerate(of):
+        place(made, strip, len(of) - 1 - k, axes)
+    values = sorted({float(v) for strip in of for v in strip.values})
+    legend = tuple(Entry("", f"{value:g}", colour_of(value)) for value in values)
+    rows = max(strip.times.size for strip in of)
+    return Drawn(made, "modes, flags and codes", "", legend, (rows, rows))
+
+
+def place(made: Any, strip: Strip, row: int, axes: Axes) -> None:
+    """One row of strips, its name above."""
+    left = strip.times * axes.factor
+    right = np.append(left[1:], strip.end * axes.factor)
+    for value in np.unique(strip.values):
+        own = strip.values == value
+        ends = {"left": left[own], "right": right[own], "bottom": row + 0.12, "top": row + 0.5}
+        made.quad(**ends, fill_color=colour_of(float(value)), line_color=None)
+    wide = right - left > WIDE * (axes.range.end - axes.range.start)
+    texts = [f"{value:g}" for value in strip.values[wide]]
+    text = {"text_font_size": "10px", "text_baseline": "middle", "text_align": "center", "text_color": "#ffffff"}
+    made.text(0.5 * (left + right)[wide], [row + 0.31] * len(texts), texts, **text)
+    name = {"text_font_size": "11px", "text_color": style.INK, "text_font": "system-ui, sans-serif"}
+    made.add_layout(Label(x=2, x_units="screen", y=row + 0.54, text=strip.name, **name))
+
+
+def colour_of(value: float) -> str:
+    """Colour of a value in strips."""
+    return style.VALUES[int(value) % len(style.VALUES)]
+
+
+def tube(of: Tube, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
+    """A signal in its tube, and below its difference in the band that is allowed; failing points are marked."""
+    both = Panel(of.name, of.unit, (curve(of, of.values), curve(of, of.baseline)))
+    scale, unit = suited(both)
+    over = empty(axes, HEIGHT)
+    half = np.full(of.times.size, of.allowed)
+    drawn = draw_tube(over, of, of.values, of.baseline, half, axes, scale, key)
+    factor, small = prefixed(max(of.allowed, abs(float(of.difference[of.worst]))), of.unit)
+    if of.unit in ("", "1"):
+        factor, small = 1.0, ""
+    under = empty(axes, LOW, is_last=True)
+    below = draw_tube(under, of, of.difference, np.zeros_like(half), half, axes, 1.0 / factor, f"{key}d")
+    rows = (min(axes.most, of.times.size), of.times.size)
+    return (
+        Drawn(over, of.name, unit, drawn, rows),
+        Drawn(under, f"{of.name}, difference to the baseline", small, below, rows),
+    )
+
+
+def curve(of: Tube, values: Vector) -> Curve:
+    """A curve of the signal of a tube."""
+    return Curve(of.name, of.times, values)
+
+
+def draw_tube(
+    made: Any, of: Tube, values: Vector, middle: Vector, half: Vector, axes: Axes, scale: float, key: str
+) -> tuple[Entry, ...]:
+    """Tube, its middle, the signal, and the rows outside."""
+    names = ("baseline, with its tolerance", "this run", "outside of the tolerance")
+    colours = (style.INK, style.CURVES[0], style.FAIL)
+    base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(names, colours)))
+    rows, failing = kept(of.difference, axes.most), np.flatnonzero(of.failing)
+    failing = failing[kept(values[failing], axes.most)]
+    draw(made, Curve("", of.times[rows], middle[rows], half[rows]), base, axes, scale, is_error=False)
+    draw(made, Curve("", of.times[rows], values[rows]), own, axes, scale, is_error=False)
+    if not failing.size:
+        return base, own
+    at = short(of.times[failing] * axes.factor), short(values[failing] * scale)
+    made.scatter(*at, marker="x", size=7, line_width=1.5, color=bad.colour, name=bad.key)
+    return base, own, bad
