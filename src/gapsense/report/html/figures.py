@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from bokeh.models import Label, Range1d
+from bokeh.models import Label, Range1d, VAreaStep
 
 from gapsense.report.html import style
 from gapsense.report.html.axes import Axes, empty
@@ -16,6 +17,7 @@ from gapsense.report.html.tubes import Tube
 from gapsense.report.table import prefixed
 
 HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
+GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
 
 
@@ -46,10 +48,16 @@ def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
     legend, shown, rows = [], 0, 0
     for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
         chosen = kept(curve.values, axes.most)
-        draw(made, thinned(curve, chosen), entry, axes, scale, of.is_error)
+        draw(made, thinned(curve, chosen), entry, axes, scale, of.is_error, width(curve, k, len(of.curves)))
         legend.append(entry)
         shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
+    fit(made)
     return Drawn(made, of.title, unit, tuple(legend), (shown, rows))
+
+
+def fit(made: Any) -> None:
+    """Let the upright axis follow the curves, not their bands, which may be much wider."""
+    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, VAreaStep)]
 
 
 def suited(of: Panel) -> tuple[float, str]:
@@ -73,21 +81,37 @@ def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
 def thinned(curve: Curve, rows: Any) -> Curve:
     """The rows of a curve that are shown."""
     half = None if curve.band is None else curve.band[rows]
-    return Curve(curve.name, curve.times[rows], curve.values[rows], half, curve.is_truth, curve.is_held)
+    return replace(curve, times=curve.times[rows], values=curve.values[rows], band=half)
 
 
-def draw(made: Any, curve: Curve, entry: Entry, axes: Axes, scale: float, is_error: bool) -> None:
+def width(curve: Curve, place: int, count: int) -> float:
+    """Width of a line: thinner and thinner, so that curves that coincide are all seen [pixels]."""
+    return 3.4 if curve.is_truth else 1.1 + 1.5 * (count - 1 - place) / count
+
+
+def draw(
+    made: Any, curve: Curve, entry: Entry, axes: Axes, scale: float, is_error: bool, line_width: float = 1.4
+) -> None:
     """One curve; the band of an error is around zero."""
+    curve = curve if curve.is_held else broken(curve)
     x, y = short(curve.times * axes.factor), short(curve.values * scale)
     if curve.band is not None:
         middle = 0.0 if is_error else y
         area(made, x, middle - curve.band * scale, middle + curve.band * scale, entry)
-    line = {"color": entry.colour, "name": entry.key}
+    line = {"color": entry.colour, "name": entry.key, "line_width": line_width, "line_dash": list(entry.dash)}
     if curve.is_held:
-        width = 2.0 if curve.is_truth else 1.4
-        made.step(x, y, mode="after", line_width=width, line_dash=list(entry.dash), **line)
+        made.step(x, y, mode="after", **line)
     else:
-        made.scatter(x, y, size=2.5, **line)
+        made.line(x, y, **line)
+
+
+def broken(curve: Curve) -> Curve:
+    """A curve with a gap where no values are; NaN makes a gap."""
+    apart = np.diff(curve.times)
+    gaps = 1 + np.flatnonzero(apart > GAP * np.median(apart)) if apart.size else apart.astype(np.intp)
+    values = np.insert(curve.values, gaps, np.nan)
+    half = None if curve.band is None else np.insert(curve.band, gaps, np.nan)
+    return replace(curve, times=np.insert(curve.times, gaps, curve.times[gaps]), values=values, band=half)
 
 
 def area(made: Any, x: Vector, low: Vector, high: Vector, entry: Entry) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-CHARACTER, LINE, HEAD, PAD = 6.4, 17.0, 40.0, 10.0  # widths and heights [pixels]
+CHARACTER, LINE, HEAD, PAD = 6.7, 17.0, 40.0, 10.0  # widths and heights [pixels]
 ACROSS, BETWEEN, LANE = 74.0, 22.0, 13.0  # room between columns, between boxes, and for a wire that passes them
 SWEEPS = 6
 

@@ -79,28 +79,27 @@
     view.model.on_event("mouseleave", () => tell(null));
   }
 
-  // Paper is white and narrow; the browser does not wait for a plot that draws itself later.
+  // Paper is white, and the browser does not wait for a plot that draws itself later: it gets a copy that is drawn now.
   let closed = [];
-  function redraw(width) {
-    for (const view of views()) {
-      const place = view.el.closest(".plot");
-      if (place) place.style.width = width;
-    }
-    for (const view of views()) {
-      view.after_resize();
-      view.repaint();
-    }
+  function copy(view) {
+    const place = view.el.closest(".plot");
+    for (const renderer of view.model.renderers) view.renderer_views.get(renderer).set_visuals(); // the new colours, now
+    view.repaint();
+    const { canvas } = view.export("png", true);
+    canvas.removeAttribute("style");
+    canvas.className = "paper";
+    place.append(canvas);
   }
   function toPaper() {
     closed = [...document.querySelectorAll("details:not([open])")];
     closed.forEach((item) => { item.open = true; });
     recolour(false);
-    redraw("680px");
+    views().filter((view) => view.el.closest(".plot")).forEach(copy);
   }
   function fromPaper() {
     closed.forEach((item) => { item.open = false; });
+    document.querySelectorAll(".paper").forEach((item) => item.remove());
     recolour(dark.matches);
-    redraw("");
   }
 
   function begin() {

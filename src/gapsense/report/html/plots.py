@@ -9,12 +9,13 @@ from typing import Any
 from gapsense.report.html import figures, style, thin
 from gapsense.report.html.axes import Axes, shared
 from gapsense.report.html.curves import Panel, Strip
-from gapsense.report.html.elements import Markup, element
+from gapsense.report.html.elements import Markup, element, joined
 from gapsense.report.html.figures import Drawn, Entry
 from gapsense.report.html.panels import panels, strips
 from gapsense.report.html.subject import Shown
 from gapsense.report.html.tubes import Regression
 
+FEW = " {} of {} points shown: the least and the greatest of each piece of the record"
 TUBES = 6  # that are drawn
 MOVES = (("out", "zoom out"), ("in", "zoom in"), ("left", "earlier"), ("right", "later"), ("reset", "all"))
 SIGNS = {"out": "−", "in": "+", "left": "←", "right": "→", "reset": "reset"}
@@ -33,7 +34,7 @@ class Plots:
         chips = element("div", *map(chip, drawn.legend), of="chips")
         names = ", ".join(entry.label for entry in drawn.legend)
         plot = element("div", Markup(mark(key)), of="plot", role="img", aria_label=f"{drawn.label}{unit}: {names}")
-        few = f" {drawn.points[0]} of {drawn.points[1]} points shown." if drawn.points[0] < drawn.points[1] else ""
+        few = FEW.format(*drawn.points) if drawn.points[0] < drawn.points[1] else ""
         head = element("figcaption", element("b", drawn.label + unit), " ", element("small", (note + few).strip()))
         return element("figure", head, chips, plot, of="panel")
 
@@ -67,7 +68,7 @@ def controls(key: str) -> Markup:
         for move, what in MOVES
     )
     hint = "Drag in a plot to zoom into a time, in all plots; press a name to switch its curve."
-    return element("p", *buttons, " ", element("small", hint), of="controls")
+    return joined((element("p", element("small", hint)), element("p", *buttons, of="controls")))
 
 
 def time_plots(shown: Shown, plots: Plots, key: str) -> tuple[Axes, Markup]:
@@ -98,10 +99,11 @@ def flagged(plots: Plots, flags: list[Strip], axes: Axes, key: str) -> Markup:
 
 
 def tube_plots(regression: Regression, axes: Axes, plots: Plots, key: str) -> Markup:
-    """Tubes of the signals that fail, or of the one that is nearest to its tolerance."""
+    """Tubes of the signals that fail, or of the one that is nearest to its tolerance, if it is not the same."""
     failing = [tube for tube in regression.tubes if tube.failing.any()]
+    nearest = [tube for tube in regression.tubes[:1] if tube.share]
     parts = []
-    for k, tube in enumerate(failing[:TUBES] or regression.tubes[:1]):
+    for k, tube in enumerate(failing[:TUBES] or nearest):
         over, under = figures.tube(tube, axes, f"{key}-t{k}")
         parts += [plots.placed(over, f"{key}-t{k}"), plots.placed(under, f"{key}-t{k}d")]
     return element("div", *parts, of="stack") if parts else Markup("")

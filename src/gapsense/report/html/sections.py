@@ -72,19 +72,18 @@ def facts(shown: Shown) -> Markup:
     rows = (
         ("scenario", f"{run.scenario}" + (f", variant {run.variant}" if run.variant else "")),
         ("time", f"{first} to {last}, base step {quantity(run.base_step, 's')}, {run.method}"),
-        ("record", f"{result.times.size} rows, {len(result.signals)} signals, every {ordinal(run.decimation)}"),
+        ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),
         ("wall time", f"{result.wall:.3f} s, real-time factor {result.realtime_factor:.3g}"),
         ("software", f"gapsense {run.versions.get('gapsense', '')}"),
         ("result", str(shown.file.name)),
     )
-    items = (element("dt", name) + element("dd", value) for name, value in rows)
-    return element("dl", *map(Markup, items), of="facts")
+    return element("dl", *(element("div", element("dt", n), element("dd", v)) for n, v in rows), of="facts")
 
 
-def ordinal(decimation: int) -> str:
-    """Base steps that are recorded."""
-    return "base step" if decimation == 1 else f"{decimation}. base step"
+def of_steps(decimation: int) -> str:
+    """What a row stands for."""
+    return "base step" if decimation == 1 else f"{decimation} base steps"
 
 
 def components(result: Result) -> Markup:
@@ -121,16 +120,22 @@ def metrics(result: Result) -> Markup:
     tables: dict[str, list[Measured]] = {}
     for m in result.metrics.values():
         tables.setdefault(m.table or "Metrics", []).append(m)
-    heads = ("metric", "value", "bounds", "place between them", "published", "")
-    return joined(table(title, heads, map(metric, own)) for title, own in tables.items())
+    return joined(of_table(title, own) for title, own in tables.items())
 
 
-def metric(m: Measured) -> tuple[Cell, ...]:
+def of_table(title: str, own: list[Measured]) -> Markup:
+    """Metrics that are shown together."""
+    is_published = any(m.published is not None for m in own)
+    heads = ("metric", "value", *(("published",) if is_published else ()), "bounds", "place between them", "")
+    return table(title, heads, (metric(m, is_published) for m in own))
+
+
+def metric(m: Measured, is_published: bool) -> tuple[Cell, ...]:
     """Row of a metric."""
     bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
-    shown = "" if m.published is None else quantity(m.published, m.unit)
+    printed = ("" if m.published is None else quantity(m.published, m.unit),) if is_published else ()
     name = element("span", m.label or m.name, title=m.description or m.name)
-    return name, quantity(m.value, m.unit), bounds, place(m), shown, status(m)
+    return name, quantity(m.value, m.unit), *printed, bounds, place(m), status(m)
 
 
 def share(m: Measured) -> float:
@@ -145,7 +150,7 @@ def place(m: Measured) -> Cell:
     found = share(m)
     if math.isnan(found):
         return ""
-    return bar(found, "" if m.passed else "bad") + Markup(f" {100 * found:.0f} %")
+    return part(found, "" if m.passed else "bad")
 
 
 def status(m: Measured) -> Cell:
@@ -170,9 +175,9 @@ def timing(result: Result) -> Markup:
     return table(f"{result.wall:.3f} s in all; loading the FMUs is not counted", heads, rows)
 
 
-def part(found: float) -> Markup:
+def part(found: float, kind: str = "") -> Markup:
     """A share with its bar."""
-    return Markup(bar(found) + f" {100 * found:.0f} %")
+    return joined((bar(found, kind), element("span", f"{100 * found:.0f} %", of="share")))
 
 
 def signals(result: Result) -> Markup:
@@ -208,7 +213,8 @@ def tubes(regression: Regression) -> Markup:
         for tube in regression.tubes
     ]
     heads = ("signal", "allowed", "largest difference", "at", "share of the allowed", "rows outside")
-    return table("Difference to the baseline", heads, rows)
+    shown = table("Difference to the baseline", heads, rows)
+    return shown if regression.problems else details(f"All {len(rows)} signals of the baseline", shown)
 
 
 def percent(found: float) -> str:

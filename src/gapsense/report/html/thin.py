@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
-MOST = 4000  # points of a curve
+MOST = 4096  # points of a curve
 ALL = 300_000  # points of all curves of a result, which is some 4 MB
 
 
