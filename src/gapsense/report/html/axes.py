@@ -6,23 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bokeh.models import (
-    BoxAnnotation,
-    BoxZoomTool,
-    CrosshairTool,
-    PanTool,
-    Range1d,
-    ResetTool,
-    SaveTool,
-    Span,
-    WheelZoomTool,
-)
+import bokeh.models
 from bokeh.plotting import figure
 
 from gapsense.report.html.style import AXES, GRID, INK
 from gapsense.report.html.subject import Event, Shown
 from gapsense.report.table import prefixed
 
+bk: Any = bokeh.models  # whose annotations lack much of it
 LEFT = 64  # pixels for the numbers of the upright axis, so that all panels have one width
 EVENT = "#8f6a00"
 
@@ -31,8 +22,8 @@ EVENT = "#8f6a00"
 class Axes:
     """What all figures of a result have in common; times in them are `factor` times those in seconds."""
 
-    range: Range1d
-    cursor: Span
+    range: Any  # Range1d
+    cursor: Any  # Span
     factor: float
     unit: str
     events: tuple[Event, ...]
@@ -46,18 +37,21 @@ def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
     factor, unit = prefixed(max(abs(first), abs(last)), "s")
     last = last if last > first else first + factor
     ends = {"start": first / factor, "end": last / factor}
-    cursor = Span(dimension="height", line_color=AXES, line_width=1)
+    cursor = bk.Span(dimension="height", line_color=AXES, line_width=1)
     bounds = (ends["start"], ends["end"])
-    return Axes(Range1d(**ends, bounds=bounds), cursor, 1.0 / factor, unit, shown.events, numbers, most)
+    return Axes(bk.Range1d(**ends, bounds=bounds), cursor, 1.0 / factor, unit, shown.events, numbers, most)
 
 
 def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
     """A figure without curves."""
-    made = figure(
+    zoom = bk.BoxZoomTool(dimensions="width")
+    made: Any = figure(
         height=height,
         sizing_mode="stretch_width",
         x_range=axes.range,
-        tools=tools(axes),
+        tools=[zoom, *tools(axes)],
+        active_drag=zoom,
+        active_scroll=None,
         toolbar_location="right",
         min_border_left=LEFT,
         min_border_right=16,
@@ -76,9 +70,9 @@ def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
 
 
 def tools(axes: Axes) -> list[Any]:
-    """Drag to zoom into a time; the wheel scrolls the page until it is chosen for zooming."""
-    drags = [BoxZoomTool(dimensions="width"), PanTool(dimensions="width"), WheelZoomTool(dimensions="width")]
-    return [*drags, ResetTool(), SaveTool(), CrosshairTool(overlay=axes.cursor)]
+    """Besides dragging to zoom; the wheel scrolls the page until it is chosen for zooming."""
+    moves = [bk.PanTool(dimensions="width"), bk.WheelZoomTool(dimensions="width")]
+    return [*moves, bk.ResetTool(), bk.SaveTool(), bk.CrosshairTool(overlay=axes.cursor)]
 
 
 def dress(made: Any, unit: str) -> None:
@@ -93,7 +87,7 @@ def dress(made: Any, unit: str) -> None:
     made.xaxis.axis_label = f"time / {unit}" if unit else None
 
 
-def box(event: Event, factor: float) -> BoxAnnotation:
+def box(event: Event, factor: float) -> Any:
     """Shade over an event."""
     ends = {"left": event.begin * factor, "right": event.end * factor}
-    return BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, line_alpha=0.6)
+    return bk.BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, line_alpha=0.6)

@@ -30,7 +30,7 @@ def chapter(shown: Shown, plots: Plots, key: str) -> Chapter:
     about = shown.scenario.variants.get(result.run.variant or "", "") if shown.scenario else ""
     title = result.run.title or result.run.scenario
     head = element("header", element("h2", title, id=key), element("p", about) if about else "", sections.banner(found))
-    parts = (head, sections.facts(shown), note(shown), wiring(shown, key), *of_time(shown, compared, plots, key))
+    parts = (head, sections.facts(shown), wiring(shown, key), *of_time(shown, compared, plots, key))
     content = element("article", *parts, aria_labelledby=key)
     return Chapter(key, title, result.run.scenario, found, content)
 
@@ -66,11 +66,6 @@ def parameters(shown: Shown) -> Markup:
     return details(f"All {len(rows)} parameters", table("Parameters", ("parameter", "value"), rows))
 
 
-def note(shown: Shown) -> Markup:
-    """Why the scenario is not used, if it is not."""
-    return element("p", shown.note, of="note") if shown.note else Markup("")
-
-
 def wiring(shown: Shown, key: str) -> Markup:
     """The wiring picture with its strokes, or why there is none."""
     run = shown.result.run
@@ -93,7 +88,12 @@ def summary(chapters: Sequence[Chapter]) -> list[Markup]:
     if len(chapters) < 2:
         return []
     rows = [
-        (Markup(f'<a href="#{c.key}">{element("span", c.name)}</a>'), c.title, c.verdict.word, " ".join(c.verdict.sentences))
+        (
+            Markup(f'<a href="#{c.key}">{element("span", c.name)}</a>'),
+            c.title,
+            c.verdict.word,
+            " ".join(c.verdict.sentences),
+        )
         for c in chapters
     ]
     failed = sum(not c.verdict.passed for c in chapters)

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from bokeh.models import Label, Range1d, VAreaStep
 
 from gapsense.report.html import style
-from gapsense.report.html.axes import Axes, empty
+from gapsense.report.html.axes import Axes, bk, empty
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector
 from gapsense.report.html.thin import kept
 from gapsense.report.html.tubes import Tube
@@ -57,7 +56,7 @@ def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
 
 def fit(made: Any) -> None:
     """Let the upright axis follow the curves, not their bands, which may be much wider."""
-    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, VAreaStep)]
+    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, bk.VAreaStep)]
 
 
 def suited(of: Panel) -> tuple[float, str]:
@@ -128,7 +127,7 @@ def short(values: Any) -> Any:
 def strips(of: Sequence[Strip], axes: Axes, is_last: bool = False) -> Drawn:
     """A row for each signal, with a piece in the colour of each value."""
     made = empty(axes, ROW * len(of) + 50, is_last)
-    made.y_range, made.yaxis.visible, made.ygrid.visible = Range1d(0.0, float(len(of))), False, False
+    made.y_range, made.yaxis.visible, made.ygrid.visible = bk.Range1d(0.0, float(len(of))), False, False
     for k, strip in enumerate(of):
         place(made, strip, len(of) - 1 - k, axes)
     values = sorted({float(v) for strip in of for v in strip.values})
@@ -150,7 +149,7 @@ def place(made: Any, strip: Strip, row: int, axes: Axes) -> None:
     text = {"text_font_size": "10px", "text_baseline": "middle", "text_align": "center", "text_color": "#ffffff"}
     made.text(0.5 * (left + right)[wide], [row + 0.31] * len(texts), texts, **text)
     name = {"text_font_size": "11px", "text_color": style.INK, "text_font": "system-ui, sans-serif"}
-    made.add_layout(Label(x=2, x_units="screen", y=row + 0.54, text=strip.name, **name))
+    made.add_layout(bk.Label(x=2, x_units="screen", y=row + 0.54, text=strip.name, **name))
 
 
 def colour_of(value: float) -> str:

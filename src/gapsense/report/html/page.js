@@ -5,7 +5,7 @@
   const toDark = JSON.parse(document.getElementById("colours").textContent);
   const toLight = Object.fromEntries(Object.entries(toDark).map(([light, other]) => [other, light]));
   const models = () => Bokeh.documents.flatMap((doc) => [...doc.all_models]);
-  const views = () => [...Bokeh.index.roots];
+  const views = () => [...Bokeh.index.roots].filter((view) => view.model.x_range); // there are menus too
 
   function recolour(isDark) {
     const map = isDark ? toDark : toLight;
@@ -94,7 +94,7 @@
     closed = [...document.querySelectorAll("details:not([open])")];
     closed.forEach((item) => { item.open = true; });
     recolour(false);
-    views().filter((view) => view.el.closest(".plot")).forEach(copy);
+    views().forEach(copy);
   }
   function fromPaper() {
     closed.forEach((item) => { item.open = false; });

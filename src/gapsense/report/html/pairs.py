@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from gapsense.cosim import Result
 from gapsense.cosim.metrics import KINDS
@@ -10,16 +10,19 @@ from gapsense.cosim.scenario import Metric
 from gapsense.report.html.subject import Shown
 
 Key = tuple[str, str]  # unit and variable
+GUESSED = "guessed"  # name of a comparison that no metric makes
 COMPARING = ("required", "optional")  # use of a reference by metrics that take a difference
 
 
 def pairs(shown: Shown) -> list[Metric]:
-    """An estimate and its reference each, as metrics over the whole run; a number is no reference."""
+    """An estimate and its reference each, as metrics over the whole run; a number is no reference.
+
+    Of quantities that no metric compares, equal names are.
+    """
     stated = [of_metric(m) for m in (shown.scenario.metrics if shown.scenario else ()) if compares(m, shown)]
     found = {(m.signal, m.time): m for m in reversed(stated)}
-    known = {signal for signal, _ in found}
-    alike = {own_key(shown.result, m.signal): str(m.reference) for m in found.values() if m.time is None}
-    named = (m for m in by_name(shown.result, alike) if m.signal not in known)
+    known = {own_key(shown.result, signal) for signal, _ in found}
+    named = (m for m in by_name(shown.result) if own_key(shown.result, m.signal) not in known)
     return [*reversed(found.values()), *named]
 
 
@@ -37,19 +40,16 @@ def of_metric(metric: Metric) -> Metric:
     )
 
 
-def by_name(result: Result, alike: Mapping[Key, str]) -> Iterator[Metric]:
-    """Outputs that are called like one of a component that drives theirs, and have its unit.
-
-    `alike` has what the scenario compares others of that name and unit with.
-    """
+def by_name(result: Result) -> Iterator[Metric]:
+    """Outputs that are called like one of a component that drives theirs, and have its unit."""
     place = {name: k for k, name in enumerate(result.run.order)}
     outputs = [name for name, about in result.about.items() if about.causality == "output"]
-    first = dict(alike)
+    first: dict[Key, str] = {}
     for name in sorted(outputs, key=lambda name: place.get(name.partition(".")[0], 0)):
         key = own_key(result, name)
         truth = first.setdefault(key, name)
         if truth != name and is_quantity(key[0]) and drives(result, truth, name):
-            yield Metric(name, "rmse", name, truth)
+            yield Metric(GUESSED, "rmse", name, truth)
 
 
 def drives(result: Result, source: str, target: str) -> bool:

@@ -8,7 +8,7 @@ from gapsense.cosim import Result
 from gapsense.cosim.scenario import Metric
 from gapsense.report.html import curves
 from gapsense.report.html.curves import Curve, Panel, Strip
-from gapsense.report.html.pairs import Key, own_key, pairs
+from gapsense.report.html.pairs import GUESSED, Key, own_key, pairs
 from gapsense.report.html.subject import Shown
 from gapsense.units import QUANTITIES
 
@@ -105,7 +105,8 @@ def title(key: Key, drawn: Iterable[Curve]) -> str:
 def errors(result: Result, of: Panel, compared: list[Metric]) -> Panel:
     """Estimates less what they are held to."""
     drawn = tuple(curves.error(result, pair) for pair in compared)
-    note = "estimate less " + ", ".join(dict.fromkeys(str(pair.reference) for pair in compared))
+    told = dict.fromkeys(f"{p.reference}{', by its name' if p.name == GUESSED else ''}" for p in compared)
+    note = f"estimate less {', '.join(told)}"
     return Panel(f"error of the {of.title}", of.unit, drawn, is_error=True, note=note)
 
 

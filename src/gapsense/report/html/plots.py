@@ -15,10 +15,11 @@ from gapsense.report.html.panels import panels, strips
 from gapsense.report.html.subject import Shown
 from gapsense.report.html.tubes import Regression
 
-FEW = " {} of {} points shown: the least and the greatest of each piece of the record"
+FEW = " {} of {} points, least and greatest of each piece"
+BAND = " \N{PLUS-MINUS SIGN}2\N{GREEK SMALL LETTER SIGMA}"
 TUBES = 6  # that are drawn
 MOVES = (("out", "zoom out"), ("in", "zoom in"), ("left", "earlier"), ("right", "later"), ("reset", "all"))
-SIGNS = {"out": "−", "in": "+", "left": "←", "right": "→", "reset": "reset"}
+SIGNS = {"out": "\N{MINUS SIGN}", "in": "+", "left": "←", "right": "→", "reset": "reset"}
 
 
 @dataclass
@@ -52,7 +53,7 @@ def chip(entry: Entry) -> Markup:
         f'<svg width="26" height="10" aria-hidden="true"><path d="M1 5h24" style="{stroke};stroke-width:3" '
         f'stroke-dasharray="{dash}"/></svg>'
     )
-    label = entry.label + (" ±2σ" if entry.is_band else "")
+    label = entry.label + (BAND if entry.is_band else "")
     if not entry.key:
         return element("span", sample, " ", label, of="chip")
     value = element("output", of="value")
@@ -67,8 +68,11 @@ def controls(key: str) -> Markup:
         element("button", SIGNS[move], type="button", data_move=move, data_result=key, title=what, aria_label=what)
         for move, what in MOVES
     )
-    hint = "Drag in a plot to zoom into a time, in all plots; press a name to switch its curve."
-    return joined((element("p", element("small", hint)), element("p", *buttons, of="controls")))
+    hint = (
+        "Drag in a plot to zoom into a time, in all plots; press a name to switch its curve. Bands that are wider than "
+        "a plot are cut. Long records are thinned for display; all numbers on this page are of the full record."
+    )
+    return joined((element("p", element("small", hint), of="hint"), element("p", *buttons, of="controls")))
 
 
 def time_plots(shown: Shown, plots: Plots, key: str) -> tuple[Axes, Markup]:

@@ -38,7 +38,7 @@ def verdict(shown: Shown, regression: Regression) -> Verdict:
     if result.failure:
         sentences.append(f"A component failed: {result.failure}")
     if result.interrupted:
-        sentences.append(f"Interrupted at t = {quantity(float(result.times[-1]), 's')}.")
+        sentences.append(f"Interrupted: recorded is {span(result)}.")
     if outside:
         sentences.append(f"{len(outside)} of {len(result.metrics)} metrics are outside of their bounds.")
     elif bounded:
@@ -68,10 +68,9 @@ def banner(found: Verdict) -> Markup:
 def facts(shown: Shown) -> Markup:
     """What ran, on a few lines."""
     run, result = shown.result.run, shown.result
-    first, last = (quantity(float(result.times[k]), "s") for k in (0, -1))
     rows = (
         ("scenario", f"{run.scenario}" + (f", variant {run.variant}" if run.variant else "")),
-        ("time", f"{first} to {last}, base step {quantity(run.base_step, 's')}, {run.method}"),
+        ("time", f"{span(result)}, base step {quantity(run.base_step, 's')}, {run.method}"),
         ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),
         ("wall time", f"{result.wall:.3f} s, real-time factor {result.realtime_factor:.3g}"),
@@ -79,6 +78,12 @@ def facts(shown: Shown) -> Markup:
         ("result", str(shown.file.name)),
     )
     return element("dl", *(element("div", element("dt", n), element("dd", v)) for n, v in rows), of="facts")
+
+
+def span(result: Result) -> str:
+    """From when to when the record is."""
+    ends = (result.times[0], result.times[-1]) if result.times.size else (result.run.start, result.run.start)
+    return " to ".join(quantity(float(end), "s") for end in ends)
 
 
 def of_steps(decimation: int) -> str:

@@ -20,7 +20,7 @@ DARK = {  # of each colour on light ground
 AXES = "#57606a"
 CURVES = tuple(DARK)[4:]
 DASHES = ((), (7, 3), (2, 2), (9, 3, 2, 3))
-VALUES = ("#9aa5b1", "#0072b2", "#e69f00", "#00805c", "#b5478f", "#56b4e9", "#5a4fcf", "#d55e00")  # of a strip
+VALUES = ("#6e7781", "#0072b2", "#9a6700", "#00805c", "#b5478f", "#3f6d9e", "#5a4fcf", "#b3470a")  # of a strip
 
 
 def colours(components: Iterable[str]) -> Mapping[str, int]:

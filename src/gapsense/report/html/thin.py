@@ -8,7 +8,7 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 MOST = 4096  # points of a curve
-ALL = 300_000  # points of all curves of a result, which is some 4 MB
+ALL = 400_000  # points of all curves of a result, which is some 4 MB
 
 
 def most(curves: int) -> int:
