@@ -49,12 +49,12 @@ PACKAGES = {  # beside the standard library
     **{part: {"numpy", "tomli"} for part in GENERAL},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
-    "report": {"numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
+    "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
     "build_fmus": set(),
 }
-HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas"}
+HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "bokeh"}
 SHOWING = {"rich", "typer"}
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"

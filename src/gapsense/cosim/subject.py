@@ -99,7 +99,7 @@ def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
 def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
     """FMU and grid of a component."""
     component, description = scenario.components[name], descriptions[name]
-    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256")}
+    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256", "fmi")}
     return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
 
 

@@ -74,7 +74,7 @@ def facts(shown: Shown) -> Markup:
         ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),
         ("wall time", f"{result.wall:.3f} s, real-time factor {result.realtime_factor:.3g}"),
-        ("software", f"gapsense {run.versions.get('gapsense', '')}"),
+        ("software", f"gapsense {run.versions.get('gapsense', '-')}, {run.versions.get('platform', 'platform not told')}"),
         ("result", str(shown.file.name)),
     )
     return element("dl", *(element("div", element("dt", n), element("dd", v)) for n, v in rows), of="facts")
@@ -100,14 +100,15 @@ def components(result: Result) -> Markup:
             name,
             fact["fmu"],
             fact["version"] or "-",
+            f"{fact['fmi']}.0" if "fmi" in fact else "-",
             quantity(fact["step"] * base, "s"),
             quantity(fact["offset"] * base, "s"),
             element("code", fact["sha256"][:16], title=fact["sha256"]),
         )
         for k, (name, fact) in enumerate(((n, result.run.components[n]) for n in result.run.order), 1)
     )
-    heads = ("order", "component", "FMU", "version", "step", "offset", "SHA-256")
-    return table("Components in the order in which they step", heads, rows, texts=7)
+    heads = ("order", "component", "FMU", "version", "FMI", "step", "offset", "SHA-256")
+    return table("Components in the order in which they step", heads, rows, texts=8)
 
 
 def versions(result: Result) -> Markup:
