@@ -37,7 +37,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "scenario-file.md", "python.md")]
+PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "scenario-file.md", "python.md", "report.md")]
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 APART = {("pythonfmu", "build"), ("gapsense", "build")}  # not in a process that has run FMUs made with pythonfmu

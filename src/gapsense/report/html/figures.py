@@ -85,7 +85,7 @@ def thinned(curve: Curve, rows: Any) -> Curve:
 
 def width(curve: Curve, place: int, count: int) -> float:
     """Width of a line: thinner and thinner, so that curves that coincide are all seen [pixels]."""
-    return 3.4 if curve.is_truth else 1.1 + 1.5 * (count - 1 - place) / count
+    return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
 
 
 def draw(

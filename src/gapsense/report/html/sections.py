@@ -69,7 +69,7 @@ def facts(shown: Shown) -> Markup:
     """What ran, on a few lines."""
     run, result = shown.result.run, shown.result
     rows = (
-        ("scenario", f"{run.scenario}" + (f", variant {run.variant}" if run.variant else "")),
+        ("scenario", run.scenario),
         ("time", f"{span(result)}, base step {quantity(run.base_step, 's')}, {run.method}"),
         ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),

@@ -20,7 +20,8 @@ DARK = {  # of each colour on light ground
 AXES = "#57606a"
 CURVES = tuple(DARK)[4:]
 DASHES = ((), (7, 3), (2, 2), (9, 3, 2, 3))
-VALUES = ("#6e7781", "#0072b2", "#9a6700", "#00805c", "#b5478f", "#3f6d9e", "#5a4fcf", "#b3470a")  # of a strip
+# Of the values of a strip, whose numbers are white on any ground: none of those above.
+VALUES = ("#6e7781", "#0067a3", "#916200", "#007a57", "#a83f84", "#3f6d9e", "#5247c4", "#b3470a")
 
 
 def colours(components: Iterable[str]) -> Mapping[str, int]:
