@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import compare, load, read_result, run
 from gapsense.cosim.metrics import rms
 from gapsense.cosim.record import Signal
+from gapsense.cosim.scenario import Port
 from gapsense.report.html import curves, layout, thin
 from gapsense.report.html.layout import Wire
 from gapsense.report.html.pairs import pairs
@@ -135,7 +136,7 @@ def test_tubes_fail_at_the_rows_at_which_the_regression_test_fails(saved):
 def test_values_that_are_no_number_leave_the_tube(saved):
     (one,) = read_all([saved])
     tube = replace(regression(one).tubes[0], values=np.full_like(regression(one).tubes[0].values, np.nan))
-    assert tube.failing.all() and np.isnan(tube.difference[tube.worst])
+    assert tube.failing.all() and tube.share == np.inf
 
 
 def test_baseline_is_left_out_with_a_reason(saved):
@@ -151,6 +152,16 @@ def test_baseline_is_left_out_with_a_reason(saved):
     assert "cannot be read any more" in read_all([saved])[0].note
     file.unlink()
     assert "not where it was" in read_all([saved])[0].note
+
+
+def test_runs_of_a_sweep_are_not_held_against_the_baseline_but_for_the_one_that_is_as_the_scenario(saved):
+    (one,) = read_all([saved])
+    port = Port("magnet", "coil.resistance")
+    value = one.scenario.components["magnet"].values[port.variable]
+    scenario = replace(one.scenario, grid={port: (value, 2.0)})
+    assert not replace(one, scenario=scenario).is_changed  # run as it is
+    other = replace(one.result, parameters={**one.result.parameters, str(port): 2.0})
+    assert replace(one, scenario=scenario, result=other).is_changed
 
 
 def test_events_of_the_side_car_end_with_the_run_where_they_do_not_say():

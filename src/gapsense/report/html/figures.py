@@ -16,6 +16,7 @@ from gapsense.report.html.tubes import Tube
 from gapsense.report.table import prefixed
 
 HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
+TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
 GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
 
@@ -43,7 +44,7 @@ class Drawn(NamedTuple):
 def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
     """Curves over time, with their bands."""
     made = empty(axes, LOW if of.is_error else HEIGHT, is_last)
-    scale, unit = suited(of)
+    scale, unit = fitting(of.unit, *(curve.values for curve in of.curves))
     legend, shown, rows = [], 0, 0
     for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
         chosen = kept(curve.values, axes.most)
@@ -59,11 +60,13 @@ def fit(made: Any) -> None:
     made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, bk.VAreaStep)]
 
 
-def suited(of: Panel) -> tuple[float, str]:
+def fitting(unit: str, *signals: Vector) -> tuple[float, str]:
     """Factor and unit in which the largest value has few digits."""
-    sizes = [np.abs(c.values[np.isfinite(c.values)]).max(initial=0.0) for c in of.curves]
-    factor, unit = prefixed(float(max(sizes, default=0.0)), "" if of.unit == "1" else of.unit)
-    return (1.0 / factor, unit) if of.unit not in ("", "1") else (1.0, "")
+    if unit in ("", "1"):
+        return 1.0, ""
+    sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in signals]
+    factor, shown = prefixed(float(max(sizes, default=0.0)), unit)
+    return 1.0 / factor, shown
 
 
 def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
@@ -159,41 +162,30 @@ def colour_of(value: float) -> str:
 
 def tube(of: Tube, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     """A signal in its tube, and below its difference in the band that is allowed; failing points are marked."""
-    both = Panel(of.name, of.unit, (curve(of, of.values), curve(of, of.baseline)))
-    scale, unit = suited(both)
-    over = empty(axes, HEIGHT)
-    half = np.full(of.times.size, of.allowed)
-    drawn = draw_tube(over, of, of.values, of.baseline, half, axes, scale, key)
-    factor, small = prefixed(max(of.allowed, abs(float(of.difference[of.worst]))), of.unit)
-    if of.unit in ("", "1"):
-        factor, small = 1.0, ""
-    under = empty(axes, LOW, is_last=True)
-    below = draw_tube(under, of, of.difference, np.zeros_like(half), half, axes, 1.0 / factor, f"{key}d")
-    rows = (min(axes.most, of.times.size), of.times.size)
-    return (
-        Drawn(over, of.name, unit, drawn, rows),
-        Drawn(under, f"{of.name}, difference to the baseline", small, below, rows),
-    )
+    over, under = empty(axes, HEIGHT), empty(axes, LOW, is_last=True)
+    whole = of.values, of.reference, *of.tube
+    less = tuple(values - of.reference for values in whole)
+    rows = min(axes.most, of.times.size), of.times.size
+    scale, unit = fitting(of.unit, *whole[:2])
+    factor, small = fitting(of.unit, *less)
+    drawn = draw_tube(over, of, whole, axes, scale, key)
+    below = draw_tube(under, of, less, axes, factor, f"{key}d")
+    title = f"{of.name}, difference to the baseline"
+    return Drawn(over, of.name, unit, drawn, rows), Drawn(under, title, small, below, rows)
 
 
-def curve(of: Tube, values: Vector) -> Curve:
-    """A curve of the signal of a tube."""
-    return Curve(of.name, of.times, values)
-
-
-def draw_tube(
-    made: Any, of: Tube, values: Vector, middle: Vector, half: Vector, axes: Axes, scale: float, key: str
-) -> tuple[Entry, ...]:
-    """Tube, its middle, the signal, and the rows outside."""
-    names = ("baseline, with its tolerance", "this run", "outside of the tolerance")
+def draw_tube(made: Any, of: Tube, what: Sequence[Vector], axes: Axes, scale: float, key: str) -> tuple[Entry, ...]:
+    """Signal, reference, and the tube around it; the rows outside."""
     colours = (style.INK, style.CURVES[0], style.FAIL)
-    base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(names, colours)))
-    rows, failing = kept(of.difference, axes.most), np.flatnonzero(of.failing)
-    failing = failing[kept(values[failing], axes.most)]
-    draw(made, Curve("", of.times[rows], middle[rows], half[rows]), base, axes, scale, is_error=False)
-    draw(made, Curve("", of.times[rows], values[rows]), own, axes, scale, is_error=False)
+    base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(TUBE, colours)))
+    rows, failing = kept(of.values - of.reference, axes.most), np.flatnonzero(of.failing)
+    values, reference, low, high = what
+    area(made, short(of.times[rows] * axes.factor), low[rows] * scale, high[rows] * scale, base)
+    for entry, curve in ((base, reference), (own, values)):
+        draw(made, Curve("", of.times[rows], curve[rows]), entry, axes, scale, is_error=False)
     if not failing.size:
         return base, own
+    failing = failing[kept(values[failing], axes.most)]
     at = short(of.times[failing] * axes.factor), short(values[failing] * scale)
     made.scatter(*at, marker="x", size=7, line_width=1.5, color=bad.colour, name=bad.key)
     return base, own, bad

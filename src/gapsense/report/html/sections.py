@@ -74,7 +74,7 @@ def facts(shown: Shown) -> Markup:
         ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),
         ("wall time", f"{result.wall:.3f} s, real-time factor {result.realtime_factor:.3g}"),
-        ("software", f"gapsense {run.versions.get('gapsense', '-')}, {run.versions.get('platform', 'platform not told')}"),
+        ("software", ", ".join((f"gapsense {run.versions.get('gapsense', '-')}", run.versions.get("platform", "")))),
         ("result", str(shown.file.name)),
     )
     return element("dl", *(element("div", element("dt", n), element("dd", v)) for n, v in rows), of="facts")
@@ -211,8 +211,8 @@ def tubes(regression: Regression) -> Markup:
         (
             tube.name,
             f"{quantity(tube.allowed, tube.unit)}",
-            quantity(abs(float(tube.difference[tube.worst])), tube.unit),
-            quantity(float(tube.times[tube.worst]), "s"),
+            quantity(float(tube.counted.max(initial=0.0)), tube.unit),
+            quantity(float(tube.times[np.argmax(tube.counted)]), "s") if tube.share else "",
             percent(tube.share),
             f"{int(tube.failing.sum())} of {tube.values.size}",
         )

@@ -39,7 +39,14 @@ class Shown:
     def is_changed(self) -> bool:
         """True if values were laid over the scenario for this run, so that its baseline says nothing."""
         scenario, run = self.scenario, self.result.run
-        return CHANGED in run.files or bool(scenario and (scenario.swept or dict(scenario.seeds) != dict(run.seeds)))
+        is_other = scenario is not None and (dict(scenario.seeds) != dict(run.seeds) or is_point(scenario, self.result))
+        return CHANGED in run.files or is_other
+
+
+def is_point(scenario: Scenario, result: Result) -> bool:
+    """True if a parameter that a sweep varies has another value than the scenario gives it, or may have."""
+    given = ((str(port), scenario.components[port.component].values.get(port.variable)) for port in scenario.swept)
+    return any(value is None or result.parameters.get(name) != value for name, value in given)
 
 
 def read_all(files: Sequence[Path]) -> list[Shown]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense.cosim.compare import compare, other_times, selected, thinned, tolerance_of
 from gapsense.cosim.record import TIME, Result
@@ -16,36 +18,41 @@ from gapsense.report.html.subject import Shown
 
 @dataclass(frozen=True)
 class Tube:
-    """A signal, its baseline, and the difference that is allowed, in SI units."""
+    """A signal, its reference, and the difference that is allowed, in SI units."""
 
     name: str
     unit: str
     times: Vector
     values: Vector
-    baseline: Vector
+    reference: Vector
     allowed: float
 
-    @property
-    def difference(self) -> Vector:
-        """Value less baseline."""
-        return self.values - self.baseline
+    @cached_property
+    def error(self) -> Vector:
+        """Absolute difference at each row; NaN where one of both is NaN."""
+        return np.abs(self.values - self.reference)
+
+    @cached_property
+    def failing(self) -> npt.NDArray[np.bool_]:
+        """Rows outside of the tube; NaN is outside of any."""
+        outside: npt.NDArray[np.bool_] = ~(self.error <= self.allowed)
+        return outside
+
+    @cached_property
+    def counted(self) -> Vector:
+        """Difference at each row, infinite where it is no number."""
+        return np.where(np.isnan(self.error), np.inf, self.error)
 
     @property
-    def failing(self) -> Vector:
-        """1 at rows outside of the tube, or where a value is NaN; else 0."""
-        return (~(np.abs(self.difference) <= self.allowed)).astype(np.float64)
-
-    @property
-    def worst(self) -> int:
-        """Row of the largest difference."""
-        size = np.abs(self.difference)
-        return int(np.argmax(np.where(np.isnan(size), np.inf, size)))
+    def tube(self) -> tuple[Vector, Vector]:
+        """Lowest and highest value that is allowed at each row."""
+        return self.reference - self.allowed, self.reference + self.allowed
 
     @property
     def share(self) -> float:
-        """Largest difference as a share of what is allowed."""
-        size = float(np.abs(self.difference[self.worst]))
-        return 0.0 if size == 0.0 else size / self.allowed if self.allowed else np.inf
+        """Largest difference in terms of what is allowed."""
+        largest = float(self.counted.max(initial=0.0))
+        return 0.0 if largest == 0.0 else largest / self.allowed if self.allowed else np.inf
 
 
 @dataclass(frozen=True)
