@@ -69,13 +69,13 @@ def test_texts_of_scenarios_are_texts_and_nothing_else(tmp_path, page):
     )
     sidecar = result.save(tmp_path / "evil.csv").with_suffix(".json")
     data = json.loads(sidecar.read_text(encoding="utf-8"))
-    data["events"] = [{"name": EVIL, "begin": 0.0, "end": 0.01}]
+    data["events"] = [{"name": EVIL, "target": EVIL, "action": EVIL, "begin": 0.0, "end": 0.01}]
     sidecar.write_text(json.dumps(data), encoding="utf-8")
     page = Page(write_report([tmp_path / "evil.csv"], tmp_path / "evil.html"))
     count = [sum(tag in ("script", "img", "iframe", "link") for tag, _ in p.elements) for p in (page, harmless)]
     assert count[0] == count[1] == 4  # scripts: colours, library, figures, ours
     assert not [a for _, a in page.elements for name in a if name.startswith("on")]
-    assert page.texts["h2"] == [EVIL] and page.texts["title"][0] == f"{EVIL} - Gapsense"
+    assert page.texts["h2"] == [f"{EVIL}: {EVIL}"] and page.texts["title"][0] == f"{EVIL}: {EVIL} - Gapsense"
     cells = page.texts["td"] + page.texts["th"]
     assert sum(EVIL in text for text in cells) >= 8
 

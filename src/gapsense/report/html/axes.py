@@ -90,4 +90,4 @@ def dress(made: Any, unit: str) -> None:
 def box(event: Event, factor: float) -> Any:
     """Shade over an event."""
     ends = {"left": event.begin * factor, "right": event.end * factor}
-    return bk.BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, line_alpha=0.6)
+    return bk.BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, level="underlay")

@@ -28,7 +28,7 @@ def chapter(shown: Shown, plots: Plots, key: str) -> Chapter:
     result, compared = shown.result, regression(shown)
     found = sections.verdict(shown, compared)
     about = shown.scenario.variants.get(result.run.variant or "", "") if shown.scenario else ""
-    title = result.run.title or result.run.scenario
+    title = (result.run.title or result.run.scenario) + (f": {result.run.variant}" if result.run.variant else "")
     head = element("header", element("h2", title, id=key), element("p", about) if about else "", sections.banner(found))
     parts = (head, sections.facts(shown), wiring(shown, key), *of_time(shown, compared, plots, key))
     content = element("article", *parts, aria_labelledby=key)

@@ -138,10 +138,18 @@ def of_table(title: str, own: list[Measured]) -> Markup:
 
 def metric(m: Measured, is_published: bool) -> tuple[Cell, ...]:
     """Row of a metric."""
-    bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
     printed = ("" if m.published is None else quantity(m.published, m.unit),) if is_published else ()
     name = element("span", m.label or m.name, title=m.description or m.name)
-    return name, quantity(m.value, m.unit), *printed, bounds, place(m), status(m)
+    return name, quantity(m.value, m.unit), *printed, bounds(m), place(m), status(m)
+
+
+def bounds(m: Measured) -> str:
+    """Between what a metric must lie."""
+    low, high = m.bounds or (-math.inf, math.inf)
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{quantity(low, m.unit)} to {quantity(high, m.unit)}"
+    ends = (("at least", low), ("at most", high))
+    return " ".join(f"{word} {quantity(end, m.unit)}" for word, end in ends if math.isfinite(end))
 
 
 def share(m: Measured) -> float:
@@ -236,5 +244,5 @@ def problems(sentences: tuple[str, ...]) -> Iterator[Markup]:
 
 def events(shown: Shown) -> Markup:
     """What happened to the run."""
-    rows = [(e.name, quantity(e.begin, "s"), quantity(e.end, "s")) for e in shown.events]
-    return table("Events, shaded in the plots", ("event", "begin", "end"), rows)
+    rows = [(e.name, e.what, quantity(e.begin, "s"), quantity(e.end, "s")) for e in shown.events]
+    return table("Events, shaded in the plots", ("event", "what it does", "begin", "end"), rows, texts=2)

@@ -23,6 +23,7 @@ class Event:
     name: str
     begin: float  # [s]
     end: float
+    what: str = ""  # it did to which signal or parameter
 
 
 @dataclass(frozen=True)
@@ -107,5 +108,11 @@ def events(sidecar: Mapping[str, Any]) -> tuple[Event, ...]:
     told = sidecar.get("events") or sidecar.get("run", {}).get("events") or ()
     stop = float(sidecar.get("run", {}).get("stop", 0.0))
     return tuple(
-        Event(str(e["name"]), float(e["begin"]), float(stop if e.get("end") is None else e["end"])) for e in told
+        Event(
+            str(e["name"]),
+            float(e["begin"]),
+            float(stop if e.get("end") is None else e["end"]),
+            f"{e.get('action', '')} {e.get('target', '')}".strip(),
+        )
+        for e in told
     )
