@@ -49,8 +49,11 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Opened:
     """A page, what it fetched, and what the browser complained about."""
 
-    def __init__(self, browser: Any, file: Path, scheme: str = "light", width: int = 1200) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    def __init__(
+        self, browser: Any, file: Path, scheme: str = "light", width: int = 1200, is_touched: bool = False
+    ) -> None:
+        touch = {"has_touch": is_touched, "is_mobile": is_touched}
+        self.page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme, **touch)
         self.fetched: list[str] = []
         self.complaints: list[str] = []
         self.page.on("request", lambda request: self.fetched.append(request.url))
@@ -195,6 +198,18 @@ def test_page_is_as_wide_as_the_window(browser, file, width):
     widths = [box["width"] for box in (p.bounding_box() for p in opened.page.locator(".plot").all())]
     assert (len(set(widths)) == 1 and 0.85 * width < widths[0] <= width) or (width == 1600 and widths[0] > 1300)
     opened.page.close()
+
+
+@pytest.mark.slow
+def test_finger_scrolls_the_page_and_zooms_by_the_buttons(browser, file):
+    action = "(e) => getComputedStyle(e.shadowRoot.querySelector('.bk-events')).touchAction"
+    plots = f"() => {VIEWS}[0].canvas.el"
+    for is_touched, expected in ((False, "pinch-zoom"), (True, "auto")):
+        opened = Opened(browser, file, width=400, is_touched=is_touched)
+        assert opened.page.evaluate_handle(plots).evaluate(action) == expected
+        opened.page.locator("[data-move=in]").click()
+        assert opened.ranges() == [[10.0, 30.0]] * 5 and opened.complaints == []
+        opened.page.close()
 
 
 @pytest.mark.slow

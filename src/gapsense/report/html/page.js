@@ -102,8 +102,15 @@
     recolour(dark.matches);
   }
 
+  // A finger that moves over a plot scrolls the page, as long as no tool is chosen that takes the gesture.
+  function leaveTouch() {
+    if (!matchMedia("(pointer: coarse)").matches) return;
+    for (const model of models()) if (model.type === "BoxZoomTool") model.active = false;
+  }
+
   function begin() {
     collect();
+    leaveTouch();
     recolour(dark.matches);
     for (const view of views()) watch(view);
     dark.addEventListener("change", () => recolour(dark.matches));
