@@ -17,6 +17,7 @@ from gapsense.cosim.metrics import rms
 from gapsense.cosim.record import Signal
 from gapsense.cosim.scenario import Port
 from gapsense.report.html import curves, layout, thin
+from gapsense.report.html.consistency import consistency
 from gapsense.report.html.layout import Wire
 from gapsense.report.html.pairs import pairs
 from gapsense.report.html.panels import panels, strips
@@ -86,9 +87,40 @@ def test_panels_have_truth_estimate_band_error_innovation_and_modes():
     error = found["error of the position"].curves[0]
     assert error.values == pytest.approx(1e-5) and error.band == pytest.approx(4e-5)
     assert error.times[0] > 0.0  # the initial value is no estimate
-    assert found["innovation"].curves[0].band is not None
+    innovation = found["innovation"].curves[0]
+    assert innovation.band == pytest.approx(2e-3) and innovation.times[0] > 0.0
     (mode,) = strips(shown(made()))
     assert mode.name == "plant.mode" and mode.values.tolist() == [0.0, 1.0, 2.0] and mode.end == made().times[-1]
+
+
+def test_consistency_of_normal_errors_is_what_their_deviation_promises():
+    """Against the normal distribution, for white and for correlated noise, and for a deviation that is too small."""
+    noise = np.random.default_rng(7).normal(size=20_001)
+    times, band = np.arange(20_000.0), np.full(20_000, 2.0 * 0.5)
+    right = consistency(curves.Curve("f.innovation", times, 0.5 * noise[1:], band))
+    assert right.inside == pytest.approx(0.9545, abs=0.005) and right.square == pytest.approx(1.0, abs=0.05)
+    assert abs(right.correlation) < 2.0 * right.limit and right.samples == 20_000
+    coloured = consistency(curves.Curve("f.innovation", times, 0.25 * (noise[1:] + noise[:-1]), band))
+    assert coloured.correlation == pytest.approx(0.5, abs=0.02) and coloured.square == pytest.approx(0.5, abs=0.03)
+    bold = consistency(curves.Curve("f.innovation", times, 1.0 * noise[1:], band))
+    assert bold.inside == pytest.approx(0.6827, abs=0.01) and bold.square == pytest.approx(4.0, abs=0.2)
+
+
+def test_consistency_leaves_out_what_is_known_exactly_and_what_says_nothing():
+    times, ones = np.arange(100.0), np.ones(100)
+    assert consistency(curves.Curve("x", times, ones)) is None
+    assert consistency(curves.Curve("x", times, ones, 0.0 * ones)) is None
+    half = consistency(curves.Curve("x", times, np.where(times < 50, 0.0, 1.0), np.where(times < 50, 0.0, 2.0)))
+    assert half.samples == 50 and half.square == pytest.approx(1.0)
+
+
+def test_values_that_are_held_between_steps_are_no_samples():
+    slow = made()
+    facts = {name: {**fact, "step": 4} for name, fact in slow.run.components.items()}
+    found = panels(shown(replace(slow, run=replace(slow.run, components=facts))))
+    innovation = next(p for p in found if p.title == "innovation").curves[0]
+    assert innovation.times == pytest.approx(slow.times[4::4])
+    assert consistency(innovation).samples == 100
 
 
 def test_many_signals_of_a_unit_are_parted_by_variable():

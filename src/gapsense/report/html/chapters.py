@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gapsense.report.html import sections
+from gapsense.report.html import consistency, sections
+from gapsense.report.html.curves import Panel
 from gapsense.report.html.elements import Markup, details, element, joined, section, table
+from gapsense.report.html.panels import panels
 from gapsense.report.html.plots import Plots, controls, time_plots, tube_plots
 from gapsense.report.html.subject import Shown
 from gapsense.report.html.tubes import Regression, regression
@@ -40,17 +42,23 @@ def of_time(shown: Shown, compared: Regression, plots: Plots, key: str) -> list[
     result = shown.result
     if result.times.size < 2:
         return [element("p", "No time has passed in this run: there is nothing to plot."), what_ran(shown, key)]
-    axes, stack = time_plots(shown, plots, key)
+    drawn = panels(shown)
+    axes, stack = time_plots(shown, drawn, plots, key)
     tubes = tube_plots(compared, axes, plots, key)
     why = element("p", compared.note) if compared.note else Markup("")
     checked = (*sections.problems(compared.problems), sections.tubes(compared), tubes, why)
     return [
         section("Metrics", f"{key}-metrics", sections.metrics(result)),
-        section("Signals", f"{key}-signals", sections.events(shown), controls(key), stack, sections.signals(result)),
+        section("Signals", f"{key}-signals", sections.events(shown), controls(key), stack, *numbers(shown, drawn)),
         section("Baseline", f"{key}-baseline", *checked),
         section("Timing", f"{key}-timing", sections.timing(result)),
         what_ran(shown, key),
     ]
+
+
+def numbers(shown: Shown, drawn: list[Panel]) -> tuple[Markup, ...]:
+    """What the plots do not tell exactly."""
+    return consistency.shown(drawn), sections.signals(shown.result)
 
 
 def what_ran(shown: Shown, key: str) -> Markup:

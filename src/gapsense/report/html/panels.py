@@ -112,5 +112,5 @@ def errors(result: Result, of: Panel, compared: list[Metric]) -> Panel:
 
 def innovations(result: Result, names: list[str]) -> Panel:
     """What the measurements said that was not expected, with the band that was."""
-    drawn = tuple(curves.recorded(result, name) for name in names)
+    drawn = tuple(curves.error(result, Metric(name, "max_abs", name)) for name in names)  # less nothing
     return Panel("innovation", result.units.get(names[0], ""), drawn, is_error=True, note="measured less predicted")

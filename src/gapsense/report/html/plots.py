@@ -11,7 +11,7 @@ from gapsense.report.html.axes import Axes, shared
 from gapsense.report.html.curves import Panel, Strip
 from gapsense.report.html.elements import Markup, element, joined
 from gapsense.report.html.figures import Drawn, Entry
-from gapsense.report.html.panels import panels, strips
+from gapsense.report.html.panels import strips
 from gapsense.report.html.subject import Shown
 from gapsense.report.html.tubes import Regression
 
@@ -75,9 +75,9 @@ def controls(key: str) -> Markup:
     return joined((element("p", element("small", hint), of="hint"), element("p", *buttons, of="controls")))
 
 
-def time_plots(shown: Shown, plots: Plots, key: str) -> tuple[Axes, Markup]:
+def time_plots(shown: Shown, drawn: list[Panel], plots: Plots, key: str) -> tuple[Axes, Markup]:
     """All plots over time of a result, and the axis that they share."""
-    drawn, flags = panels(shown), strips(shown)
+    flags = strips(shown)
     names = [c.component for p in drawn for c in p.curves if not c.is_truth]
     truths = [c.component for p in drawn for c in p.curves]
     axes = shared(shown, style.colours([*names, *truths]), thin.most(points(drawn)))
