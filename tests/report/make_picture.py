@@ -20,6 +20,8 @@ LEAVE = """(shown) => {
     if (!/wiring|signals/.test(part.getAttribute('aria-labelledby'))) part.remove();
   for (const panel of document.querySelectorAll('.panel'))
     if (!shown.some((text) => panel.innerText.startsWith(text))) panel.remove();
+  for (const row of document.querySelectorAll('tr'))
+    if (/velocity/.test(row.innerText)) row.remove();
   const view = [...Bokeh.index.roots].find((v) => v.model.x_range);
   view.model.x_range.setv({ start: 512, end: 530 });
 }"""

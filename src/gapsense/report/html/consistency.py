@@ -10,9 +10,7 @@ import numpy as np
 from gapsense.report.html.curves import SIGMAS, Curve, Panel
 from gapsense.report.html.elements import Markup, table
 
-WITHIN = "within 2 std, 95.4 % expected"  # of normal errors
-SQUARE = "mean square / std^2, 1 expected"
-WHITE = "correlation of neighbours"
+WITHIN, SQUARE, WHITE = "within 2 std (95.4 %)", "mean square (1)", "correlation (white noise)"  # and what is expected
 LIMIT = 1.96  # standard deviations, for 95 %
 FEWEST = 20  # samples that say anything
 
@@ -51,16 +49,14 @@ def consistency(curve: Curve) -> Consistency | None:
 
 def shown(panels: Sequence[Panel]) -> Markup:
     """A table of all errors and innovations that have bands."""
-    found = [(p.title, c) for p in panels if p.is_error for c in map(consistency, p.curves) if c]
-    rows = [
-        (c.name, title, str(c.samples), f"{100 * c.inside:.1f} %", f"{c.square:.3g}", white(c)) for title, c in found
-    ]
-    heads = ("signal", "what", "samples", WITHIN, SQUARE, WHITE)
-    return table("Errors and innovations in terms of the stated deviation", heads, rows, texts=2)
+    found = [c for p in panels if p.is_error for c in map(consistency, p.curves) if c]
+    rows = [(c.name, str(c.samples), f"{100 * c.inside:.1f} %", f"{c.square:.3g}", white(c)) for c in found]
+    title = "Errors and innovations in terms of the stated deviation, and what is expected"
+    return table(title, ("signal", "samples", WITHIN, SQUARE, WHITE), rows)
 
 
 def white(found: Consistency) -> str:
     """Correlation of an innovation, which should be white; of an error that says nothing."""
     if "innovation" not in found.name:
         return ""
-    return f"{found.correlation:.3f}, white noise within {found.limit:.3f}"
+    return f"{found.correlation:.3f} (within {found.limit:.3f})"

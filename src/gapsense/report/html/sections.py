@@ -74,7 +74,7 @@ def facts(shown: Shown) -> Markup:
         ("record", f"{result.times.size} rows, {len(result.signals)} signals, a row per {of_steps(run.decimation)}"),
         ("seeds", ", ".join(f"{name} {seed}" for name, seed in run.seeds.items()) or "none"),
         ("wall time", f"{result.wall:.3f} s, real-time factor {result.realtime_factor:.3g}"),
-        ("software", ", ".join((f"gapsense {run.versions.get('gapsense', '-')}", run.versions.get("platform", "")))),
+        ("software", f"gapsense {run.versions.get('gapsense', '-')}"),
         ("result", str(shown.file.name)),
     )
     return element("dl", *(element("div", element("dt", n), element("dd", v)) for n, v in rows), of="facts")
