@@ -1,13 +1,15 @@
-"""Results of scenarios, computed once."""
+"""Results of scenarios, computed once; the helpers of this folder can be imported by its tests."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from gapsense.cosim import Result, run
 
+sys.path.insert(0, str(Path(__file__).parent))
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 

@@ -37,7 +37,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-NAMES = ("tutorial", "scenario-file", "python", "faults", "campaigns", "ssp", "regression")
+NAMES = ("tutorial", "scenario-file", "python", "faults", "campaigns", "ssp", "regression", "report")
 PAGES = [ROOT / "docs" / f"{name}.md" for name in NAMES]
 LONG = ("ssp.md", "regression.md")
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded

@@ -67,6 +67,8 @@ class Run:
     lag: float = 0.0  # the worst lateness [s]
     source: str = ""  # scenario file; in the side-car it is relative to the result
     figure: str = "overview"  # that shows it
+    wires: tuple[str, ...] = ()  # all connections
+    direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
 
 
 @dataclass(frozen=True, repr=False)
@@ -207,7 +209,7 @@ def read_result(path: str | Path) -> Result:
     path = Path(path)
     data, content = read_whole(path)
     columns, about = read_columns(path, content=content), data["run"]
-    about |= {"order": tuple(about["order"]), "delayed": tuple(about["delayed"])}
+    about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct") if name in about}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),

@@ -19,7 +19,7 @@ from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Connection, Port, Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256, state
 from gapsense.tables import Value
@@ -69,6 +69,8 @@ class Subject:
             versions={**versions(), "loop": language()},
             source=str(scenario.path.resolve()),
             figure=scenario.figure,
+            wires=tuple(map(str, scenario.connections)),
+            direct=tuple(str(c) for c in scenario.connections if is_direct(c, self.descriptions)),
         )
 
     @cached_property
@@ -94,10 +96,15 @@ class Subject:
         return Take(columns=self.columns, seeds=seeds, values=values)
 
 
+def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
+    """True if an output of the target depends directly on what the connection carries."""
+    return connection.target.variable in descriptions[connection.target.component].direct_inputs
+
+
 def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
     """FMU and grid of a component."""
     component, description = scenario.components[name], descriptions[name]
-    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256")}
+    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256", "fmi")}
     return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
 
 

@@ -1,0 +1,191 @@
+"""Panels, strips and tubes as figures of Bokeh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gapsense.report.html import style
+from gapsense.report.html.axes import Axes, bk, empty
+from gapsense.report.html.curves import Curve, Panel, Strip, Vector
+from gapsense.report.html.thin import kept
+from gapsense.report.html.tubes import Tube
+from gapsense.report.table import prefixed
+
+HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
+TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
+GAP = 6  # steps without a value
+WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
+
+
+class Entry(NamedTuple):
+    """A curve in the legend of a figure; its renderers have the name `key`, nothing has that of one without."""
+
+    key: str
+    label: str
+    colour: str
+    dash: tuple[int, ...] = ()
+    is_band: bool = False
+
+
+class Drawn(NamedTuple):
+    """A figure with its legend and the label of its axis; `points` is how many of how many rows are shown."""
+
+    figure: Any
+    label: str
+    unit: str
+    legend: tuple[Entry, ...]
+    points: tuple[int, int]
+
+
+def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
+    """Curves over time, with their bands."""
+    made = empty(axes, LOW if of.is_error else HEIGHT, is_last)
+    scale, unit = fitting(of.unit, *(curve.values for curve in of.curves))
+    legend, shown, rows = [], 0, 0
+    for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
+        chosen = kept(curve.values, axes.most)
+        draw(made, thinned(curve, chosen), entry, axes, scale, of.is_error, width(curve, k, len(of.curves)))
+        legend.append(entry)
+        shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
+    fit(made)
+    return Drawn(made, of.title, unit, tuple(legend), (shown, rows))
+
+
+def fit(made: Any) -> None:
+    """Let the upright axis follow the curves, not their bands, which may be much wider."""
+    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, bk.VAreaStep)]
+
+
+def fitting(unit: str, *signals: Vector) -> tuple[float, str]:
+    """Factor and unit in which the largest value has few digits."""
+    if unit in ("", "1"):
+        return 1.0, ""
+    sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in signals]
+    factor, shown = prefixed(float(max(sizes, default=0.0)), unit)
+    return 1.0 / factor, shown
+
+
+def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
+    """Legend of a panel: a colour per component, another stroke for its second curve, truths in the colour of text."""
+    seen: dict[str, int] = {}
+    for k, curve in enumerate(of.curves):
+        turn = seen[curve.component] = seen.get(curve.component, -1) + (0 if curve.is_truth else 1)
+        number = axes.numbers[curve.component]
+        colour = style.INK if curve.is_truth else style.colour(number)
+        dash = () if curve.is_truth else style.dash(number, turn)
+        yield Entry(f"{key}-{k}", curve.name, colour, dash, curve.band is not None)
+
+
+def thinned(curve: Curve, rows: Any) -> Curve:
+    """The rows of a curve that are shown."""
+    half = None if curve.band is None else curve.band[rows]
+    return replace(curve, times=curve.times[rows], values=curve.values[rows], band=half)
+
+
+def width(curve: Curve, place: int, count: int) -> float:
+    """Width of a line: thinner and thinner, so that curves that coincide are all seen [pixels]."""
+    return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
+
+
+def draw(
+    made: Any, curve: Curve, entry: Entry, axes: Axes, scale: float, is_error: bool, line_width: float = 1.4
+) -> None:
+    """One curve; the band of an error is around zero."""
+    curve = curve if curve.is_held else broken(curve)
+    x, y = short(curve.times * axes.factor), short(curve.values * scale)
+    if curve.band is not None:
+        middle = 0.0 if is_error else y
+        area(made, x, middle - curve.band * scale, middle + curve.band * scale, entry)
+    line = {"color": entry.colour, "name": entry.key, "line_width": line_width, "line_dash": list(entry.dash)}
+    if curve.is_held:
+        made.step(x, y, mode="after", **line)
+    else:
+        made.line(x, y, **line)
+
+
+def broken(curve: Curve) -> Curve:
+    """A curve with a gap where no values are; NaN makes a gap."""
+    apart = np.diff(curve.times)
+    gaps = 1 + np.flatnonzero(apart > GAP * np.median(apart)) if apart.size else apart.astype(np.intp)
+    values = np.insert(curve.values, gaps, np.nan)
+    half = None if curve.band is None else np.insert(curve.band, gaps, np.nan)
+    return replace(curve, times=np.insert(curve.times, gaps, curve.times[gaps]), values=values, band=half)
+
+
+def area(made: Any, x: Vector, low: Vector, high: Vector, entry: Entry) -> None:
+    """A band."""
+    fill = {"fill_color": entry.colour, "fill_alpha": 0.16, "name": entry.key}
+    made.varea_step(x, short(low), short(high), step_mode="after", **fill)
+
+
+def short(values: Any) -> Any:
+    """Numbers as exact as a picture needs them."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def strips(of: Sequence[Strip], axes: Axes, is_last: bool = False) -> Drawn:
+    """A row for each signal, with a piece in the colour of each value."""
+    made = empty(axes, ROW * len(of) + 50, is_last)
+    made.y_range, made.yaxis.visible, made.ygrid.visible = bk.Range1d(0.0, float(len(of))), False, False
+    for k, strip in enumerate(of):
+        place(made, strip, len(of) - 1 - k, axes)
+    values = sorted({float(v) for strip in of for v in strip.values})
+    legend = tuple(Entry("", f"{value:g}", colour_of(value)) for value in values)
+    rows = max(strip.times.size for strip in of)
+    return Drawn(made, "modes, flags and codes", "", legend, (rows, rows))
+
+
+def place(made: Any, strip: Strip, row: int, axes: Axes) -> None:
+    """One row of strips, its name above."""
+    left = strip.times * axes.factor
+    right = np.append(left[1:], strip.end * axes.factor)
+    for value in np.unique(strip.values):
+        own = strip.values == value
+        ends = {"left": left[own], "right": right[own], "bottom": row + 0.12, "top": row + 0.5}
+        made.quad(**ends, fill_color=colour_of(float(value)), line_color=None)
+    wide = right - left > WIDE * (axes.range.end - axes.range.start)
+    texts = [f"{value:g}" for value in strip.values[wide]]
+    text = {"text_font_size": "10px", "text_baseline": "middle", "text_align": "center", "text_color": "#ffffff"}
+    made.text(0.5 * (left + right)[wide], [row + 0.31] * len(texts), texts, **text)
+    name = {"text_font_size": "11px", "text_color": style.INK, "text_font": "system-ui, sans-serif"}
+    made.add_layout(bk.Label(x=2, x_units="screen", y=row + 0.54, text=strip.name, **name))
+
+
+def colour_of(value: float) -> str:
+    """Colour of a value in strips."""
+    return style.VALUES[int(value) % len(style.VALUES)]
+
+
+def tube(of: Tube, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
+    """A signal in its tube, and below its difference in the band that is allowed; failing points are marked."""
+    over, under = empty(axes, HEIGHT), empty(axes, LOW, is_last=True)
+    whole = of.values, of.reference, *of.tube
+    less = tuple(values - of.reference for values in whole)
+    rows = min(axes.most, of.times.size), of.times.size
+    scale, unit = fitting(of.unit, *whole[:2])
+    factor, small = fitting(of.unit, *less)
+    drawn = draw_tube(over, of, whole, axes, scale, key)
+    below = draw_tube(under, of, less, axes, factor, f"{key}d")
+    title = f"{of.name}, difference to the baseline"
+    return Drawn(over, of.name, unit, drawn, rows), Drawn(under, title, small, below, rows)
+
+
+def draw_tube(made: Any, of: Tube, what: Sequence[Vector], axes: Axes, scale: float, key: str) -> tuple[Entry, ...]:
+    """Signal, reference, and the tube around it; the rows outside."""
+    colours = (style.INK, style.CURVES[0], style.FAIL)
+    base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(TUBE, colours)))
+    rows, failing = kept(of.values - of.reference, axes.most), np.flatnonzero(of.failing)
+    values, reference, low, high = what
+    area(made, short(of.times[rows] * axes.factor), low[rows] * scale, high[rows] * scale, base)
+    for entry, curve in ((base, reference), (own, values)):
+        draw(made, Curve("", of.times[rows], curve[rows]), entry, axes, scale, is_error=False)
+    if not failing.size:
+        return base, own
+    failing = failing[kept(values[failing], axes.most)]
+    at = short(of.times[failing] * axes.factor), short(values[failing] * scale)
+    made.scatter(*at, marker="x", size=7, line_width=1.5, color=bad.colour, name=bad.key)
+    return base, own, bad

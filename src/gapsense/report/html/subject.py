@@ -1,0 +1,118 @@
+"""What a report is about: a result, and its scenario if that is still the one that ran."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gapsense.cosim import Result, Scenario, read_result
+from gapsense.cosim.load import load
+from gapsense.cosim.sidecar import read_sidecar
+from gapsense.cosim.subject import Subject
+from gapsense.problems import InputError
+
+CHANGED = "changes"  # hash of values given by `--set`
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to the run: a fault, a step of a parameter."""
+
+    name: str
+    begin: float  # [s]
+    end: float
+    what: str = ""  # it did to which signal or parameter
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A result as a report shows it; `note` says why its scenario is not used, if it is not."""
+
+    file: Path
+    result: Result
+    scenario: Scenario | None
+    note: str
+    events: tuple[Event, ...]
+
+    @property
+    def is_changed(self) -> bool:
+        """True if values were laid over the scenario for this run, so that its baseline says nothing."""
+        scenario, run = self.scenario, self.result.run
+        is_other = scenario is not None and (dict(scenario.seeds) != dict(run.seeds) or is_point(scenario, self.result))
+        return CHANGED in run.files or is_other
+
+
+def is_point(scenario: Scenario, result: Result) -> bool:
+    """True if a parameter that a sweep varies has another value than the scenario gives it, or may have."""
+    given = ((str(port), scenario.components[port.component].values.get(port.variable)) for port in scenario.swept)
+    return any(value is None or result.parameters.get(name) != value for name, value in given)
+
+
+def read_all(files: Sequence[Path]) -> list[Shown]:
+    """Saved results; an InputError has the problems of all of them."""
+    problems: list[str] = []
+    found = [shown for file in files if (shown := read(file, problems))]
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def read(file: Path, problems: list[str]) -> Shown | None:
+    """One saved result, or None after noting why it is none."""
+    if sentence := other_kind(file):
+        problems.append(sentence)
+        return None
+    try:
+        result = read_result(file)
+    except InputError as error:
+        problems.extend(error.problems)
+        return None
+    except OSError as error:
+        problems.append(f"`{file}`: {error.strerror}. Correct the path; `gapsense run` writes results.")
+        return None
+    scenario, note = scenario_of(result)
+    return Shown(file, result, scenario, note, events(read_sidecar(file) or {}))
+
+
+def other_kind(file: Path) -> str:
+    """Sentence on a file that is no result of one run, with what to do."""
+    if file.suffix == ".jsonl" or file.stem.endswith("_sweep"):
+        kept = "Sweep with `--signals`, and report the CSV files of its runs"
+        return f"`{file}`: it is of a sweep, a report is about single runs. {kept}."
+    if file.is_dir() or file.suffix == ".parquet":
+        return f"`{file}`: it is no result of a single run. Name the CSV file of one; `gapsense run` writes it."
+    if file.suffix == ".json":
+        return f"`{file}`: it is the side-car of a result. Name the CSV file beside it, `{file.with_suffix('.csv')}`."
+    return ""
+
+
+def scenario_of(result: Result) -> tuple[Scenario | None, str]:
+    """The scenario that ran, or why it is not to be had: its metrics tell what is compared, its baseline the tubes."""
+    run = result.run
+    if not run.source or not Path(run.source).is_file():
+        return None, "The scenario's file is not where it was: no baseline, and what is compared is guessed by names."
+    try:
+        scenario = load(run.source, run.variant)
+    except (InputError, OSError):
+        return None, "The scenario cannot be read any more: no baseline, and what is compared is guessed by names."
+    now = {**Subject(scenario, {}).hashes(), **{name: run.files[name] for name in (CHANGED,) if name in run.files}}
+    if now != dict(run.files):
+        return None, "The scenario has changed since it ran: no baseline, and what is compared is guessed by names."
+    return scenario, ""
+
+
+def events(sidecar: Mapping[str, Any]) -> tuple[Event, ...]:
+    """Events that the side-car of a result tells."""
+    told = sidecar.get("events") or sidecar.get("run", {}).get("events") or ()
+    stop = float(sidecar.get("run", {}).get("stop", 0.0))
+    return tuple(
+        Event(
+            str(e["name"]),
+            float(e["begin"]),
+            float(stop if e.get("end") is None else e["end"]),
+            f"{e.get('action', '')} {e.get('target', '')}".strip(),
+        )
+        for e in told
+    )
