@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.cosim.difference import Difference
 from gapsense.report.html import style
 from gapsense.report.html.axes import Axes, bk, empty
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector
 from gapsense.report.html.thin import kept
-from gapsense.report.html.tubes import Tube
 from gapsense.report.table import prefixed
 
 HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
@@ -160,7 +160,7 @@ def colour_of(value: float) -> str:
     return style.VALUES[int(value) % len(style.VALUES)]
 
 
-def tube(of: Tube, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
+def tube(of: Difference, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     """A signal in its tube, and below its difference in the band that is allowed; failing points are marked."""
     over, under = empty(axes, HEIGHT), empty(axes, LOW, is_last=True)
     whole = of.values, of.reference, *of.tube
@@ -174,7 +174,9 @@ def tube(of: Tube, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     return Drawn(over, of.name, unit, drawn, rows), Drawn(under, title, small, below, rows)
 
 
-def draw_tube(made: Any, of: Tube, what: Sequence[Vector], axes: Axes, scale: float, key: str) -> tuple[Entry, ...]:
+def draw_tube(
+    made: Any, of: Difference, what: Sequence[Vector], axes: Axes, scale: float, key: str
+) -> tuple[Entry, ...]:
     """Signal, reference, and the tube around it; the rows outside."""
     colours = (style.INK, style.CURVES[0], style.FAIL)
     base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(TUBE, colours)))
