@@ -1,9 +1,10 @@
-"""Every code block of the pages for users runs, page by page, from top to bottom, in a folder of its own.
+"""Every code block of every page runs, page by page, from top to bottom, in a folder of its own.
 
 A block of TOML is checked; one without a title is laid over the last whole scenario, on the page or made by a command.
 Python runs in one namespace per page, lines after `$` of a console block are commands. What they print must be what
 the block, or the text block after Python, says; `...` stands for anything. Before a block, `<!-- file: NAME -->`
-writes it first of all, `<!-- exit: CODE -->` tells how its commands end, `<!-- skip: REASON -->` leaves it out.
+writes it first of all, `<!-- exit: CODE -->` tells how its commands end. `<!-- skip: REASON -->` does not run it: its
+TOML is loaded, its Python compiled, and that its commands exist is tested in `test_commands.py`, as for all.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from sources import ROOT
+from test_commands import SCENARIO
 from typer.testing import CliRunner
 
 from gapsense import Scenario, campaign
@@ -37,9 +39,15 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-NAMES = ("tutorial", "scenario-file", "python", "faults", "campaigns", "ssp", "regression", "report")
-PAGES = [ROOT / "docs" / f"{name}.md" for name in NAMES]
-LONG = ("ssp.md", "regression.md")
+CODE = re.compile(r"```|~~~|<pre|^ {4}\S", re.MULTILINE)
+ELSEWHERE = {  # pages that show code, and the tests of it
+    "run-to-run.md": "test_commands.py",  # its commands run, its piece of a scenario is read
+    "run-to-run-study.md": "test_commands.py",  # its commands exist; each takes minutes
+}
+SHOWING = [page for page in sorted((ROOT / "docs").glob("*.md")) if CODE.search(page.read_text(encoding="utf-8"))]
+PAGES = [page for page in SHOWING if page.name not in ELSEWHERE]
+LONG = ("measure-your-valve.md", "regression.md", "ssp.md")
+UNRUN = ("c", "console", "csv", "python", "sh", "text", "toml")  # kinds of blocks that need not run, with a reason
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 APART = {("pythonfmu", "build"), ("gapsense", "build")}  # not in a process that has run FMUs made with pythonfmu
@@ -132,14 +140,51 @@ def folder(tmp_path: Path, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
 )
 def test_blocks_of_a_page_run_in_order(page, folder):
     reader, every = Reader(), blocks(page)
-    assert len(every) > 5
+    assert every
+    BEFORE.get(page.name, list)()
     for block in every:
         if block.note == "file":
-            (folder / block.about).parent.mkdir(exist_ok=True)
-            (folder / block.about).write_text(block.text, encoding="utf-8")
+            Path(block.about).parent.mkdir(exist_ok=True)
+            Path(block.about).write_text(block.text, encoding="utf-8")
     for block in every:
-        if block.note != "skip" and (block.note != "file" or "title =" in block.text):
+        if block.note == "skip":
+            unrun(block)
+        elif block.note != "file" or "title =" in block.text:
             getattr(reader, block.kind)(block)
+
+
+def unrun(block: Block) -> None:
+    """What can be known of a block without running it."""
+    assert block.kind in UNRUN and len(block.about.split()) > 2, block.place
+    if block.kind == "toml":
+        problems = read_draft(Document(Path("scenario.toml"), {**SCENARIO, **tomllib.loads(block.text)})).problems
+        assert not [p for p in problems if "omponent" not in p], block.place  # which the piece does not have
+    elif block.kind == "python":
+        compile(block.text, block.place, "exec")
+
+
+def test_pages_that_are_tested_elsewhere_show_code():
+    assert set(ELSEWHERE) <= {page.name for page in SHOWING}
+    assert all((Path(__file__).parent / test).is_file() for test in ELSEWHERE.values())
+
+
+@pytest.mark.parametrize("code", ["```\nx\n```\n", "~~~\nx\n~~~\n", "    gapsense run x\n", "<pre>x</pre>\n"])
+def test_code_is_found_and_must_have_a_kind(code, tmp_path):
+    page = tmp_path / "new.md"
+    page.write_text(f"# New\n\n{code}", encoding="utf-8")
+    assert CODE.search(page.read_text(encoding="utf-8"))
+    with pytest.raises(AssertionError):
+        test_page_has_no_code_outside_of_blocks(page)
+
+
+@pytest.mark.parametrize(
+    "block", ["```python\nassert False\n```", "```toml\n[x\n```", "<!-- skip: for a reason -->\n```toml\n[x\n```"]
+)
+def test_block_that_is_wrong_fails(block, folder):
+    page = folder / "new.md"
+    page.write_text(f"{block}\n", encoding="utf-8")
+    with pytest.raises((AssertionError, tomllib.TOMLDecodeError)):
+        test_blocks_of_a_page_run_in_order(page, folder)
 
 
 def record(file: Path, volts: float, seed: int) -> None:
@@ -154,23 +199,20 @@ def record(file: Path, volts: float, seed: int) -> None:
     np.savetxt(file, np.stack(columns, axis=1), delimiter=",", header=head, comments="")
 
 
+def records() -> None:
+    """What the page on measuring has its reader record."""
+    record(Path("valve.csv"), 30.0, 3)
+    for volts in (30.0, 24.0, 27.0):
+        record(Path(f"valve_{volts:g}.csv"), volts, int(volts))
+    Path("known.toml").write_text('[values]\n"stop.upper" = 0.9e-3\n', encoding="utf-8")
+
+
+BEFORE = {"measure-your-valve.md": records}
+
+
 def lines_of(page: str) -> list[str]:
     """Commands of a page, outside of blocks."""
     return re.findall(r"^ {4}(gapsense .*)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
-
-
-@pytest.mark.slow
-def test_commands_of_the_page_on_measuring_run(folder):
-    record(folder / "valve.csv", 30.0, 3)
-    for volts in (30.0, 24.0, 27.0):
-        record(folder / f"valve_{volts:g}.csv", volts, int(volts))
-    (folder / "known.toml").write_text('[values]\n"stop.upper" = 0.9e-3\n', encoding="utf-8")
-    commands = [c for c in lines_of("docs/measure-your-valve.md") if "gapsense study" not in c]
-    assert len(commands) == 4
-    for command in commands:
-        code, output = called("gapsense", shlex.split(command)[1:])
-        assert code == 0, (command, output)
-    assert (folder / "build" / "mine" / "BoundedUkf.fmu").is_file()
 
 
 @pytest.mark.slow
@@ -194,5 +236,5 @@ def test_commands_of_the_readme_run(folder):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_page_has_no_code_outside_of_blocks(page):
     rest = FENCE.sub("", page.read_text(encoding="utf-8"))
-    assert "```" not in rest and not re.search(r"^ {4}\S", rest, re.MULTILINE)
+    assert not CODE.search(rest)
     assert all(block.kind for block in blocks(page))
