@@ -46,7 +46,7 @@ ELSEWHERE = {  # pages that show code, and the tests of it
 }
 SHOWING = [page for page in sorted((ROOT / "docs").glob("*.md")) if CODE.search(page.read_text(encoding="utf-8"))]
 PAGES = [page for page in SHOWING if page.name not in ELSEWHERE]
-LONG = ("measure-your-valve.md", "regression.md", "ssp.md")
+LONG = ("campaigns.md", "measure-your-valve.md", "regression.md", "report.md", "ssp.md", "tutorial.md")
 UNRUN = ("c", "console", "csv", "python", "sh", "text", "toml")  # kinds of blocks that need not run, with a reason
 REFERENCE = "scenario-file.md"  # whose examples of single keys fit no one scenario: these are only loaded
 FENCE = re.compile(r"^(?:<!-- (file|skip|exit): ([^\n]+) -->\n)?```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
