@@ -50,6 +50,7 @@ def cluster(start, tmp_path, monkeypatch):
             words = [address, "--no-dashboard", *(arguments or ("--nthreads", "1", "--no-nanny"))]
             return start("distributed.cli.dask_worker", *words, **{**where, **options, **more})
 
+        await_port(port)
         made = Cluster(address, scheduler, add)
         workers[:] = [add() for _ in range(count)]
         return made
@@ -57,6 +58,16 @@ def cluster(start, tmp_path, monkeypatch):
     workers: list[subprocess.Popen] = []
     make.workers = workers
     return make
+
+
+def await_port(port: int) -> None:
+    """Wait until a process listens: on a busy machine a scheduler takes a while to load."""
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        with socket.socket() as caller:
+            if caller.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
 
 
 def rows(result):

@@ -26,7 +26,7 @@ from gapsense.ledger import Entry
 from gapsense.problems import InputError
 from gapsense.workers import LOOK, Answers, Pending
 
-PATIENCE = 10.0  # seconds until there must be an answer, or a worker
+PATIENCE = 30.0  # seconds until there must be an answer, or a worker
 AHEAD = 2  # tasks per thread of the cluster, so that none waits for us
 LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
