@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from pkgutil import resolve_name
 from queue import Empty, Queue
@@ -196,5 +197,7 @@ def packed(prepared: Prepared) -> Pack:
     """What every worker gets once."""
     study, scenario, descriptions = prepared.study, prepared.scenario, prepared.descriptions
     fmus = {str(d.path): d.path.read_bytes() for d in descriptions.values()}
-    files = {str(file.resolve()): file.read_bytes() for file in (*scenario.files, *study.files)}
+    whole = tuple(file.resolve() for file in scenario.files)  # workers have another working folder
+    files = {str(file): file.read_bytes() for file in (*whole, *(file.resolve() for file in study.files))}
+    scenario = replace(scenario, path=scenario.path.resolve(), files=whole)
     return Pack(scenario, descriptions, study.signals, study.decimation, {**fmus, **files})
