@@ -24,7 +24,7 @@ types: .venv/installed
 	$(BIN)/mypy
 
 unit: fmus
-	$(BIN)/pytest -q -n 2 -m "not slow"
+	$(BIN)/pytest -q -n 2 -m "not slow" --durations=25
 
 scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
@@ -38,7 +38,8 @@ bench: fmus
 	$(BIN)/python benchmarks/runner.py
 	$(BIN)/python benchmarks/filters.py
 	$(BIN)/python benchmarks/identify.py
-	$(BIN)/python build_fmus.py --native --platforms here && $(BIN)/python benchmarks/native.py && $(BIN)/python benchmarks/whole.py
+	$(BIN)/python benchmarks/campaign.py
+	$(BIN)/python build_fmus.py --native --platforms here && $(BIN)/python benchmarks/native.py && $(BIN)/python benchmarks/whole.py && $(BIN)/python benchmarks/run_to_run.py
 
 release: ziglang
 	rm -rf dist/native

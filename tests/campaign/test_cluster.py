@@ -41,7 +41,8 @@ def cluster(start, tmp_path, monkeypatch):
             free.bind(("127.0.0.1", 0))
             port = free.getsockname()[1]
         address = f"tcp://127.0.0.1:{port}"
-        where = {**QUIET, "cwd": tmp_path}
+        (tmp_path / "there").mkdir(exist_ok=True)
+        where = {**QUIET, "cwd": tmp_path / "there"}
         scheduler = start(
             "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard", **where
         )
@@ -50,6 +51,7 @@ def cluster(start, tmp_path, monkeypatch):
             words = [address, "--no-dashboard", *(arguments or ("--nthreads", "1", "--no-nanny"))]
             return start("distributed.cli.dask_worker", *words, **{**where, **options, **more})
 
+        await_port(port)
         made = Cluster(address, scheduler, add)
         workers[:] = [add() for _ in range(count)]
         return made
@@ -57,6 +59,16 @@ def cluster(start, tmp_path, monkeypatch):
     workers: list[subprocess.Popen] = []
     make.workers = workers
     return make
+
+
+def await_port(port: int) -> None:
+    """Wait until a process listens: on a busy machine a scheduler takes a while to load."""
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        with socket.socket() as caller:
+            if caller.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
 
 
 def rows(result):
@@ -148,7 +160,9 @@ def test_run_that_ends_its_process_is_a_row_and_ends_no_worker(write, fmus, clus
     assert cluster.workers[0].poll() is None
 
 
-def test_files_and_fmus_come_to_workers_that_see_none_of_the_clients_folders(write, fmus, cluster, tmp_path):
+def test_files_and_fmus_come_to_workers_that_see_none_of_the_clients_folders(
+    write, fmus, cluster, tmp_path, monkeypatch
+):
     scenario = NOISE + '[sweep]\n"source.table.file" = ["a.toml", "b.toml"]\n'
     study = write('title = "Files"\nscenario = "demo"\n', scenario)
     for name in ("a", "b"):
@@ -167,7 +181,8 @@ def test_files_and_fmus_come_to_workers_that_see_none_of_the_clients_folders(wri
             except OSError:
                 continue
 
-    result = campaign.run(study, None, tmp_path / "out", mine, made.address, progress=watch)
+    monkeypatch.chdir(tmp_path)  # where the names that are given here say something, and there nothing
+    result = campaign.run(study.name, None, "out", mine.name, made.address, progress=watch)
     assert result.failed == 0 and result.rows == 2 and not opened
 
 

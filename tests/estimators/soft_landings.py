@@ -102,14 +102,15 @@ def landings(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1) -> Land
 
 
 @cache
-def estimated(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1) -> dict[str, np.ndarray]:
+def estimated(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1, pace: float = 1.0) -> dict[str, np.ndarray]:
     """Outputs of `Mhe` (samples, runs) with 2 mA of noise; it is told which operation is commanded."""
     s = landings(dt, restitution, seed)
     k, per = np.arange(len(s.mode))[:, None], round(CYCLE / dt)
     command = np.broadcast_to((((k - 1) % per < round(CLOSED / dt)) | (k == 0)) * 1.0, s.mode.shape)
     noisy = s.current + 2e-3 * np.random.default_rng(seed).standard_normal(s.current.shape)
     options: dict[str, Any] = {f"option.{name}": True for name in ("further", "command", "mean")}
-    par = kernel_parameters(own("mhe"), {**reduced(VALVE), **BLIND, **TOLD, **options, "sample_time": dt})
+    options |= {"sample_time": dt, "window.pace": pace}
+    par = kernel_parameters(own("mhe"), {**reduced(VALVE), **BLIND, **TOLD, **options})
     given = np.stack([np.broadcast_to(k * dt, noisy.shape), s.voltage, noisy, command], axis=1)
     found = stepped(Kernel(mhe), given, flat(par), SHOWN)
     return {name: found[:, j] for j, name in enumerate(SHOWN)}

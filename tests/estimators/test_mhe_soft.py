@@ -147,3 +147,12 @@ def test_it_begins_again_after_two_windows_that_nothing_explains(further: float,
     after = mhe_window._finished(work, 9.0, state.samples, 1.0, par)
     assert (after.age > mhe_records.RING - 1.0) == forgets and after.learnt.misfit == 9.0
     np.testing.assert_array_equal(after.q_prior, [0.0] * mhe_records.N if forgets else known)
+
+
+def test_more_pace_tells_the_same_sooner() -> None:
+    """The first closings, from parameters that are wrong: with one piece of work in a step, and with 32."""
+    s = landings(50e-6)
+    pairs = [[told(s, estimated(50e-6, pace=pace), run)[0] for run in range(RUNS)] for pace in (1.0, 32.0)]
+    slow, fast = (np.array([(row.late, row.misfit, row.time) for row in rows]) for rows in pairs)
+    assert np.median(fast[:, 0]) < 0.3 * np.median(slow[:, 0]) and fast[:, 0].max() < slow[:, 0].max()
+    assert np.all(np.abs(fast[:, 1] - slow[:, 1]) < 0.3) and np.all(np.abs(fast[:, 2]) < 0.1e-3)

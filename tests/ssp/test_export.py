@@ -66,6 +66,11 @@ delayed = true
 "types.label" = "n = "
 "types.step" = { times = [-0.3, 0.35, 1.2], values = [1, 2, 5], interpolation = "hold" }
 "types.is_on" = true
+[events.kick]
+target = "gain.u"
+action = "bias"
+value = 0.25
+at = 0.2
 [seeds]
 noise = 7
 [record]
@@ -112,6 +117,7 @@ def test_all_comes_back_with_the_same_bits(scenario, stock, tmp_path, variant):
         k: v for k, v in again.parameters.items() if k not in files
     }
     assert Path(again.parameters["source.table.file"]).read_text() == "1,2\n"
+    assert result.events and result.events == again.events
     assert result.run.seeds == again.run.seeds and result.run.method == again.run.method
     assert again.run.title == "All that a scenario may say: <&>"
 

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from pkgutil import resolve_name
 from queue import Empty, Queue
@@ -26,7 +27,7 @@ from gapsense.ledger import Entry
 from gapsense.problems import InputError
 from gapsense.workers import LOOK, Answers, Pending
 
-PATIENCE = 10.0  # seconds until there must be an answer, or a worker
+PATIENCE = 30.0  # seconds until there must be an answer, or a worker
 AHEAD = 2  # tasks per thread of the cluster, so that none waits for us
 LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
@@ -196,5 +197,7 @@ def packed(prepared: Prepared) -> Pack:
     """What every worker gets once."""
     study, scenario, descriptions = prepared.study, prepared.scenario, prepared.descriptions
     fmus = {str(d.path): d.path.read_bytes() for d in descriptions.values()}
-    files = {str(file.resolve()): file.read_bytes() for file in (*scenario.files, *study.files)}
+    whole = tuple(file.resolve() for file in scenario.files)  # workers have another working folder
+    files = {str(file): file.read_bytes() for file in (*whole, *(file.resolve() for file in study.files))}
+    scenario = replace(scenario, path=scenario.path.resolve(), files=whole)
     return Pack(scenario, descriptions, study.signals, study.decimation, {**fmus, **files})

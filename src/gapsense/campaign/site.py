@@ -84,7 +84,7 @@ class Site(WorkerPlugin):
         pack, here = self.pack, self.paths
         scenario = pack.scenario
         components = {name: located(component, here) for name, component in scenario.components.items()}
-        files = tuple(Path(here.get(str(file.resolve()), file)) for file in scenario.files)
+        files = tuple(Path(here[str(file)]) for file in scenario.files)
         moved = replace(scenario, components=components, files=files)
         descriptions = {n: replace(d, path=Path(here[str(d.path)])) for n, d in pack.descriptions.items()}
         return job(moved, descriptions, pack.signals, pack.decimation)

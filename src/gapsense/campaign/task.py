@@ -14,6 +14,8 @@ from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sweep import mourner
 from gapsense.cosim.worker import request
+from gapsense.ledger import Entry
+from gapsense.processes import Died, Marks
 from gapsense.workers import Job
 
 TRIES = 2  # of a run whose process dies: somebody may have ended it
@@ -26,7 +28,14 @@ def job(scenario: Scenario, descriptions: Descriptions, signals: tuple[str, ...]
         "signals": list(signals),
         "decimation": decimation,
     }
-    return Job(CampaignRuns, task, 1, None, mourner(scenario, descriptions), limit_of(scenario), tries=TRIES)
+    mourn = mourner(scenario, descriptions)
+
+    def mourned(died: Died, marks: Marks) -> Entry:
+        """The error, with the last that a process wrote which ended by itself."""
+        last, entry = died.words.rpartition("\n")[2], mourn(died, marks)
+        return {"error": f"{entry['error']} It wrote: {last}"} if last and "exit code" in died.cause else entry
+
+    return Job(CampaignRuns, task, 1, None, mourned, limit_of(scenario), tries=TRIES)
 
 
 def local_job(prepared: Prepared, workers: int) -> Job:

@@ -9,7 +9,7 @@ from gapsense.cosim.document import Document
 from gapsense.cosim.scenario import Component, Scenario
 from gapsense.problems import listing
 
-WHOLE = ("title", "description", "figure", "experiment", "record", "metrics")  # as the file has them
+WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
 
@@ -61,6 +61,8 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
         yield f"signals of {found}: they are in our annotation only; elsewhere their first value holds."
     if delayed:
         yield f"delay of {listing(delayed)}: it is in our annotation only."
+    if scenario.events:
+        yield f"events {listing([*scenario.events])}: they are in our annotation only; elsewhere they do not happen."
     for key, what in LEFT_OUT.items():
         if data.get(key):
             yield f"{key}: {what} is left out." if key != "variants" else f"{key}: {what} are left out."
