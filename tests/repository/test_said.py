@@ -10,6 +10,8 @@ from functools import cache
 import pytest
 from sources import PYTHON, ROOT, SRC, tree
 
+from gapsense.cosim.metrics import KINDS
+
 PAGES = ("foreign-fmus", "import", "troubleshooting")
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 GAP = "\0"  # stands for what a program puts in
@@ -54,6 +56,11 @@ def is_said(quotation: str) -> bool:
 def test_quotations_of_a_page_are_said_by_the_programs(name):
     found = quoted((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8"))
     assert found and [quotation for quotation in found if not is_said(quotation)] == []
+
+
+def test_page_on_metrics_has_every_kind():
+    rows = re.findall(r"^\| (`.+?`) \|", (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(KINDS) <= {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
 def test_what_nobody_says_is_found():
