@@ -22,6 +22,7 @@ def short(file: Path, variant: str | None) -> Document:
     data = dict(read_document(file, []).with_variant(variant, []).data)
     given = data["experiment"]
     stop = given.get("start", 0.0) + STEPS * given["base_step"]
+    stop = given["stop"] if data.get("events") else stop  # each has its time in the run
     rest = {key: value for key, value in data.items() if key not in LEFT_OUT}
     return Document(file, {**rest, "experiment": {**given, "stop": stop}})
 
