@@ -80,10 +80,18 @@ def bits(trace: list[list[float]]) -> list[list[str]]:
     return [[float(value).hex() for value in row] for row in trace]
 
 
+LONG = ("mhe",)  # whose options take 15 s each: those that are not the default are run with the slow ones
+
+
 @pytest.mark.parametrize(
     ("part", "index"),
     [
-        pytest.param(folder, k, id=f"{folder.name}-{'default' if not s else '='.join(map(str, *s.items()))}")
+        pytest.param(
+            folder,
+            k,
+            id=f"{folder.name}-{'default' if not s else '='.join(map(str, *s.items()))}",
+            marks=[pytest.mark.slow] if k and folder.name in LONG else [],
+        )
         for folder, found in SETTINGS.items()
         for k, s in enumerate(found)
     ],
