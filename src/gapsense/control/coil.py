@@ -41,10 +41,14 @@ def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     )
 
 
+def usual_current(par: Parameters) -> Scalar:
+    """Of an ordinary closing that has lasted [A]."""
+    return par.voltage_hold / par.coil_resistance
+
+
 def zeroed(coil: Coil, par: Parameters) -> Coil:
     """After an ordinary opening, which leaves no current; one that is too large for an offset has not decayed yet."""
-    usual = par.voltage_hold / par.coil_resistance
-    off = where(fabs(coil.late_current) < OFFSET * usual, coil.late_current, 0.0)
+    off = where(fabs(coil.late_current) < OFFSET * usual_current(par), coil.late_current, 0.0)
     return coil._replace(
         zero=coil.zero + off,
         held_current=coil.held_current - off,
@@ -55,8 +59,7 @@ def zeroed(coil: Coil, par: Parameters) -> Coil:
 
 def held_resistance(coil: Coil, par: Parameters) -> Scalar:
     """Of an ordinary closing, at its end: voltage over current."""
-    usual = par.voltage_hold / par.coil_resistance
-    is_large = coil.held_current > HOLDS * usual
+    is_large = coil.held_current > HOLDS * usual_current(par)
     R = coil.held_voltage / where(is_large, coil.held_current, 1.0)
     return where(is_large, _possible(R, par), coil.resistance)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws, learning
-from gapsense.control.coil import closed, held_resistance, told, topped, zeroed
+from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, zeroed
 from gapsense.control.judging import LOWER, UPPER, judged_by_contact
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
@@ -103,7 +103,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     )
     used = where(by_contact, new.measured, new.resistance)
     state = _ended(state, used - coil.resistance, inputs, par)
-    is_off = by_contact & (fabs(coil.zero - state.coil.zero) > OFFSET * par.voltage_hold / par.coil_resistance)
+    is_off = by_contact & (fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par))
     state = cond(is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
     known = cond(state.cycles == YOUNG, lambda: _grown(state.laws, par), lambda: state.laws)
     return state._replace(

@@ -41,8 +41,8 @@ from gapsense.trace import clip, cond, fabs, load, loop, store, where
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
-PACE = 7  # of them that a pass takes in a step
-FASTEST = 64  # such pieces in a step, at most
+PACE = 7  # samples of a trial that are a piece of work
+FASTEST = 64  # pieces in a step, at most
 AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
 Smoothed = tuple[Array, Array]  # memory of the flux linkages and positions of a trial
 

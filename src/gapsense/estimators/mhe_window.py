@@ -4,8 +4,8 @@ The cost of corrections q is sum w^2 (i - i_model)^2 + (q - q0)' Pi (q - q0), wi
 arrival cost.  Phases: a pass with derivatives J of the current sums up H = sum w^2 J J' and g = sum w^2 J r; H + Pi is
 inverted; a trial without derivatives must lower the cost, or the step is shortened (or sought again with more on the
 diagonal, by Levenberg and Marquardt, if `option.further` has it so); then comes another pass with derivatives, or this
-was the last trial: the smoothed estimate.  The inverse then becomes the next Pi.  Work per sample is bounded: `PACE`
-samples of a pass, or two pivots of an inverse.
+was the last trial: the smoothed estimate.  The inverse then becomes the next Pi.  Work per sample is bounded:
+`window.pace` pieces of a pass, or two pivots of an inverse.
 """
 
 from __future__ import annotations
