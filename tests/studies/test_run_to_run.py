@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,8 @@ from gapsense.control.mover import make_mover
 from gapsense.control.profile import flux
 from gapsense.control.records import CLOSING, OPENING
 from gapsense.control.tracking import planned
+from gapsense.cosim.load import load
+from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel
 from gapsense.records import flat, names, record
 from gapsense.report.table import text
@@ -26,6 +29,7 @@ from gapsense.studies.run_to_run.cycles import NEVER, Outcome, cycle_of, hardest
 from gapsense.studies.run_to_run.loops import LAWS, controller, loop_of
 from gapsense.studies.run_to_run.measures import impact_energy, missed, verdicts, warned, worst_cycle
 
+ROOT = Path(__file__).resolve().parents[2]
 PLAIN = CONDITIONS["plain"]
 TOLD = controller(PLAIN)
 CYCLE, CLOSED = 1000, 490  # samples
@@ -56,6 +60,15 @@ def test_an_actuator_does_not_depend_on_those_beside_it():
     some, more = (drawn("reluctance_actuator", 7, runs, 0.1)["mover_mass"] for runs in (range(2, 4), range(9)))
     assert np.array_equal(some, more[2:4])
     assert not np.any(drawn("reluctance_actuator", 8, range(9), 0.1)["mover_mass"] == more)
+
+
+@pytest.mark.parametrize(("variant", "name"), [("", "plain"), ("model", "plain"), ("play", "play")])
+def test_scenario_tells_the_estimator_what_the_study_does(variant, name):
+    mhe = load(ROOT / "scenarios" / "run_to_run", variant or None).components["mhe"]
+    told = kernel_parameters(own("mhe"), mhe.values)._asdict()
+    expected = loop_of("model", CONDITIONS[name], 1, range(1)).par
+    pairs = {key: (np.ravel(expected[f"mhe.{key}"]), np.ravel(value)) for key, value in told.items()}
+    assert {key: pair for key, pair in pairs.items() if pair[0] != pytest.approx(pair[1], rel=1e-6)} == {}
 
 
 # what is measured of a cycle

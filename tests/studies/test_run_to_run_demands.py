@@ -5,13 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gapsense.studies.run_to_run.conditions import CONDITIONS
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.studies.estimators.parameters import VALVE, blind
+from gapsense.studies.run_to_run.chain import Chain, Running
+from gapsense.studies.run_to_run.conditions import CONDITIONS, LEARNING, samples
 from gapsense.studies.run_to_run.cycles import NEVER, Outcome
+from gapsense.studies.run_to_run.loops import loop_of
 from gapsense.studies.run_to_run.measures import DEMANDS, LAST, quantile, verdicts
 from gapsense.studies.run_to_run.study import SEED, TUNED_ON, compared
+from gapsense.studies.run_to_run.taught import CORES
 
 HELD_OUT = 6
 FEWER = 60  # actuators where a row has 200 cycles
+BLIND = {  # what `Mhe` is told of a core that nobody knows
+    **{name: value for name, value in kernel_parameters(own("mhe"), blind(VALVE))._asdict().items() if "core_" in name},
+    **{"prior_eddy": 0.5, "prior_hysteresis": 1.0, "prior_knee": 0.4, "prior_core": 1.5, "model_error": 1.8e-3},
+}
 ROWS = dict.fromkeys(demand[:2] for demand in DEMANDS)
 
 
@@ -43,3 +52,28 @@ def test_what_learns_is_softer_than_what_does_not():
     for other in searched:  # and it is so much sooner
         assert np.all(quantile(contact[5:10], "90 %") < 0.5 * quantile(other[5:10], "90 %"))
     assert np.mean(contact[3:] == NEVER) < 1e-3
+
+
+@pytest.mark.slow
+def test_early_impacts_without_a_contact_are_no_harder_than_with_one():
+    outcomes = {
+        ("plain", law): compared([("plain", law)], 200, 11, HELD_OUT).outcomes["plain", law] for law in LEARNING
+    }
+    (early,) = (v for v in verdicts(outcomes) if "over contact" in v.sentence)
+    assert early.holds, early.found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plain", "play"])
+def test_a_nominal_actuator_teaches_what_the_estimator_is_told_of_its_core(name):
+    """Ten cycles of 20 of them, which differ in their noise, from what `Mhe` is told of a core that nobody knows."""
+    condition = CONDITIONS[name]._replace(width=0.0)
+    loop, (count, closed) = loop_of("model", condition, HELD_OUT, range(20)), samples(condition)
+    par = {**loop.par, **{f"mhe.{key}": np.full((1, 1), value) for key, value in BLIND.items()}}
+    recorded = tuple(f"mhe.{key}" for key in ("core_reluctance", "knee", "saturation", "eddy", "hysteresis"))
+    made = Chain(loop.chain.parts, recorded, loop.chain.given, count)
+    running = Running(made, par, [0.0, 0.0], condition.sample_time, 20)
+    command = np.arange(count) < closed
+    for _ in range(10):
+        found = running.go(par, np.transpose([command, 24.0 * command]))
+    assert found[-1].mean(axis=1) == pytest.approx(CORES[condition.plant], rel=0.05)

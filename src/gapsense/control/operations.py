@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws, learning
 from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, zeroed
-from gapsense.control.judging import LOWER, UPPER, judged_by_contact
+from gapsense.control.judging import GOOD, LOWER, UPPER, judged_by_contact
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, OPENING, Coil, Heard, Inputs, LawKind, Noted, Parameters, Running, State
@@ -16,7 +16,7 @@ from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
 SOLVED = 2.0  # windows in a row that an estimator has to solve well before it is followed
 LOST = 0.1  # windows per operation that an estimator may give up, and so never count
-YOUNGEST, TRUSTED = 2.0, 0.1  # cycles, and share per cycle more, in which an estimator's flux linkage is taken
+FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 WARM = 0.85  # share of the voltage that the resistance may need
@@ -66,10 +66,10 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """The flux linkage with which an opening begins: a mean of the last ones, or more and more the estimator's."""
+    """The flux linkage with which an opening begins: a mean of the last ones, or that of an estimator in its senses."""
     coil, by_contact = state.coil, par.law == LawKind.contact
-    share = where(by_contact, 0.0, clip(TRUSTED * (state.cycles - YOUNGEST), 0.0, 1.0))
-    told = coil._replace(flux=coil.flux + share * (inputs.estimated_flux_linkage - coil.flux))
+    off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
+    told = coil._replace(flux=coil.flux + where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
     return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
 
 

@@ -22,21 +22,23 @@ from gapsense.studies.run_to_run import converter, given, late
 from gapsense.studies.run_to_run.actuators import drawn
 from gapsense.studies.run_to_run.chain import Chain, Part
 from gapsense.studies.run_to_run.conditions import Condition, samples
+from gapsense.studies.run_to_run.taught import core
 
 NOISE = 2e-3  # of the current [A]
 RECENT = 0.9  # of a cycle: age of a smoothed sample that the estimator still tells
 PRIORS = ("gap", "saturation", "mass", "rest", "damping", "bend")  # known to 10 %
+LOSSES = ("eddy", "hysteresis", "knee", "core")  # of another actuator of the type
 FURTHER: dict[str, float] = {  # what an estimator that serves `RunToRun` is told beyond the numbers of the valve
     **dict.fromkeys(("option_further", "option_command", "option_mean", "option_zero"), 1.0),
     **{f"prior_{name}": 0.1 for name in PRIORS},
-    "prior_core": 1.5,
-    "model_error": 1.8e-3,
+    **{f"prior_{name}": 0.3 for name in LOSSES},
+    "model_error": 3.5e-3,
     "edge": 3.0,
     "window_tail": 6e-3,
     "window_longest": 30e-3,
     "window_pace": 32.0,
 }
-GENTLE = {"approach_first": 0.25, "approach_least": 0.06}  # what the law `model` can be told
+GENTLE = {"approach_first": 0.17, "approach_least": 0.06}  # what the law `model` can be told
 
 
 class Kind(NamedTuple):
@@ -158,7 +160,7 @@ def _late(condition: Condition) -> dict[str, Any]:
 
 def _estimator(condition: Condition) -> dict[str, Any]:
     par: Mapping[str, Any] = kernel_parameters(own("mhe"), blind(VALVE))._asdict()
-    par = {**par, **FURTHER}
+    par = {**par, **FURTHER, **core(condition.plant)}
     wider = {name: condition.prior * value for name, value in par.items() if name.startswith("prior_")}
     told = {"sample_time": condition.sample_time, "publish_within": RECENT * condition.period}
     return {**par, **wider, **told, "noise_current": NOISE, "noise_voltage": 0.0}

@@ -43,6 +43,7 @@ DEMANDS = (
     *(Demand(name, law, "median", 20, 0.12) for name in ("offset", "negative-offset") for law in ("contact", "model")),
     Demand("half-bridge", "contact", "median", -LAST, 0.22),
 )
+EARLY = slice(2, 11)  # cycles in which the hardest impact of `model` is held to that of `contact`
 MISSED = 1e-3  # share of the operations that need not arrive
 
 
@@ -93,7 +94,17 @@ def verdicts(outcomes: Mapping[tuple[str, str], Outcome]) -> list[Verdict]:
     speeds = {d[:2]: outcomes[d[:2]].speeds for d in DEMANDS if d[:2] in outcomes}
     made = [_judged(d, speeds[d[:2]]) for d in DEMANDS if d[:2] in speeds and _fits(d, speeds[d[:2]])]
     arrivals = [_arriving(law, outcomes["plain", law]) for law in ("contact", "model") if ("plain", law) in outcomes]
-    return made + arrivals
+    return made + arrivals + _early(outcomes)
+
+
+def _early(outcomes: Mapping[tuple[str, str], Outcome]) -> list[Verdict]:
+    """The hardest early impacts of the law `model` over those of the law `contact`."""
+    both = [outcomes["plain", law].speeds for law in ("contact", "model") if ("plain", law) in outcomes]
+    if len(both) < 2 or len(both[0]) < EARLY.stop:
+        return []
+    contact, model = (speeds[EARLY].max(axis=(0, 2)) for speeds in both)
+    sentence = f"plain, model over contact: hardest impact of the cycles {EARLY.start} to {EARLY.stop - 1}"
+    return [Verdict(sentence, tuple((model / contact).tolist()), 1.0)]
 
 
 def _fits(demand: Demand, speeds: Floats) -> bool:
