@@ -79,7 +79,7 @@ def test_pieces_of_scenarios_on_a_page_are_read(page):
         assert not [p for p in problems if "omponent" not in p], piece  # which the piece does not have
 
 
-RUN = {"run-to-run.md": 2, "native.md": 2, "microcontrollers.md": 1}  # pages, and how many of their commands run
+RUN = {"run-to-run.md": 2}  # pages, and how many of their commands run
 LEFT = ("build --native", "study")  # for all platforms, minutes, which other tests do
 
 
@@ -104,22 +104,3 @@ def test_commands_of_a_page_run(name, tmp_path, fmus, natives, monkeypatch):
 def apart(words: list[str]) -> int:
     """Exit code of a command in a process of its own, in another folder than the FMUs of the other tests."""
     return subprocess.run([sys.executable, "-m", "gapsense.cli", *words, "--out", "mine"]).returncode
-
-
-@pytest.mark.slow
-def test_code_on_the_page_on_microcontrollers_compiles(tmp_path):
-    """The block, in a function, with the header that the command on the page writes, but not baked."""
-    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-    if compiler is None:
-        pytest.skip("no C compiler")
-    assert CliRunner().invoke(app, ["export-c", "semera", "--out", str(tmp_path)]).exit_code == 0
-    page = (ROOT / "docs" / "microcontrollers.md").read_text(encoding="utf-8")
-    (block,) = [text for kind, text in FENCE.findall(page) if kind == "c"]
-    include, _, body = block.partition("\n")
-    code = f"{include}\nvoid page(semera_inputs first_sample, semera_inputs sample);\n"
-    code += f"void page(semera_inputs first_sample, semera_inputs sample)\n{{\n{body}}}\n"
-    (tmp_path / "page.c").write_text(code, encoding="utf-8")
-    headers = {path.parent for path in tmp_path.rglob("semera.h")}
-    options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *(f"-I{folder}" for folder in headers)]
-    done = subprocess.run([compiler, *options, str(tmp_path / "page.c")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
