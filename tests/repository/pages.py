@@ -3,8 +3,9 @@
 A block of TOML is checked; one without a title is laid over the last whole scenario, on the page or made by a command.
 Python runs in one namespace per page. Lines after `$` of a console block are commands; one that ends in `&` runs until
 the page ends, as in another window. What they print must be what the block, or the text block after Python, says; `...`
-stands for anything. A block for `sh` runs as a whole. Before a block, `<!-- file: NAME -->` writes it first of all,
-`<!-- exit: CODE -->` tells how its commands end, `<!-- in: FOLDER -->` where it runs. No block is left out.
+stands for anything. A block for `sh` runs as a whole, without a network. Before a block, `<!-- file: NAME -->` writes
+it first of all, `<!-- exit: CODE -->` tells how its commands end, `<!-- in: FOLDER -->` where it runs. No block is left
+out.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import doctest
 import io
+import os
 import re
 import shlex
 import subprocess
@@ -70,6 +72,7 @@ def read(page: Path) -> None:
             write(block, every)
     with contextlib.closing(Reader()) as reader:
         for block in every:
+            assert block.note != "in" or block.kind == "sh", block.place
             if block.note != "file" or "title =" in block.text:
                 getattr(reader, block.kind)(block)
 
@@ -114,7 +117,7 @@ class Reader:
 
     def sh(self, block: Block) -> None:
         where = block.about if block.note == "in" else None
-        done = subprocess.run(["sh", "-e"], input=block.text, cwd=where, capture_output=True, text=True)
+        done = subprocess.run(["sh", "-e"], input=block.text, cwd=where, env=offline(), capture_output=True, text=True)
         assert done.returncode == 0, (block.place, done.stdout + done.stderr)
 
     def console(self, block: Block) -> None:
@@ -142,6 +145,14 @@ class Reader:
             process.terminate()
             process.wait(60)
             assert ended is None, process.args
+
+
+def offline() -> dict[str, str]:
+    """Environment in which `python3` is this one, and pip takes the packages of this one and nothing from elsewhere."""
+    packages = [folder for folder in sys.path if Path(folder).name in ("site-packages", "dist-packages")]
+    paths = {"PATH": [str(Path(sys.executable).parent), os.environ["PATH"]], "PYTHONPATH": packages}
+    pip = {"PIP_NO_INDEX": "1", "PIP_NO_BUILD_ISOLATION": "0"}  # 0: without isolation, as pip reads it
+    return {**os.environ, **{name: os.pathsep.join(folders) for name, folders in paths.items()}, **pip}
 
 
 def called(words: list[str]) -> tuple[int, str]:

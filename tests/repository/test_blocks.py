@@ -1,9 +1,8 @@
-"""Every code block of every page runs, page by page, from top to bottom, in a folder of its own."""
+"""Every code block of the README and of every page runs, page by page, from top to bottom, in a folder of its own."""
 
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 import socket
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import FENCE, blocks, called, read
+from pages import FENCE, blocks, read
 from sources import ROOT
 
 from gapsense.fmi.native.platforms import chosen, compilers
@@ -26,9 +25,18 @@ else:
 CODE = re.compile(r"```|~~~|<pre|^ {4}\S", re.MULTILINE)
 DOCS = ROOT / "docs"
 ELSEWHERE = ("run-to-run.md", "run-to-run-study.md")  # test_commands.py
-PAGES = [page for page in sorted(DOCS.glob("*.md")) if CODE.search(page.read_text(encoding="utf-8"))]
+PAGES = [p for p in (ROOT / "README.md", *sorted(DOCS.glob("*.md"))) if CODE.search(p.read_text(encoding="utf-8"))]
 PAGES = [page for page in PAGES if page.name not in ELSEWHERE]
-LONG = ("campaigns", "estimators", "identification", "measure-your-valve", "microcontrollers", "native", "regression")
+LONG = (
+    "README",
+    "campaigns",
+    "estimators",
+    "identification",
+    "measure-your-valve",
+    "microcontrollers",
+    "native",
+    "regression",
+)
 LONG = (*LONG, "report", "ssp", "tutorial")
 
 
@@ -111,6 +119,20 @@ def address() -> None:
             pytest.skip("a scheduler runs on this machine already")
 
 
+def newcomer() -> None:
+    """A fresh checkout, and two records."""
+    if shutil.which("make") is None:
+        pytest.skip("no program `make`")
+    examples()
+    Path("checkout").mkdir()
+    for name in ("src", "fmus", "scenarios"):
+        shutil.copytree(ROOT / name, Path("checkout", name), ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    for file in ROOT.iterdir():
+        if file.is_file():
+            shutil.copy(file, "checkout")
+    records(valve=30.0, other=26.0)
+
+
 def compiler() -> None:
     try:
         compilers(*chosen(["here"]))
@@ -124,31 +146,10 @@ def cc() -> None:
 
 
 BEFORE = {
+    "README.md": newcomer,
     "campaigns.md": address,
     "estimators.md": examples,
     "microcontrollers.md": cc,
     "native.md": compiler,
     "measure-your-valve.md": lambda: records(valve=30.0, valve_30=30.0, valve_24=24.0, valve_27=27.0),
 }
-
-
-def lines_of(page: str) -> list[str]:
-    """Commands of a page, outside of blocks."""
-    return re.findall(r"^ {4}(gapsense .*)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
-
-
-@pytest.mark.slow
-def test_commands_of_the_readme_run(folder):
-    """But for what CI runs anyway: make, pip and pytest, the 200 seeds of `make demo`, the test of all scenarios."""
-    shutil.copytree(ROOT / "scenarios", folder / "scenarios")
-    records(valve=30.0, other=26.0)
-    lines = lines_of("README.md")
-    commands = [part.strip() for line in lines for part in line.split("&&")]
-    commands = [c for c in commands if not c.startswith(("gapsense test", "gapsense sweep"))]
-    assert len(commands) > 8
-    for command in commands:
-        if "scenarios/" in command:  # in a checkout, not where the example of that name has run
-            shutil.rmtree("results", ignore_errors=True)
-        code, output = called(shlex.split(command))
-        assert code == 0, (command, output)
-    assert (folder / "build" / "mine" / "Semera.fmu").is_file()
