@@ -24,8 +24,9 @@ else:
 
 CODE = re.compile(r"```|~~~|<pre|^ {4}\S", re.MULTILINE)
 DOCS = ROOT / "docs"
-ELSEWHERE = ("run-to-run.md", "run-to-run-study.md")  # test_commands.py
-PAGES = [p for p in (ROOT / "README.md", *sorted(DOCS.glob("*.md"))) if CODE.search(p.read_text(encoding="utf-8"))]
+ELSEWHERE = ("run-to-run-study.md",)  # test_commands.py
+TEXTS = (ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(ROOT.glob("fmus/*/page.md")))
+PAGES = [page for page in TEXTS if CODE.search(page.read_text(encoding="utf-8"))]
 PAGES = [page for page in PAGES if page.name not in ELSEWHERE]
 LONG = (
     "README",
@@ -37,7 +38,7 @@ LONG = (
     "native",
     "regression",
 )
-LONG = (*LONG, "report", "ssp", "tutorial")
+LONG = (*LONG, "report", "run-to-run", "ssp", "tutorial")
 
 
 @pytest.fixture
