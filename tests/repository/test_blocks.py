@@ -24,21 +24,10 @@ else:
 
 CODE = re.compile(r"```|~~~|<pre|^ {4}\S", re.MULTILINE)
 DOCS = ROOT / "docs"
-ELSEWHERE = ("run-to-run-study.md",)  # test_commands.py
 TEXTS = (ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(ROOT.glob("fmus/*/page.md")))
 PAGES = [page for page in TEXTS if CODE.search(page.read_text(encoding="utf-8"))]
-PAGES = [page for page in PAGES if page.name not in ELSEWHERE]
-LONG = (
-    "README",
-    "campaigns",
-    "estimators",
-    "identification",
-    "measure-your-valve",
-    "microcontrollers",
-    "native",
-    "regression",
-)
-LONG = (*LONG, "report", "run-to-run", "ssp", "tutorial")
+LONG = ("README", "campaigns", "estimators", "identification", "measure-your-valve", "native", "regression", "report")
+LONG = (*LONG, "run-to-run", "run-to-run-study", "ssp", "tutorial")
 
 
 @pytest.fixture
