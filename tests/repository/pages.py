@@ -121,6 +121,7 @@ class Reader:
         assert done.returncode == 0, (block.place, done.stdout + done.stderr)
 
     def console(self, block: Block) -> None:
+        assert block.text.startswith("$ "), block.place
         for line, expected in re.findall(r"^\$ (.+)\n((?:[^$\n].*\n|\n)*)", block.text, re.MULTILINE):
             if line.endswith(" &"):
                 self.running.append(started(shlex.split(line[:-2])))

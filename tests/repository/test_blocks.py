@@ -63,6 +63,7 @@ def test_code_is_found_and_must_have_a_kind(code, tmp_path):
         "```python\nassert False\n```",
         "```toml\n[x\n```",
         "```console\n$ gapsense run nothing\n```",
+        "```console\ngapsense list\n```",
         "```console\n$ gapsense list\nnothing\n```",
         "```console\n$ python --version &\n$ python -c 'import time; time.sleep(1)'\n```",
         "```sh\nfalse\ntrue\n```",
