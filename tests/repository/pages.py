@@ -80,7 +80,7 @@ def read(page: Path) -> None:
 def write(block: Block, every: list[Block]) -> None:
     """The file of a block, which another block of the page must use, unless it is a whole one that is checked."""
     file = Path(block.about)
-    used = any(file.stem in other.text for other in every if other is not block)
+    used = any(file.name in other.text for other in every if other is not block)
     assert used or "title =" in block.text, block.place
     file.parent.mkdir(exist_ok=True)
     file.write_text(block.text, encoding="utf-8")
