@@ -6,10 +6,13 @@ import hashlib
 import json
 import re
 import sys
+import webbrowser
 from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 import pytest
@@ -184,3 +187,23 @@ def test_command_writes_beside_the_result_or_where_it_is_told(tmp_path):
     assert done.exit_code == 0 and (tmp_path / "a" / "b.html").is_file(), done.output
     done = runner.invoke(app, ["report", str(tmp_path / "none.csv")])
     assert done.exit_code == 2 and "gapsense run" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_open_shows_the_file_in_the_browser_or_says_that_there_is_none(tmp_path, monkeypatch, is_there):
+    """By a relative path, in a folder whose name is not ASCII and has blanks."""
+    folder, opened = tmp_path / "Prüfstand 3 # alt", []
+    made().save(folder / "made.csv")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or is_there)
+    done = CliRunner().invoke(app, ["report", "made.csv", "--out", "mit Öl.html", "--open"])
+    assert done.exit_code == 0 and "mit Öl.html written." in done.output, done.output
+    (url,) = opened
+    assert url.isascii() and " " not in url and "#" not in url and urlsplit(url).scheme == "file"
+    assert Path(url2pathname(urlsplit(url).path)).samefile(folder / "mit Öl.html")
+    assert ("no browser was found here" in " ".join(done.output.split())) is not is_there
+
+
+def test_report_opens_no_browser_unless_asked(tmp_path, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda url: pytest.fail(url))
+    assert CliRunner().invoke(app, ["report", str(made().save(tmp_path / "made.csv"))]).exit_code == 0

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import command, written
+from gapsense.cli.common import command, notice, written
 
 
 @command("report")
@@ -27,4 +27,12 @@ def report(
     file = write_report(results, to or results[0].with_suffix(".html"))
     written(file)
     if show:
-        typer.launch(str(file))
+        shown(file)
+
+
+def shown(file: Path) -> None:
+    """Show a file in the browser, or say that there is none: the report is written all the same."""
+    import webbrowser
+
+    if not webbrowser.open(file.resolve().as_uri()):
+        notice(f"no browser was found here. Open {file} in one yourself.")
