@@ -69,6 +69,11 @@ def numeric(campaign: Campaign) -> list[str]:
 
 def leading(campaign: Campaign) -> dict[str, Leading]:
     """For each metric the parameter that it goes with most."""
+    return {metric: found[0] for metric, found in correlations(campaign).items() if found[0].correlation}
+
+
+def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
+    """For each metric all parameters that are numbers, first that which it goes with most."""
     factors, metrics = numeric(campaign), campaign.metrics
     if not factors or campaign.rows < 3:
         return {}
@@ -79,10 +84,8 @@ def leading(campaign: Campaign) -> dict[str, Leading]:
         good = np.isfinite(sample[metric])
         of_factors = known.setdefault(good.tobytes(), []) or [ranks(sample[f][good]) for f in factors]
         known[good.tobytes()], own = of_factors, ranks(sample[metric][good])
-        values = [correlation(other, own) for other in of_factors]
-        best = max(range(len(factors)), key=lambda k: abs(values[k]))
-        if values[best]:
-            found[metric] = Leading(factors[best], values[best])
+        values = [Leading(factor, correlation(other, own)) for factor, other in zip(factors, of_factors)]
+        found[metric] = sorted(values, key=lambda one: -abs(one.correlation))
     return found
 
 

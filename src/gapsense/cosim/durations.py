@@ -1,4 +1,4 @@
-"""How long steps took: a histogram of fixed size, so that a median costs a run no memory and 2 ns per step.
+"""How long steps took: a histogram of fixed size, so that a median costs a run no memory and 5 ns per step.
 
 Bins are what the leading bits of a double are: 16 for each octave, of equal width in it, from 15 ns to 64 s. A median
 from them is exact to the width of one, 6 %, and mostly to 1 %, since it is interpolated. loop.c has the same bins.

@@ -1,0 +1,76 @@
+"""The table of a sweep as a CSV file, and a JSON file beside it that says of what it is and which runs failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gapsense.cosim.told import kind
+from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
+from gapsense.problems import InputError
+
+if TYPE_CHECKING:
+    from gapsense.cosim.sweep import Sweep
+
+FORMAT = "gapsense sweep 1"
+AGAIN = "Sweep again: what is known is not computed anew"
+
+
+def save(result: Sweep, about: Mapping[str, Any], failed: Mapping[int, Mapping[str, Any]], path: Path) -> None:
+    """Write both files; `failed` has the values of the grid of the runs that failed."""
+    table = columns(result)
+    with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
+        content = sidecar(result, about, failed, sha256(part))
+        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
+            rename(part, path)
+            rename(beside, path.with_suffix(".json"))
+
+
+def columns(result: Sweep) -> Columns:
+    """One row per run: its number, the parameters of the grid, the metrics."""
+    grid = {name: np.array(values, dtype=object) for name, values in result.grid.items()}
+    return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+
+
+def sidecar(
+    result: Sweep, about: Mapping[str, Any], failed: Mapping[int, Mapping[str, Any]], digest: str
+) -> dict[str, Any]:
+    """What is told beside the table, as JSON takes it."""
+    units = result.units
+    given = {name: [*values, *(own[name] for own in failed.values())] for name, values in result.grid.items()}
+    return {
+        "format": FORMAT,
+        "sha256": digest,
+        **about,
+        "factors": {name: [kind(values), units.get(name, "")] for name, values in given.items()},
+        "metrics": {name: units.get(name, "") for name in result.metrics},
+        "failed": [{"run": index, "values": failed[index], "error": error} for index, error in result.errors.items()],
+    }
+
+
+def is_table(path: Path) -> bool:
+    """True for the CSV of a sweep, by what is beside it; also for one of an older version, by its name."""
+    data = beside(path)
+    return path.suffix == ".csv" and (data.get("format") == FORMAT if data else path.stem.endswith("_sweep"))
+
+
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """What is told beside the table `path`; an InputError if the two do not fit."""
+    data = beside(path)
+    if not data:
+        raise InputError([f"{path}: `{path.stem}.json` beside it is missing. {AGAIN}."])
+    if sha256(path) != data.get("sha256"):
+        raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
+    return data
+
+
+def beside(path: Path) -> dict[str, Any]:
+    """Content of the JSON file beside a table; nothing if there is none that can be read."""
+    try:
+        data = read_json(path.with_suffix(".json"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}
