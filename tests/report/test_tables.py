@@ -99,7 +99,9 @@ def test_brackets_in_names_are_shown(valve):
 def test_timing_shows_every_component_and_shares_below_the_whole(valve):
     text = shown(tables.timing(valve))
     assert all(name in text for name in valve.run.components)
-    assert "real-time factor" in text
+    assert "real-time factor" in text and "median" in text and "longest" in text
+    for t in valve.timing.values():
+        assert 0.0 < t.median <= t.longest <= t.seconds and f"{1e6 * t.median:.3g}" in text
     assert sum(t.seconds for t in valve.timing.values()) <= valve.wall
 
 

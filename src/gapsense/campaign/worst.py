@@ -37,7 +37,7 @@ def extremes(campaign: Campaign, of: Spread, bounds: Bounds | None, most: int) -
     for runs, values in campaign.arrays("run", of.name):
         beyond = distance(values.astype(np.float64), of.median, bounds)
         outside += int((beyond > 0.0).sum()) if bounds else 0
-        first = np.argsort(-beyond, kind="stable")[:most] if beyond.size else ()
+        first = np.argpartition(-beyond, most)[:most] if beyond.size > most else range(beyond.size)
         found += [Worst(int(runs[k]), float(values[k]), float(beyond[k])) for k in first if beyond[k] > -np.inf]
     return Extremes(tuple(sorted(found, key=lambda one: (-one.beyond, one.run))[:most]), outside)
 

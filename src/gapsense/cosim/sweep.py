@@ -23,7 +23,7 @@ from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.document import Source
+from gapsense.cosim.document import Document, Source
 from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
@@ -118,7 +118,8 @@ def sweep(
         read, descriptions = prepare(scenario, variant, fmus)
         seeds = (1 if read.swept else 200) if seeds is None else seeds
         refuse_senseless(read, seeds, workers, keep and out is None)
-        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep)
+        changes = scenario.changes if isinstance(scenario, Document) else {}
+        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep, changes)
 
 
 def swept(
@@ -129,8 +130,9 @@ def swept(
     measure: Measure | None,
     progress: Progress | None,
     keep: bool,
+    changes: Mapping[str, Any],
 ) -> Sweep:
-    """The runs of a sweep."""
+    """The runs of a sweep; `changes` are what was laid over the scenario."""
     read, descriptions = subject.scenario, subject.descriptions
     points = read.points()
     runs = range(seeds * len(points))
@@ -156,10 +158,8 @@ def swept(
             kept=() if store is None else tuple(kept(store, index) for index in result.indices),
         )
         if file is not None and not interrupted:
-            about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key)}
-            failed = {
-                index: {str(port): v for port, v in points[index % len(points)].items()} for index in result.errors
-            }
+            about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
+            failed = {i: {str(port): value for port, value in points[i % len(points)].items()} for i in result.errors}
             sweep_table.save(result, about, failed, file.with_suffix(".csv"))
     return result
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from gapsense.files import write_atomically
 from gapsense.problems import InputError
 from gapsense.report.html.elements import Markup, element, joined
+from gapsense.report.html.many import Many
 from gapsense.report.html.subject import read_all
 
 MISSING = "Reports are drawn by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."
@@ -24,7 +25,7 @@ def write_report(results: Sequence[str | Path], to: str | Path) -> Path:
     Parameters
     ----------
     results : sequence of str or Path
-        CSV files, as `Result.save` writes them.
+        CSV files, as `Result.save` writes them, those of sweeps, and folders of campaigns.
     to : str or Path
         The file; its folder is made if there is none.
 
@@ -54,10 +55,14 @@ def report(results: Sequence[Path]) -> str:
     except ImportError:
         raise InputError([MISSING]) from None
     from gapsense.report.html.chapters import chapter, summary
+    from gapsense.report.html.many_chapter import chapter_of_many
     from gapsense.report.html.plots import Plots, embedded
 
     plots = Plots()
-    chapters = [chapter(one, plots, f"r{k}") for k, one in enumerate(shown, 1)]
+    chapters = [
+        chapter_of_many(one, plots, f"r{k}") if isinstance(one, Many) else chapter(one, plots, f"r{k}")
+        for k, one in enumerate(shown, 1)
+    ]
     script, places = embedded(plots)
     body = joined([*summary(chapters), *(c.content for c in chapters)])
     for key, place in places.items():

@@ -23,11 +23,12 @@ class Verdict(NamedTuple):
 
     passed: bool
     sentences: tuple[str, ...]
+    words: tuple[str, str] = ("passed", "failed")
 
     @property
     def word(self) -> str:
         """One word."""
-        return "passed" if self.passed else "failed"
+        return self.words[not self.passed]
 
 
 def verdict(shown: Shown, regression: Regression) -> Verdict:
@@ -62,8 +63,9 @@ def of_baseline(regression: Regression) -> str:
 
 def banner(found: Verdict) -> Markup:
     """The verdict."""
+    kind = "passed" if found.passed else "failed"
     mark = element("strong", f"{'✓' if found.passed else '✗'} {found.word}")
-    return element("p", mark, " ", " ".join(found.sentences), of=f"verdict {found.word}", role="status")
+    return element("p", mark, " ", " ".join(found.sentences), of=f"verdict {kind}", role="status")
 
 
 def facts(shown: Shown) -> Markup:
