@@ -27,6 +27,7 @@ from gapsense.cosim.told import kind
 from gapsense.problems import InputError
 from gapsense.report.html import many_plots
 from gapsense.report.html.many import read_many
+from gapsense.report.html.many_sections import goes_with
 from gapsense.report.html.page import write_report
 from gapsense.report.html.repeat import repeated
 
@@ -213,7 +214,7 @@ def test_many_runs_are_counted_and_many_plots_are_chosen(tmp_path, monkeypatch):
     many = read_many(made_campaign(tmp_path / "out", 200))
     found = many_plots.panels(many)
     assert found.chosen == {"miss": ["valve.mode", "valve.on"], "noise": ["valve.mode", "valve.on"]}
-    assert found.note == "Drawn are 2 of 3 metrics, each over the 2 of 4 parameters that it goes with most. "
+    assert found.note == "2 of 3 metrics are drawn, each over the 2 of 4 parameters that it goes with most. "
     monkeypatch.setattr(many_plots, "METRICS", 1)
     monkeypatch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)
     (only,) = many_plots.panels(many).chosen
@@ -262,3 +263,13 @@ def test_command_writes_beside_the_folder_of_a_campaign(tmp_path, monkeypatch, n
 )
 def test_type_of_a_column_is_that_of_all_its_values(found, expected):
     assert kind(found) == expected
+
+
+def test_metric_that_goes_up_and_down_with_a_parameter_is_said_to(tmp_path, monkeypatch):
+    own = {name: np.resize(column, 210) for name, column in metrics(210).items()}
+    bent = {**own, "miss": 1e-3 * np.abs(np.arange(210) % 7 - 3.0)}
+    monkeypatch.setattr("html_many.metrics", lambda count: bent)
+    many = read_many(made_campaign(tmp_path / "out", 210))
+    assert goes_with(many, "miss") == "valve.r, up and down" and "valve." in goes_with(many, "noise")
+    assert goes_with(many, "never") == "-"
+    assert many_plots.ordered(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]

@@ -124,7 +124,7 @@ def test_timing_has_mean_median_and_longest_step_where_the_result_tells_them(tmp
         page = Page(write_report([result.save(tmp_path / f"{name}.csv")], tmp_path / f"{name}.html"))
         (row,) = (text for text in page.texts["tr"] if text.startswith("filter400"))
         shown.append(row)
-    assert shown[0] == "filter4007.5067503.0030 %" and shown[1] == "filter4007.50--3.0030 %"
+    assert shown[0] == "filter4007.506.007503.0030 %" and shown[1] == "filter4007.50--3.0030 %"
     assert read_result(tmp_path / "old.csv").timing == old.timing
 
 

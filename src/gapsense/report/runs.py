@@ -73,8 +73,13 @@ def timing(result: Result) -> Table:
 
 def per_step(of: Timing) -> tuple[str, str, str]:
     """Mean, median and longest time of a step in microseconds; older results have but the first."""
-    median, longest = ("-" if value is None else f"{1e6 * value:.3g}" for value in (of.median, of.longest))
-    return f"{of.microseconds:.1f}", median, longest
+    median, longest = ("-" if value is None else three(1e6 * value) for value in (of.median, of.longest))
+    return three(of.microseconds), median, longest
+
+
+def three(value: float) -> str:
+    """A number with three digits, or those before its point."""
+    return f"{value:.{2 if value < 9.995 else 1 if value < 99.95 else 0}f}"
 
 
 def components(found: Sequence[Component], built: set[str]) -> Table:

@@ -41,15 +41,16 @@ def panels(many: Many) -> Panels:
     factors = [f for f in many.campaign.factors if f in many.spreads or many.levels[f] is not None]
     room = max(1, PANELS // max(len(metrics), 1) - 1)
     chosen = {name: ordered(many, name, factors)[:room] for name in known if name in metrics}
-    words = [f"{len(metrics)} of {len(many.extremes)} metrics"] if len(metrics) < len(many.extremes) else []
+    words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
     if len(factors) > room:
-        words.append(f"each over the {room} of {len(factors)} parameters that it goes with most")
-    return Panels(chosen, f"Drawn are {', '.join(words)}. " if words else "")
+        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it goes with most. ")
+    return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
 
 
 def ordered(many: Many, metric: str, factors: list[str]) -> list[str]:
-    """Parameters, those first that are no numbers, then by correlation."""
-    numbers = [one.factor for one in many.correlations.get(metric, ()) if one.factor in factors]
+    """Parameters, those first that are no numbers, then by how much of the metric goes with them."""
+    known = sorted(many.correlations.get(metric, ()), key=lambda one: -one.share)
+    numbers = [one.factor for one in known if one.factor in factors]
     return [*(name for name in factors if name not in numbers), *numbers]
 
 

@@ -14,6 +14,7 @@ from gapsense.report.html.sections import Verdict
 if TYPE_CHECKING:
     from gapsense.campaign.worst import Extremes, Worst
 
+BENT = 0.2  # share of a metric that must go with a parameter, if it does not so in one direction
 WORDS = ("complete", "incomplete")
 HEADS = ("metric", "least", "5 %", "median", "95 %", "greatest", "bounds", "outside", "goes with", "no value")
 
@@ -55,7 +56,7 @@ def facts(many: Many) -> Markup:
         ("file", many.scenario or "-"),
         *((("study", about["study"]),) if about.get("study") else ()),
         ("runs", f"{of.rows} of {of.runs}, {of.failed} failed, {max(of.runs - of.rows, 0)} missing"),
-        ("combinations", f"{points}, with {of.runs // max(points, 1)} runs of each"),
+        ("combinations", f"{points}, runs of each: {of.runs // max(points, 1)}"),
         ("seeds", f"{seeds}, and what each run adds" if seeds else "none"),
         *((("set", settings),) if settings else ()),
         ("software", f"gapsense {about['versions'].get('gapsense', '-')}"),
@@ -91,10 +92,19 @@ def metric(many: Many, name: str) -> tuple[Cell, ...]:
     of, outside = many.spreads[name], many.extremes[name].outside
     numbers = (many.shown(name, v) for v in (of.least, of.low, of.median, of.high, of.greatest))
     out = element("strong", f"{outside} of {many.campaign.rows - of.missing}", of="bad") if outside else "none"
-    best = next(iter(many.correlations.get(name, ())), None)
-    with_it = f"{best.factor} {best.correlation:+.2f}" if best and best.correlation else "-"
     head = element("span", many.labels[name][1], title=name)
-    return head, *numbers, limits(many, name), out if many.bounds(name) else "", with_it, gap(of.missing)
+    return head, *numbers, limits(many, name), out if many.bounds(name) else "", goes_with(many, name), gap(of.missing)
+
+
+def goes_with(many: Many, name: str) -> str:
+    """What a metric goes with most: a correlation, unless it goes up and down with another parameter."""
+    found = many.correlations.get(name, ())
+    if not found or not found[0].correlation:
+        return "-"
+    bent = max(found, key=lambda one: one.share)
+    if bent.share > max(BENT, 2.0 * found[0].correlation ** 2):
+        return f"{bent.factor}, up and down"
+    return f"{found[0].factor} {found[0].correlation:+.2f}"
 
 
 def gap(missing: int) -> Cell:
