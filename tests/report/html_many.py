@@ -10,6 +10,7 @@ import numpy as np
 from gapsense.campaign.columns import Columns
 from gapsense.campaign.store import Manifest, Store
 from gapsense.cosim import sweep_table
+from gapsense.cosim.scenario import Points, Port
 from gapsense.cosim.sweep import Sweep
 
 ABOUT: dict[str, Any] = {
@@ -63,7 +64,8 @@ def made_sweep(folder: Path, count: int = 30, failed: int = 4, **about: Any) -> 
     folder.mkdir(exist_ok=True)
     (folder / "demo").mkdir(exist_ok=True)
     told = {**ABOUT, "runs": count, "points": count, **about}
-    sweep_table.save(made, told, {failed: values(failed)}, folder / "by_hand.csv")
+    points = Points([{Port(*n.split(".")): v for n, v in values(run).items()} for run in range(count)], {})
+    sweep_table.save(made, told, points, folder / "by_hand.csv")
     return folder / "by_hand.csv"
 
 

@@ -6,6 +6,8 @@ import json
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -273,3 +275,28 @@ def test_metric_that_goes_up_and_down_with_a_parameter_is_said_to(tmp_path, monk
     assert goes_with(many, "miss") == "valve.r, up and down" and "valve." in goes_with(many, "noise")
     assert goes_with(many, "never") == "-"
     assert many_plots.ordered(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
+
+
+def test_without_pyarrow_the_extra_to_install_is_told_and_single_runs_have_reports(tmp_path):
+    """In a process of its own, in which it never was there."""
+    files = made().save(tmp_path / "made.csv"), made_sweep(tmp_path / "out")
+    code = f"""
+import sys
+sys.modules["pyarrow"] = None
+from gapsense.problems import InputError
+from gapsense.report.html.page import write_report
+write_report([{str(files[0])!r}], {str(tmp_path / "made.html")!r})
+try:
+    write_report([{str(files[1])!r}], {str(tmp_path / "many.html")!r})
+except InputError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install 'gapsense[campaign]'" in done.stdout and (tmp_path / "made.html").is_file()
+    assert not (tmp_path / "many.html").exists()
+
+
+def test_metric_whose_name_a_campaign_needs_itself_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("html_many.metrics", lambda count: {"error": np.ones(count)})
+    with pytest.raises(InputError, match="a metric is called `error`"):
+        read_many(made_sweep(tmp_path / "out"))

@@ -178,7 +178,11 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
         write_report([good, tmp_path, *(tmp_path / name for name in names)], tmp_path / "new" / "x.html")
     told = "\n".join(error.value.problems)
     assert len(error.value.problems) == 7 and not (tmp_path / "new").exists()
-    found = ("`x_sweep.json` beside it is missing. Sweep again", "what a sweep goes on from", "it is no result. Name")
+    found = (
+        "`x_sweep.json` beside it is missing, or incomplete. Sweep again",
+        "what a sweep goes on from",
+        "it is no result. Name",
+    )
     for words in (*found, "SHA-256", "missing or no side-car", "it is the side-car"):
         assert words in told, words
     with pytest.raises(InputError, match="nothing to report on"):

@@ -159,8 +159,7 @@ def swept(
         )
         if file is not None and not interrupted:
             about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
-            failed = {i: {str(port): value for port, value in points[i % len(points)].items()} for i in result.errors}
-            sweep_table.save(result, about, failed, file.with_suffix(".csv"))
+            sweep_table.save(result, about, points, file.with_suffix(".csv"))
     return result
 
 

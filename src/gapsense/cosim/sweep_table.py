@@ -8,44 +8,48 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gapsense.cosim.scenario import Points
 from gapsense.cosim.told import kind
 from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.problems import InputError
+from gapsense.tables import Value
 
 if TYPE_CHECKING:
     from gapsense.cosim.sweep import Sweep
 
 FORMAT = "gapsense sweep 1"
+NEEDED = {"sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
 AGAIN = "Sweep again: what is known is not computed anew"
 
 
-def save(result: Sweep, about: Mapping[str, Any], failed: Mapping[int, Mapping[str, Any]], path: Path) -> None:
-    """Write both files; `failed` has the values of the grid of the runs that failed."""
-    table = columns(result)
+def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:
+    """Write both files; `points` are the combinations that the sweep goes through."""
+    table, failed = columns(result), {run: values(points, run) for run in result.errors}
     with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
-        content = sidecar(result, about, failed, sha256(part))
+        content = {**about, **sidecar(result, failed), "sha256": sha256(part)}
         with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
             rename(part, path)
             rename(beside, path.with_suffix(".json"))
 
 
+def values(points: Points, run: int) -> dict[str, Value]:
+    """Values of a run, by parameter."""
+    return {str(port): value for port, value in points[run % len(points)].items()}
+
+
 def columns(result: Sweep) -> Columns:
     """One row per run: its number, the parameters of the grid, the metrics."""
-    grid = {name: np.array(values, dtype=object) for name, values in result.grid.items()}
+    grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
     return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
 
 
-def sidecar(
-    result: Sweep, about: Mapping[str, Any], failed: Mapping[int, Mapping[str, Any]], digest: str
-) -> dict[str, Any]:
-    """What is told beside the table, as JSON takes it."""
+def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[str, Any]:
+    """What is told of the columns of the table, and of the runs that are not in it, as JSON takes it."""
     units = result.units
-    given = {name: [*values, *(own[name] for own in failed.values())] for name, values in result.grid.items()}
+    given = {name: [*column, *(own[name] for own in failed.values())] for name, column in result.grid.items()}
     return {
         "format": FORMAT,
-        "sha256": digest,
-        **about,
-        "factors": {name: [kind(values), units.get(name, "")] for name, values in given.items()},
+        "factors": {name: [kind(column), units.get(name, "")] for name, column in given.items()},
         "metrics": {name: units.get(name, "") for name in result.metrics},
         "failed": [{"run": index, "values": failed[index], "error": error} for index, error in result.errors.items()],
     }
@@ -60,8 +64,8 @@ def is_table(path: Path) -> bool:
 def read_sidecar(path: Path) -> dict[str, Any]:
     """What is told beside the table `path`; an InputError if the two do not fit."""
     data = beside(path)
-    if not data:
-        raise InputError([f"{path}: `{path.stem}.json` beside it is missing. {AGAIN}."])
+    if not {*data} >= NEEDED:
+        raise InputError([f"{path}: `{path.stem}.json` beside it is missing, or incomplete. {AGAIN}."])
     if sha256(path) != data.get("sha256"):
         raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
     return data

@@ -133,7 +133,8 @@ def read_many(file: Path) -> Many:
 def of_sweep(file: Path) -> Campaign:
     """The table of a sweep, as a campaign has it."""
     made = campaign.Campaign  # first: it says what is to be installed
-    from gapsense.campaign.columns import OWN_COLUMNS, from_facts
+    from gapsense.campaign.columns import from_facts
+    from gapsense.campaign.prepare import OWN_COLUMNS
     from gapsense.campaign.store import Manifest
 
     about, problems = sweep_table.read_sidecar(file), list[str]()
