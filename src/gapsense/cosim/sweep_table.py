@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FORMAT = "gapsense sweep 1"
 NEEDED = {"sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
-AGAIN = "Sweep again: what is known is not computed anew"
+AGAIN = "Sweep again"
 
 
 def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:
