@@ -65,6 +65,17 @@ def test_leading_parameter_is_found_by_rank_correlation(made):
     assert summary.correlation(x, np.ones_like(x)) == 0.0
 
 
+def test_share_of_what_goes_up_and_down_is_large_where_the_correlation_is_none():
+    random = np.random.default_rng(6)
+    x, noise = random.normal(size=4000), random.normal(size=4000)
+    ranked = {name: summary.ranks(values) for name, values in {"x": x, "v": np.abs(x), "noise": noise}.items()}
+    assert abs(summary.correlation(ranked["x"], ranked["v"])) < 0.1 and summary.share(ranked["x"], ranked["v"]) > 0.95
+    assert summary.share(ranked["x"], ranked["noise"]) < 0.02 and summary.share(ranked["x"], ranked["x"]) > 0.99
+    assert summary.share(ranked["x"], np.ones(4000)) == summary.share(np.ones(4000), ranked["x"]) == 0.0
+    steps = summary.ranks(np.arange(4000.0) % 3)  # ties: a layer has no run
+    assert summary.share(steps, steps) == pytest.approx(1.0)
+
+
 def test_correlations_of_many_runs_are_those_of_a_part(made, monkeypatch):
     monkeypatch.setattr(summary, "SAMPLED", 300)
     result, _, _ = made(2600)

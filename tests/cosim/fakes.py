@@ -117,8 +117,7 @@ class Trial:
         for source, target, factor, bias in case["links"]:
             self.parts[target[0]].connect(Connection(port("y", source), port("u", target), factor, bias))
         rows, columns = case["count"] // case["decimation"] + 1, case["columns"]
-        count = len(self.parts)
-        self.recording = Recording(np.full((rows, len(columns)), -1.0), seconds=[0.0] * count, calls=[0] * count)
+        self.recording = Recording(np.full((rows, len(columns)), -1.0)).start(len(self.parts))
         self.player = Player([self.layout.inlets[port("u", (0, 0))]][: case["signals"]], self.signals)
 
     def part(self, i):

@@ -9,21 +9,23 @@ import subprocess
 import sys
 from pathlib import Path
 from threading import Timer
+from time import sleep
 
 import numpy as np
 import pytest
-from fakes import Trial
+from fakes import DO_STEP, Trial
 from faulty import FAULTY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import run
+from gapsense.cosim.durations import edge, median
 from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.loop import compiled, library
 from gapsense.cosim.loop.build import LOOP
 from gapsense.cosim.loop.reference import in_python
 from gapsense.cosim.played import Player
-from gapsense.cosim.recording import ROWS, STOP
+from gapsense.cosim.recording import ROWS, STEP, STOP
 from gapsense.interrupts import counted
 
 needs_library = pytest.mark.skipif(library.entry() is None, reason="the library is for Linux on x86-64")
@@ -146,7 +148,31 @@ def test_all_base_steps_are_done_and_timed(advancer):
     assert (advance(0), advance(20)) == (0, 20)
     assert trial.recording.calls == [20, 9, 20] and trial.recording.rows == 7
     assert all(0.0 < seconds < 10.0 for seconds in trial.recording.seconds)
+    assert trial.recording.spread.sum(axis=1).tolist() == [20, 9, 20]
+    for spread, longest, seconds in zip(trial.recording.spread, trial.recording.longest, trial.recording.seconds):
+        last = int(np.flatnonzero(spread)[-1])
+        assert edge(last) <= longest < edge(last + 1)
+        assert longest <= seconds and 0.0 < median(spread, longest) <= longest
     assert trial.marks[ROWS] == 7 and not np.any(trial.recording.data == -1.0)
+
+
+@pytest.mark.parametrize("advancer", [pytest.param(in_c, marks=needs_library), in_python])
+def test_median_and_longest_step_are_those_of_a_component_that_seldom_takes_long(advancer):
+    """Of 20 steps two sleep: the mean is theirs, the median is not."""
+    trial = Trial({**PLAIN, "parts": [(2, 1, 0, True, ("", 0, 0))] * 3, "at_once": 30})
+    slow = trial.parts[1].instance
+
+    def step(*told):
+        sleep(0.05 if trial.marks[STEP] in (7, 8) else 0.0)
+        return slow.step(*told)
+
+    slow.entries["DoS"] = DO_STEP[2](step)
+    advance = advancer(trial.work(0))
+    while advance(20) < 20:
+        pass
+    own = trial.recording
+    assert own.longest[1] >= 0.05 and own.seconds[1] / own.calls[1] >= 0.005 > median(own.spread[1], own.longest[1])
+    assert max(own.longest[0], own.longest[2]) < own.longest[1]
 
 
 @pytest.mark.parametrize("advancer", [pytest.param(in_c, marks=needs_library), in_python])

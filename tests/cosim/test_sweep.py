@@ -13,8 +13,12 @@ import pytest
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
+from gapsense.cosim.changes import changed
 from gapsense.cosim.sweep import key_of
+from gapsense.cosim.sweep_table import is_table, read_sidecar
+from gapsense.cosim.told import bounds
 from gapsense.ledger import Ledger
+from gapsense.problems import InputError
 
 NOISE = """
 title = "Noise"
@@ -199,6 +203,27 @@ def test_failed_runs_are_reported_not_hidden(write, fmus):
     assert result.indices == ()
     assert sorted(result.errors) == [0, 1, 2]
     assert "coil, t = 5 s" in result.errors[0]
+
+
+def test_table_of_a_sweep_tells_of_what_it_is_and_which_runs_failed(write, fmus, tmp_path):
+    """In the file beside it, which no other table fits."""
+    text = FAULTY.replace('"FAULT"', '"nan", only = 11').replace("= 10\n", "= 10\ncoil = 10\n")
+    text = text.replace('kind = "std"', 'kind = "std"\nbounds = [0.5, inf]\nlabel = "sigma"\ntable = "Noises"')
+    source = changed(write(text + '[sweep]\n"noise.sample_time" = [0.1, 0.2]\n'), ["coil.at=3.0"])
+    swept = sweep(source, 2, out=tmp_path, fmus=fmus)
+    table = tmp_path / "demo_sweep.csv"
+    told = read_sidecar(table)
+    assert (told["title"], told["scenario"], told["source"]) == ("Noise", "demo", "demo/scenario.toml")
+    assert (told["runs"], told["points"], told["seeds"]) == (4, 2, {"noise": 10, "coil": 10})
+    assert told["bounds"] == {"spread": [0.5, "inf"]} and bounds(told, "spread") == (0.5, np.inf)
+    assert told["labels"] == {"spread": ["Noises", "sigma"]} and told["settings"] == {"coil.at": 3.0}
+    assert told["factors"] == {"noise.sample_time": ["double", "s"]} and told["metrics"] == {"spread": "V"}
+    failed = {"run": 1, "values": {"noise.sample_time": 0.2}, "error": swept.errors[1]}
+    assert told["failed"] == [failed] and "t = 3 s" in swept.errors[1]
+    assert {"all", "scenario.toml", "noise (Noise.fmu)"} <= {*told["decided_by"]} and is_table(table)
+    table.write_text(table.read_text() + "\n")
+    with pytest.raises(InputError, match=r"not the table that `demo_sweep\.json` was written with\. Sweep again"):
+        read_sidecar(table)
 
 
 ENDED = {

@@ -43,7 +43,7 @@ def made(rows: int = 401, signals: Mapping[str, np.ndarray] | None = None, **run
         }
     )
     metrics = {"rmse": Measured("rmse", 2.0, "m", (0.0, 1.0)), "free": Measured("free", 1.0, "m", None)}
-    timing = {name: Timing(1e-3 * k, rows - 1) for k, name in enumerate(names, 1)}
+    timing = {name: Timing(1e-3 * k, rows - 1, 2e-6 * k, 2.5e-4 * k) for k, name in enumerate(names, 1)}
     return Result(told, times, signals, about, {"plant.coil.resistance": 76.0}, timing, 0.01, metrics=metrics)
 
 

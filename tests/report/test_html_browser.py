@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from html_many import made_campaign, made_sweep
 from html_results import made
 
+from gapsense.report.html import many_plots
 from gapsense.report.html.page import write_report
 from gapsense.report.html.plots import BAND
 
@@ -255,3 +257,65 @@ def contrast(a: tuple[int, ...], b: tuple[int, ...]) -> float:
 
     low, high = sorted((luminance(a), luminance(b)))
     return (high + 0.05) / (low + 0.05)
+
+
+# Many runs ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report on a sweep whose runs are points, and on a campaign whose runs are counted."""
+    folder = tmp_path_factory.mktemp("many")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(many_plots, "POINTS", 100)
+        patch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)  # the resistance has 7
+        return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_plots_of_many_runs_are_drawn_and_printed_without_complaint(browser, many, scheme):
+    opened = Opened(browser, many, scheme)
+    assert opened.complaints == [] and opened.fetched == [many.as_uri()]
+    assert opened.page.locator(".plot").count() == 2 * 2 * 5 == opened.page.evaluate(f"() => {VIEWS}.length")
+    opened.page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
+    colours = opened.page.evaluate(ALL_INKED)
+    assert len(colours) == 20 and all(sum(found.values()) > 300 for found in colours)
+    assert all("232,235,239" not in found for found in colours)  # light ink, on paper
+    opened.page.evaluate("() => dispatchEvent(new Event('afterprint'))")
+    assert opened.complaints == []
+    opened.page.close()
+
+
+RUNS = "[...Bokeh.documents[0].all_models].filter((m) => m.type === 'ColumnDataSource' && m.data.run)"
+USERS = f"() => {VIEWS}.filter((v) => v.model.renderers.some((r) => {RUNS}.includes(r.data_source))).length"
+BOX = "toolbar.tools.find((t) => t.type === 'BoxSelectTool')"
+PLACE = "(v) => (({x, y, width, height}) => [x, y, width, height])(v.el.getBoundingClientRect())"
+
+
+def test_runs_that_are_chosen_in_one_plot_are_marked_in_all(browser, many):
+    opened = Opened(browser, many)
+    chosen = f"() => {RUNS}.map((m) => m.selected.indices.length)"
+    assert opened.page.evaluate(chosen) == [0]  # one for all plots of the sweep; none of what is counted
+    assert opened.page.evaluate(USERS) == 2
+    view = opened.page.evaluate_handle(f"() => {VIEWS}.find((v) => v.model.{BOX})")
+    view.evaluate(f"(v) => {{ v.model.{BOX}.active = true; v.el.scrollIntoView({{block: 'center'}}); }}")
+    opened.settle()
+    x, y, width, height = view.evaluate(PLACE)
+    opened.page.mouse.move(x + 0.55 * width, y + 40)
+    opened.page.mouse.down()
+    opened.page.mouse.move(x + 0.95 * width, y + height - 60, steps=5)
+    opened.page.mouse.up()
+    opened.settle()
+    (count,) = opened.page.evaluate(chosen)
+    assert 0 < count < 29 and opened.complaints == []
+    opened.page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [400, 800, 1600])
+def test_plots_of_many_runs_fit_any_window(browser, many, width):
+    opened = Opened(browser, many, width=width)
+    assert opened.page.evaluate("() => document.documentElement.scrollWidth") == width
+    boxes = [plot.bounding_box() for plot in opened.page.locator(".plot").all()]
+    assert all(box["width"] >= 300 and box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in boxes)
+    opened.page.close()

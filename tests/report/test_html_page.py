@@ -6,10 +6,13 @@ import hashlib
 import json
 import re
 import sys
+import webbrowser
 from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 import pytest
@@ -17,6 +20,8 @@ from html_results import made
 from typer.testing import CliRunner
 
 from gapsense.cli import app
+from gapsense.cosim import read_result
+from gapsense.cosim.record import Timing
 from gapsense.problems import InputError
 from gapsense.report.html.page import write_report
 
@@ -111,6 +116,18 @@ def test_page_tells_what_ran_and_what_came_out(page):
     assert page.texts["h3"] == ["Wiring", "Metrics", "Signals", "Baseline", "Timing", "What ran"]
 
 
+def test_timing_has_mean_median_and_longest_step_where_the_result_tells_them(tmp_path):
+    old, new = made(), made()
+    old = replace(old, timing={name: Timing(t.seconds, t.calls) for name, t in old.timing.items()})
+    shown = []
+    for name, result in (("new", new), ("old", old)):
+        page = Page(write_report([result.save(tmp_path / f"{name}.csv")], tmp_path / f"{name}.html"))
+        (row,) = (text for text in page.texts["tr"] if text.startswith("filter400"))
+        shown.append(row)
+    assert shown[0] == "filter4007.506.007503.0030 %" and shown[1] == "filter4007.50--3.0030 %"
+    assert read_result(tmp_path / "old.csv").timing == old.timing
+
+
 def test_several_results_have_a_table_of_all_that_leads_to_each(tmp_path):
     files = [made(title=name, scenario=name).save(tmp_path / f"{name}.csv") for name in ("one", "two")]
     page = Page(write_report(files, tmp_path / "both.html"))
@@ -155,12 +172,18 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     edited = made().save(tmp_path / "edited.csv")
     edited.write_text(edited.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     (tmp_path / "alone.csv").write_text("time\n0\n", encoding="utf-8")
+    (tmp_path / "x_sweep.csv").write_text('"run"\n0.0\n', encoding="utf-8")  # of an older version
     names = ("edited.csv", "alone.csv", "none.csv", "x_sweep.csv", "x_sweep.jsonl", "good.json")
     with pytest.raises(InputError) as error:
         write_report([good, tmp_path, *(tmp_path / name for name in names)], tmp_path / "new" / "x.html")
     told = "\n".join(error.value.problems)
     assert len(error.value.problems) == 7 and not (tmp_path / "new").exists()
-    for words in ("SHA-256", "missing or no side-car", "--signals", "it is the side-car", "no result of a single run"):
+    found = (
+        "`x_sweep.json` beside it is missing, or incomplete. Sweep again",
+        "what a sweep goes on from",
+        "it is no result. Name",
+    )
+    for words in (*found, "SHA-256", "missing or no side-car", "it is the side-car"):
         assert words in told, words
     with pytest.raises(InputError, match="nothing to report on"):
         write_report([], tmp_path / "x.html")
@@ -184,3 +207,23 @@ def test_command_writes_beside_the_result_or_where_it_is_told(tmp_path):
     assert done.exit_code == 0 and (tmp_path / "a" / "b.html").is_file(), done.output
     done = runner.invoke(app, ["report", str(tmp_path / "none.csv")])
     assert done.exit_code == 2 and "gapsense run" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_open_shows_the_file_in_the_browser_or_says_that_there_is_none(tmp_path, monkeypatch, is_there):
+    """By a relative path, in a folder whose name is not ASCII and has blanks."""
+    folder, opened = tmp_path / "Prüfstand 3 # alt", []
+    made().save(folder / "made.csv")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or is_there)
+    done = CliRunner().invoke(app, ["report", "made.csv", "--out", "mit Öl.html", "--open"])
+    assert done.exit_code == 0 and "mit Öl.html written." in done.output, done.output
+    (url,) = opened
+    assert url.isascii() and " " not in url and "#" not in url and urlsplit(url).scheme == "file"
+    assert Path(url2pathname(urlsplit(url).path)).samefile(folder / "mit Öl.html")
+    assert ("no browser was found here" in " ".join(done.output.split())) is not is_there
+
+
+def test_report_opens_no_browser_unless_asked(tmp_path, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda url: pytest.fail(url))
+    assert CliRunner().invoke(app, ["report", str(made().save(tmp_path / "made.csv"))]).exit_code == 0

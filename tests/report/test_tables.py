@@ -99,8 +99,15 @@ def test_brackets_in_names_are_shown(valve):
 def test_timing_shows_every_component_and_shares_below_the_whole(valve):
     text = shown(tables.timing(valve))
     assert all(name in text for name in valve.run.components)
-    assert "real-time factor" in text
+    assert "real-time factor" in text and "median" in text and "longest" in text
+    for t in valve.timing.values():
+        assert 0.0 < t.median <= t.longest <= t.seconds and tables.three(1e6 * t.median) in text
     assert sum(t.seconds for t in valve.timing.values()) <= valve.wall
+
+
+def test_times_have_three_digits_from_nanoseconds_to_seconds():
+    found = [tables.three(value) for value in (0.0, 0.2216, 9.996, 52.34, 99.96, 750.4, 123456.7)]
+    assert found == ["0.00", "0.22", "10.0", "52.3", "100", "750", "123457"]
 
 
 def test_loop_in_python_is_told(valve):

@@ -17,7 +17,7 @@ from gapsense.campaign.result import Campaign, read
 from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_manifest
 from gapsense.campaign.task import asked, local_job
 from gapsense.cosim.ahead import sweep_ahead
-from gapsense.cosim.subject import versions
+from gapsense.cosim.told import told
 from gapsense.ledger import Entry, alone, fingerprint, sources
 from gapsense.problems import InputError
 from gapsense.workers import Crew, Here, Progress, work
@@ -67,7 +67,7 @@ def run(
     with nullcontext() if scheduler else sweep_ahead(count):
         prepared = prepare(study, fmus)
         folder = Path(out) if out is not None else Path("results") / prepared.study.path.stem
-        manifest = manifest_of(prepared)
+        manifest = manifest_of(prepared, folder)
         beginning(folder, manifest)  # refuses before it leaves even a lock there
         with alone(folder / LOCK):
             store = Store(folder, beginning(folder, manifest))
@@ -126,20 +126,18 @@ class Work:
         return {"run": index, "seed": told["shift"], "values": told["values"], **answer}
 
 
-def manifest_of(prepared: Prepared) -> Manifest:
+def manifest_of(prepared: Prepared, folder: Path) -> Manifest:
     """What a new folder will say of its runs."""
     study, scenario = prepared.study, prepared.scenario
     package = {"the sources of Gapsense": fingerprint(sources()), "the version of numpy": np.__version__}
     about = {
+        **told(scenario, folder),
         "title": study.title,
         "description": study.description,
-        "scenario": scenario.name,
         "study": study.path.name,
         "runs": len(prepared.plan),
         "points": prepared.plan.points,
         "decided_by": {**prepared.facts, **package},
-        "versions": versions(),
-        "labels": {metric.name: [metric.table, metric.label] for metric in scenario.metrics},
     }
     return Manifest(about, columns_of(prepared))
 

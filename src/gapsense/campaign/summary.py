@@ -18,6 +18,7 @@ SAMPLED = 50_000  # runs of which correlations are computed
 LEVELS = (0.0, 0.05, 0.5, 0.95, 1.0)
 MOST_LEVELS = 12  # values of a parameter that are shown one by one
 BINS = 60
+LAYERS = 20  # of a parameter
 
 
 class Spread(NamedTuple):
@@ -33,10 +34,14 @@ class Spread(NamedTuple):
 
 
 class Leading(NamedTuple):
-    """The parameter that a metric goes with most: Spearman's rank correlation."""
+    """How a metric goes with a parameter: Spearman's rank correlation, and the share of its ranks' variance.
+
+    The share is that between layers of the parameter: it is also large where the metric first falls and then grows.
+    """
 
     factor: str
     correlation: float
+    share: float = 0.0
 
 
 class Cloud(NamedTuple):
@@ -69,6 +74,11 @@ def numeric(campaign: Campaign) -> list[str]:
 
 def leading(campaign: Campaign) -> dict[str, Leading]:
     """For each metric the parameter that it goes with most."""
+    return {metric: found[0] for metric, found in correlations(campaign).items() if found[0].correlation}
+
+
+def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
+    """For each metric all parameters that are numbers, first that which it goes with most."""
     factors, metrics = numeric(campaign), campaign.metrics
     if not factors or campaign.rows < 3:
         return {}
@@ -79,19 +89,17 @@ def leading(campaign: Campaign) -> dict[str, Leading]:
         good = np.isfinite(sample[metric])
         of_factors = known.setdefault(good.tobytes(), []) or [ranks(sample[f][good]) for f in factors]
         known[good.tobytes()], own = of_factors, ranks(sample[metric][good])
-        values = [correlation(other, own) for other in of_factors]
-        best = max(range(len(factors)), key=lambda k: abs(values[k]))
-        if values[best]:
-            found[metric] = Leading(factors[best], values[best])
+        values = [Leading(f, correlation(other, own), share(other, own)) for f, other in zip(factors, of_factors)]
+        found[metric] = sorted(values, key=lambda one: -abs(one.correlation))
     return found
 
 
 def sampled(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
     """Columns of some runs, drawn with one seed for ever."""
-    random, share = np.random.default_rng(0), min(1.0, SAMPLED / campaign.rows)
+    random, part = np.random.default_rng(0), min(1.0, SAMPLED / campaign.rows)
     parts: list[list[Vector]] = []
     for batch in campaign.arrays(*names):
-        chosen = random.random(batch[0].size) < share
+        chosen = random.random(batch[0].size) < part
         parts.append([column[chosen].astype(np.float64) for column in batch])
     return {name: np.concatenate(column) for name, column in zip(names, zip(*parts))}
 
@@ -108,6 +116,17 @@ def correlation(x: Vector, y: Vector) -> float:
     if x.size < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return 0.0
     return float(np.corrcoef(x, y)[0, 1])
+
+
+def share(x: Vector, y: Vector) -> float:
+    """Share of the variance of ranks `y` that is between layers of ranks `x`: the correlation ratio, 0 to 1."""
+    if x.size < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return 0.0
+    count = min(LAYERS, 1 + math.isqrt(x.size) // 2)
+    layer = np.minimum((x - 0.5) * count / x.size, count - 1).astype(np.intp)
+    runs, off = np.bincount(layer, minlength=count), y - y.mean()
+    sums = np.bincount(layer, off, minlength=count)
+    return float(np.sum(sums**2 / np.maximum(runs, 1)) / np.sum(off**2))
 
 
 def levels(campaign: Campaign, name: str) -> list[Any] | None:

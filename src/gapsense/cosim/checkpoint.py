@@ -20,7 +20,7 @@ from gapsense.cosim.scenario import Port, Scenario
 from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError
 
-FORMAT = "gapsense checkpoint 1"
+FORMAT = "gapsense checkpoint 2"
 Facts = dict[str, Any]
 
 
@@ -84,6 +84,7 @@ class Keeper(NamedTuple):
         recording.data[: recording.rows] = arrays["data"]
         recording.messages = [(component, status, text) for component, status, text in saved["messages"]]
         recording.seconds[:], recording.calls[:] = saved["seconds"], saved["calls"]
+        recording.longest[:], recording.spread[:] = saved["longest"], saved["spread"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]
         master.director.restore(about["events"])

@@ -76,7 +76,7 @@ def run(part: Part, places: list[int], samples: Vector, start: float, step: floa
     columns = np.array([part.places.index[port] for port in part.outputs], dtype=np.int64)
     count = len(samples) - 1
     experiment = Experiment(start, start + count * step, step, count)
-    recording = Recording(rows, seconds=[0.0], calls=[0])
+    recording = Recording(rows).start(1)
     advance = advancer(Work([part], experiment, player, columns, 1, buffer, recording, new_marks(), 0))
     while advance(count) < count:
         pass

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.durations import median
 from gapsense.cosim.events.event import Span
 from gapsense.cosim.metrics import measure_all
 from gapsense.cosim.record import Result, Timing
@@ -35,12 +36,18 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
         about=subject.about,
         parameters=recording.parameters,
-        timing=dict(zip(subject.run.order, map(Timing, recording.seconds, recording.calls))),
+        timing=dict(zip(subject.run.order, timings(recording))),
         wall=recording.wall,
         interrupted=recording.interrupted,
         messages=tuple(recording.messages),
         events=tuple(spans(subject.scenario, recording.events)),
     )
+
+
+def timings(recording: Recording) -> Iterator[Timing]:
+    """Time of each component, in execution order."""
+    for seconds, calls, longest, spread in zip(recording.seconds, recording.calls, recording.longest, recording.spread):
+        yield Timing(seconds, calls, median(spread, longest), longest if calls else None)
 
 
 def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Span]:

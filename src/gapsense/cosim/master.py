@@ -224,7 +224,7 @@ class Master:
     ) -> None:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
         experiment, count = self.scenario.experiment, self.scenario.experiment.count
-        recording.seconds, recording.calls = [0.0] * len(self.parts), [0] * len(self.parts)
+        recording.start(len(self.parts))
         begin = keeper.restore(self, recording) if keeper else 0
         advance = self.advancer(recording, columns, begin)
         done = begin - 1 if begin else advance(0)

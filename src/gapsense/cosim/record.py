@@ -38,6 +38,8 @@ class Timing:
 
     seconds: float
     calls: int
+    median: float | None = None  # of one step [s]; None in results of older versions, and without a step
+    longest: float | None = None  # step [s]
 
     @property
     def microseconds(self) -> float:

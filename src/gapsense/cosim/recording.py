@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.durations import BINS, Counts
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Port, Scenario
 from gapsense.processes import Died, Marks
@@ -40,6 +41,8 @@ class Recording:
     parameters: dict[str, Value] = field(default_factory=dict)  # as read back, by `component.parameter`
     seconds: list[float] = field(default_factory=list)  # wall time of each component, in execution order
     calls: list[int] = field(default_factory=list)  # steps of each
+    longest: list[float] = field(default_factory=list)  # wall time of one step of each
+    spread: Counts = field(default_factory=lambda: counts(0))  # steps of each by how long they took
     messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
     wall: float = 0.0  # [s]
     begun: float | None = None  # `perf_counter` since when the wall time is still to be added
@@ -49,6 +52,12 @@ class Recording:
     error: FmuError | None = None
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
 
+    def start(self, parts: int) -> Recording:
+        """Begin to count the steps of so many components."""
+        self.seconds, self.longest = [0.0] * parts, [0.0] * parts
+        self.calls, self.spread = [0] * parts, counts(parts)
+        return self
+
     def clocked(self) -> float:
         """Wall time until now [s]."""
         return self.wall + (0.0 if self.begun is None else perf_counter() - self.begun)
@@ -57,7 +66,7 @@ class Recording:
         """All but the data, as JSON takes it."""
         error = self.error and [self.error.instance, self.error.cause, self.error.time, self.error.step, self.error.log]
         plain = asdict(replace(self, data=np.empty(0), error=None, wall=self.clocked(), begun=None))
-        return {**plain, "data": None, "error": error}
+        return {**plain, "data": None, "error": error, "spread": self.spread.tolist()}
 
 
 def from_facts(data: npt.NDArray[np.float64], facts: Mapping[str, Any]) -> Recording:
@@ -67,7 +76,13 @@ def from_facts(data: npt.NDArray[np.float64], facts: Mapping[str, Any]) -> Recor
     if facts["error"]:
         instance, cause, time, step, log = facts["error"]
         error = FmuError(instance, cause, time=time, step=step, log=log)
-    return Recording(**{**facts, "data": data, "messages": said, "error": error})
+    spread = np.array(facts["spread"], dtype=np.int64).reshape(-1, BINS)
+    return Recording(**{**facts, "data": data, "messages": said, "error": error, "spread": spread})
+
+
+def counts(parts: int) -> Counts:
+    """Room to count the steps of so many components, by how long they take."""
+    return np.zeros((parts, BINS), dtype=np.int64)
 
 
 def death(scenario: Scenario, order: Sequence[str], died: Died, marks: Marks) -> FmuError:

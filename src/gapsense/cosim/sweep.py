@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim import show
+from gapsense.cosim import show, sweep_table
 from gapsense.cosim.ahead import sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.document import Source
+from gapsense.cosim.document import Document, Source
 from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
@@ -34,8 +34,8 @@ from gapsense.cosim.scenario import Points, Port, Scenario
 from gapsense.cosim.sidecar import refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
+from gapsense.cosim.told import told
 from gapsense.cosim.worker import Runs, request, thrifty
-from gapsense.files import write_atomically, write_columns
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Entry, Ledger, kept, key
 from gapsense.problems import ScenarioError
@@ -118,7 +118,8 @@ def sweep(
         read, descriptions = prepare(scenario, variant, fmus)
         seeds = (1 if read.swept else 200) if seeds is None else seeds
         refuse_senseless(read, seeds, workers, keep and out is None)
-        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep)
+        changes = scenario.changes if isinstance(scenario, Document) else {}
+        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep, changes)
 
 
 def swept(
@@ -129,8 +130,9 @@ def swept(
     measure: Measure | None,
     progress: Progress | None,
     keep: bool,
+    changes: Mapping[str, Any],
 ) -> Sweep:
-    """The runs of a sweep."""
+    """The runs of a sweep; `changes` are what was laid over the scenario."""
     read, descriptions = subject.scenario, subject.descriptions
     points = read.points()
     runs = range(seeds * len(points))
@@ -156,8 +158,16 @@ def swept(
             kept=() if store is None else tuple(kept(store, index) for index in result.indices),
         )
         if file is not None and not interrupted:
-            save_table(result, file.with_suffix(".csv"))
+            about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
+            sweep_table.save(result, about, points, file.with_suffix(".csv"))
     return result
+
+
+def of_sweep(subject: Subject, seeds: int, key: str) -> dict[str, Any]:
+    """What was run, and hashes of what decides the numbers."""
+    fmus = {f"{name} ({d.path.name})": d.sha256 for name, d in subject.descriptions.items()}
+    points = len(subject.scenario.points())
+    return {"runs": seeds * points, "points": points, "decided_by": {"all": key, **subject.hashes(), **fmus}}
 
 
 def asked(points: Points, index: int) -> dict[str, Any]:
@@ -250,10 +260,3 @@ def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file
     columns = {name: np.array([metrics.get(name) for metrics in good.values()], dtype=np.float64) for name in names}
     errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
     return Sweep(tuple(good), columns, errors, computed, interrupted, file)
-
-
-def save_table(result: Sweep, path: Path) -> None:
-    """CSV with one row per run: its number, the parameters of the grid, the metrics."""
-    grid = {name: np.array(values, dtype=object) for name, values in result.grid.items()}
-    table = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
-    write_atomically(path, lambda file: write_columns(file, table, result.units))

@@ -11,6 +11,7 @@ from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
     from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+    from gapsense.cosim.record import Timing
     from gapsense.fmi.ports import Component
 
 WITHOUT_C = "The loop in C does not load here; that in Python takes some 2 us more per component and step."
@@ -64,10 +65,21 @@ def timing(result: Result) -> Table:
     if result.run.versions.get("loop", "C") != "C":
         title += f"\n{WITHOUT_C}"
     rows = (
-        (name, str(t.calls), f"{t.microseconds:.1f}", f"{100 * t.seconds / result.wall:.0f} %")
+        (name, str(t.calls), *per_step(t), f"{100 * t.seconds / result.wall:.0f} %")
         for name, t in result.timing.items()
     )
-    return table(title, ("component", "steps", "us per step", "share"), rows)
+    return table(title, ("component", "steps", "us per step", "median", "longest", "share"), rows)
+
+
+def per_step(of: Timing) -> tuple[str, str, str]:
+    """Mean, median and longest time of a step in microseconds; older results have but the first."""
+    median, longest = ("-" if value is None else three(1e6 * value) for value in (of.median, of.longest))
+    return three(of.microseconds), median, longest
+
+
+def three(value: float) -> str:
+    """A number with three digits, or those before its point."""
+    return f"{value:.{2 if value < 9.995 else 1 if value < 99.95 else 0}f}"
 
 
 def components(found: Sequence[Component], built: set[str]) -> Table:

@@ -79,6 +79,9 @@ def structure(guest: Guest, i: int, work: Work) -> library.Part:
         "takes_at": first_exchange(component, work.begin),
         "calls": recording.calls[i],
         "seconds": recording.seconds[i],
+        "counted": recording.seconds[i],
+        "longest": recording.longest[i],
+        "spread": pointer(recording.spread[i], Numbers),
     }
     if not part.is_direct:
         calls = {"python_step": library.PythonStep(guest.step), "python_take": library.PythonTake(guest.take)}
@@ -155,6 +158,7 @@ def keep(work: Work, loop: Loop, parts: Any) -> None:
     """Take over what was recorded and counted."""
     work.recording.rows = loop.rows
     work.recording.seconds[:] = [part.seconds for part in parts]
+    work.recording.longest[:] = [part.longest for part in parts]
     work.recording.calls[:] = [part.calls for part in parts]
 
 

@@ -58,6 +58,9 @@ class Part(ctypes.Structure):
         ("takes_at", Number),
         ("calls", Number),
         ("seconds", Double),
+        ("counted", Double),
+        ("longest", Double),
+        ("spread", Numbers),
         ("python_step", PythonStep),
         ("python_take", PythonTake),
     ]

@@ -43,7 +43,8 @@ typedef struct {
     int follows; /* it takes inputs before each step */
     int64_t every, steps_at, takes_at; /* base steps: between two of its steps, of the next one, of the next inputs */
     int64_t calls;
-    double seconds;
+    double seconds, counted, longest; /* in all, when a step was last counted, of one step */
+    int64_t *spread; /* steps by how long they took, as in durations.py */
     int (*python_step)(double start);
     int (*python_take)(void);
 } Part;
@@ -83,6 +84,7 @@ typedef struct {
 enum { PHASE, COMPONENT, STEP, ROWS, STOP }; /* marks */
 enum { MASTER = 0 };
 enum { WARNING = 1, ENDS = 6 };
+enum { BINS = 512, FIRST_BIN = (1023 - 26) * 16 }; /* as in durations.py */
 enum { DONE, AT_SET, AT_STEP, AT_GET, NOT_FINITE, IN_PYTHON };
 
 static double now(void)
@@ -171,6 +173,25 @@ static void end(Loop *l, Part *p)
     p->seconds += l->clock - then;
 }
 
+/* Bin of a duration: its exponent and the first four bits of its mantissa. */
+static size_t bin(double seconds)
+{
+    union { double value; uint64_t bits; } of = {seconds};
+    int64_t k = (int64_t)(of.bits >> 48) - FIRST_BIN;
+    return (size_t)(k < 0 ? 0 : k < BINS ? k : BINS - 1);
+}
+
+/* A step of this part has ended; with Jacobi its inputs took their time before. */
+static void count(Part *p)
+{
+    double seconds = p->seconds - p->counted;
+    p->counted = p->seconds;
+    if (seconds > p->longest)
+        p->longest = seconds;
+    p->spread[bin(seconds)]++;
+    p->calls++;
+}
+
 /* Lets every part step that is due, in order. */
 static int all_step(Loop *l, int64_t k)
 {
@@ -183,8 +204,8 @@ static int all_step(Loop *l, int64_t k)
         if (failed)
             return failed;
         p->steps_at = k + p->every;
-        p->calls++;
         end(l, p);
+        count(p);
     }
     return DONE;
 }

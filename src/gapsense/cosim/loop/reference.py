@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import perf_counter
 
+from gapsense.cosim.durations import place
 from gapsense.cosim.events.watch import reporter
 from gapsense.cosim.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.recording import COMPONENT, MASTER, ROWS, STEP, STOP
@@ -40,7 +41,7 @@ def stepper(work: Work) -> Do:
     """Function of the base step that lets every part step that is due, in order."""
     clock, parts, marks = perf_counter, work.parts, work.marks
     start, base = work.experiment.start, work.experiment.base_step
-    seconds, calls = work.recording.seconds, work.recording.calls
+    seconds, count = work.recording.seconds, counter(work)
     is_sequential = work.experiment.method == "gauss-seidel"
     due = [first_turn(part.component, work.begin) for part in parts]
     turns = [(i, part.component.step, part.stepper(base, is_sequential)) for i, part in enumerate(parts)]
@@ -55,12 +56,28 @@ def stepper(work: Work) -> Do:
                 if failed:
                     raise parts[i].failure(failed, begin, k)
                 due[i] = k + every
-                calls[i] += 1
                 now = clock()
                 seconds[i] += now - last
                 last = now
+                count(i)
 
     return step
+
+
+def counter(work: Work) -> Do:
+    """Function of the number of a part that counts a step of it; with Jacobi its inputs took their time before."""
+    of, spread = work.recording, [memoryview(counts) for counts in work.recording.spread]
+    seconds, calls, longest, counted = of.seconds, of.calls, of.longest, of.seconds.copy()
+
+    def count(i: int) -> None:
+        took = seconds[i] - counted[i]
+        counted[i] = seconds[i]
+        if took > longest[i]:
+            longest[i] = took
+        spread[i][place(took)] += 1
+        calls[i] += 1
+
+    return count
 
 
 def exchanger(work: Work) -> Do:

@@ -8,11 +8,17 @@ from collections.abc import Sequence
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gapsense.files import write_atomically
 from gapsense.problems import InputError
 from gapsense.report.html.elements import Markup, element, joined
-from gapsense.report.html.subject import read_all
+from gapsense.report.html.many import Many
+from gapsense.report.html.subject import Shown, read_all
+
+if TYPE_CHECKING:
+    from gapsense.report.html.chapters import Chapter
+    from gapsense.report.html.plots import Plots
 
 MISSING = "Reports are drawn by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."
 POLICY = "default-src 'none'; img-src data: blob:; font-src data:; style-src 'unsafe-inline'; script-src {}"
@@ -24,7 +30,7 @@ def write_report(results: Sequence[str | Path], to: str | Path) -> Path:
     Parameters
     ----------
     results : sequence of str or Path
-        CSV files, as `Result.save` writes them.
+        CSV files, as `Result.save` writes them, those of sweeps, and folders of campaigns.
     to : str or Path
         The file; its folder is made if there is none.
 
@@ -53,17 +59,28 @@ def report(results: Sequence[Path]) -> str:
         import bokeh  # noqa: F401  # which is optional
     except ImportError:
         raise InputError([MISSING]) from None
-    from gapsense.report.html.chapters import chapter, summary
+    from gapsense.report.html.chapters import summary
     from gapsense.report.html.plots import Plots, embedded
 
     plots = Plots()
-    chapters = [chapter(one, plots, f"r{k}") for k, one in enumerate(shown, 1)]
+    chapters = [chapter_of(one, plots, f"r{k}") for k, one in enumerate(shown, 1)]
     script, places = embedded(plots)
     body = joined([*summary(chapters), *(c.content for c in chapters)])
     for key, place in places.items():
         body = Markup(body.replace(f"<!--plot {key}-->", place))
     title = chapters[0].title if len(chapters) == 1 else f"{len(chapters)} results"
     return page(f"{title} - Gapsense", body, script)
+
+
+def chapter_of(shown: Shown | Many, plots: Plots, key: str) -> Chapter:
+    """Everything about one of the results."""
+    if isinstance(shown, Many):  # which alone needs pyarrow
+        from gapsense.report.html.many_chapter import chapter_of_many
+
+        return chapter_of_many(shown, plots, key)
+    from gapsense.report.html.chapters import chapter
+
+    return chapter(shown, plots, key)
 
 
 def page(title: str, body: Markup, script: str) -> str:

@@ -34,7 +34,8 @@ class Plots:
         unit = f" / {drawn.unit}" if drawn.unit else ""
         chips = element("div", *map(chip, drawn.legend), of="chips")
         names = ", ".join(entry.label for entry in drawn.legend)
-        plot = element("div", Markup(mark(key)), of="plot", role="img", aria_label=f"{drawn.label}{unit}: {names}")
+        label = ": ".join(filter(None, (drawn.label + unit, names)))
+        plot = element("div", Markup(mark(key)), of="plot", role="img", aria_label=label)
         few = FEW.format(*drawn.points) if drawn.points[0] < drawn.points[1] else ""
         head = element("figcaption", element("b", drawn.label + unit), " ", element("small", (note + few).strip()))
         return element("figure", head, chips, plot, of="panel")
@@ -115,9 +116,14 @@ def tube_plots(regression: Regression, axes: Axes, plots: Plots, key: str) -> Ma
 
 def embedded(plots: Plots) -> tuple[str, Mapping[str, str]]:
     """Script that draws all figures, and the elements that they come into by key."""
+    from bokeh.document import Document
     from bokeh.embed import components
 
     if not plots.figures:
         return "", {}
+    document = Document()
+    with document.models.freeze():  # else it goes through all models after each figure: 26 s for 48 of them
+        for made in plots.figures.values():
+            document.add_root(made)
     script, divs = components(plots.figures, wrap_script=False)
     return script, divs

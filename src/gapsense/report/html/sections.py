@@ -12,6 +12,7 @@ from gapsense.cosim import Measured, Result
 from gapsense.report.html.elements import Cell, Markup, bar, details, element, joined, table
 from gapsense.report.html.subject import Shown
 from gapsense.report.html.tubes import Regression
+from gapsense.report.runs import per_step
 from gapsense.report.table import quantity
 
 NEAR = 0.1  # of the range between two bounds
@@ -22,11 +23,12 @@ class Verdict(NamedTuple):
 
     passed: bool
     sentences: tuple[str, ...]
+    words: tuple[str, str] = ("passed", "failed")
 
     @property
     def word(self) -> str:
         """One word."""
-        return "passed" if self.passed else "failed"
+        return self.words[not self.passed]
 
 
 def verdict(shown: Shown, regression: Regression) -> Verdict:
@@ -61,8 +63,9 @@ def of_baseline(regression: Regression) -> str:
 
 def banner(found: Verdict) -> Markup:
     """The verdict."""
+    kind = "passed" if found.passed else "failed"
     mark = element("strong", f"{'✓' if found.passed else '✗'} {found.word}")
-    return element("p", mark, " ", " ".join(found.sentences), of=f"verdict {found.word}", role="status")
+    return element("p", mark, " ", " ".join(found.sentences), of=f"verdict {kind}", role="status")
 
 
 def facts(shown: Shown) -> Markup:
@@ -181,11 +184,12 @@ def timing(result: Result) -> Markup:
     total = result.wall or 1.0
     own = sum(t.seconds for t in result.timing.values())
     rows: list[tuple[Cell, ...]] = [
-        (name, str(t.calls), f"{t.microseconds:.2f}", f"{1e3 * t.seconds:.2f}", part(t.seconds / total))
+        (name, str(t.calls), *per_step(t), f"{1e3 * t.seconds:.2f}", part(t.seconds / total))
         for name, t in result.timing.items()
     ]
-    rows.append(("everything else", "", "", f"{1e3 * max(total - own, 0.0):.2f}", part(max(1.0 - own / total, 0.0))))
-    heads = ("component", "steps", "mean / us per step", "total / ms", "share of the run")
+    rest = f"{1e3 * max(total - own, 0.0):.2f}", part(max(1.0 - own / total, 0.0))
+    rows.append(("everything else", "", "", "", "", *rest))
+    heads = ("component", "steps", "mean / us per step", "median", "longest", "total / ms", "share of the run")
     return table(f"{result.wall:.3f} s in all; loading the FMUs is not counted", heads, rows)
 
 

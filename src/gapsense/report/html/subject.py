@@ -12,6 +12,7 @@ from gapsense.cosim.load import load
 from gapsense.cosim.sidecar import read_sidecar
 from gapsense.cosim.subject import Subject
 from gapsense.problems import InputError
+from gapsense.report.html.many import Many, is_many, read_many
 
 CHANGED = "changes"  # hash of values given by `--set`
 
@@ -50,8 +51,8 @@ def is_point(scenario: Scenario, result: Result) -> bool:
     return any(value is None or result.parameters.get(name) != value for name, value in given)
 
 
-def read_all(files: Sequence[Path]) -> list[Shown]:
-    """Saved results; an InputError has the problems of all of them."""
+def read_all(files: Sequence[Path]) -> list[Shown | Many]:
+    """Saved results, sweeps and campaigns; an InputError has the problems of all of them."""
     problems: list[str] = []
     found = [shown for file in files if (shown := read(file, problems))]
     if problems:
@@ -59,12 +60,14 @@ def read_all(files: Sequence[Path]) -> list[Shown]:
     return found
 
 
-def read(file: Path, problems: list[str]) -> Shown | None:
-    """One saved result, or None after noting why it is none."""
+def read(file: Path, problems: list[str]) -> Shown | Many | None:
+    """One saved result, sweep or campaign, or None after noting why it is none."""
     if sentence := other_kind(file):
         problems.append(sentence)
         return None
     try:
+        if is_many(file):
+            return read_many(file)
         result = read_result(file)
     except InputError as error:
         problems.extend(error.problems)
@@ -77,12 +80,11 @@ def read(file: Path, problems: list[str]) -> Shown | None:
 
 
 def other_kind(file: Path) -> str:
-    """Sentence on a file that is no result of one run, with what to do."""
-    if file.suffix == ".jsonl" or file.stem.endswith("_sweep"):
-        kept = "Sweep with `--signals`, and report the CSV files of its runs"
-        return f"`{file}`: it is of a sweep, a report is about single runs. {kept}."
-    if file.is_dir() or file.suffix == ".parquet":
-        return f"`{file}`: it is no result of a single run. Name the CSV file of one; `gapsense run` writes it."
+    """Sentence on a file that is no result, with what to do."""
+    if file.suffix == ".jsonl":
+        return f"`{file}`: it is what a sweep goes on from. Name the table beside it, `{file.with_suffix('.csv')}`."
+    if file.suffix == ".parquet" or (file.is_dir() and not is_many(file)):
+        return f"`{file}`: it is no result. Name the CSV file of a run or of a sweep, or the folder of a campaign."
     if file.suffix == ".json":
         return f"`{file}`: it is the side-car of a result. Name the CSV file beside it, `{file.with_suffix('.csv')}`."
     return ""

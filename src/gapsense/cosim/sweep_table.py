@@ -1,0 +1,80 @@
+"""The table of a sweep as a CSV file, and a JSON file beside it that says of what it is and which runs failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gapsense.cosim.scenario import Points
+from gapsense.cosim.told import kind
+from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
+from gapsense.problems import InputError
+from gapsense.tables import Value
+
+if TYPE_CHECKING:
+    from gapsense.cosim.sweep import Sweep
+
+FORMAT = "gapsense sweep 1"
+NEEDED = {"sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
+AGAIN = "Sweep again"
+
+
+def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:
+    """Write both files; `points` are the combinations that the sweep goes through."""
+    table, failed = columns(result), {run: values(points, run) for run in result.errors}
+    with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
+        content = {**about, **sidecar(result, failed), "sha256": sha256(part)}
+        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
+            rename(part, path)
+            rename(beside, path.with_suffix(".json"))
+
+
+def values(points: Points, run: int) -> dict[str, Value]:
+    """Values of a run, by parameter."""
+    return {str(port): value for port, value in points[run % len(points)].items()}
+
+
+def columns(result: Sweep) -> Columns:
+    """One row per run: its number, the parameters of the grid, the metrics."""
+    grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
+    return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+
+
+def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[str, Any]:
+    """What is told of the columns of the table, and of the runs that are not in it, as JSON takes it."""
+    units = result.units
+    given = {name: [*column, *(own[name] for own in failed.values())] for name, column in result.grid.items()}
+    return {
+        "format": FORMAT,
+        "factors": {name: [kind(column), units.get(name, "")] for name, column in given.items()},
+        "metrics": {name: units.get(name, "") for name in result.metrics},
+        "failed": [{"run": index, "values": failed[index], "error": error} for index, error in result.errors.items()],
+    }
+
+
+def is_table(path: Path) -> bool:
+    """True for the CSV of a sweep, by what is beside it; also for one of an older version, by its name."""
+    data = beside(path)
+    return path.suffix == ".csv" and (data.get("format") == FORMAT if data else path.stem.endswith("_sweep"))
+
+
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """What is told beside the table `path`; an InputError if the two do not fit."""
+    data = beside(path)
+    if not {*data} >= NEEDED:
+        raise InputError([f"{path}: `{path.stem}.json` beside it is missing, or incomplete. {AGAIN}."])
+    if sha256(path) != data.get("sha256"):
+        raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
+    return data
+
+
+def beside(path: Path) -> dict[str, Any]:
+    """Content of the JSON file beside a table; nothing if there is none that can be read."""
+    try:
+        data = read_json(path.with_suffix(".json"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}

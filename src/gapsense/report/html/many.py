@@ -1,0 +1,172 @@
+"""Many runs as a report shows them: a campaign, or the table of a sweep in the form of one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gapsense import campaign
+from gapsense.cosim import sweep_table
+from gapsense.cosim.sidecar import absolute
+from gapsense.cosim.told import bounds
+from gapsense.files import Sheet, number, read_sheet
+from gapsense.problems import InputError
+from gapsense.report.table import quantity
+
+if TYPE_CHECKING:
+    from gapsense.campaign.result import Campaign
+    from gapsense.campaign.summary import Leading, Spread
+    from gapsense.campaign.worst import Extremes
+
+WORST = 3  # runs that are named for each metric
+FAILED = 20  # runs that are named with their errors
+
+
+@dataclass(frozen=True)
+class Many:
+    """Runs of a campaign or sweep in `file`; what is computed from them is computed once."""
+
+    file: Path
+    campaign: Campaign
+    kind: str  # campaign or sweep
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        """What was run."""
+        return self.campaign.manifest.about
+
+    @property
+    def scenario(self) -> str:
+        """The scenario's file from the working folder; empty if it has none, or if an older result does not tell it."""
+        folder = self.file if self.kind == "campaign" else self.file.parent
+        found = absolute(self.about.get("source", ""), folder)
+        try:
+            return Path(os.path.relpath(found)).as_posix() if found else ""
+        except ValueError:  # another drive
+            return Path(found).as_posix()
+
+    @cached_property
+    def spreads(self) -> dict[str, Spread]:
+        """Quantiles of each metric and of each parameter that is a number."""
+        from gapsense.campaign import summary
+
+        names = [*self.campaign.metrics, *summary.numeric(self.campaign)] if self.campaign.rows else []
+        return {name: summary.spread(self.campaign, name) for name in names}
+
+    @cached_property
+    def correlations(self) -> dict[str, list[Leading]]:
+        """For each metric what it goes with."""
+        from gapsense.campaign import summary
+
+        return summary.correlations(self.campaign)
+
+    @cached_property
+    def levels(self) -> dict[str, list[Any] | None]:
+        """Values of each parameter that has few."""
+        from gapsense.campaign import summary
+
+        return {name: summary.levels(self.campaign, name) for name in self.campaign.factors}
+
+    @cached_property
+    def extremes(self) -> dict[str, Extremes]:
+        """The worst runs of each metric that has any value."""
+        from gapsense.campaign.worst import extremes
+
+        metrics = self.campaign.metrics if self.campaign.rows else ()
+        return {m: extremes(self.campaign, self.spreads[m], self.bounds(m), WORST) for m in metrics}
+
+    @cached_property
+    def failed(self) -> list[tuple[int, str]]:
+        """The first runs that failed, and why."""
+        return self.campaign.errors(FAILED)
+
+    @cached_property
+    def rows(self) -> dict[int, dict[str, Any]]:
+        """Parameters and seeds of the runs that are named."""
+        from gapsense.campaign.worst import rows
+
+        named = [one.run for found in self.extremes.values() for one in found.worst]
+        return rows(self.campaign, [*named, *(run for run, _ in self.failed)])
+
+    def bounds(self, metric: str) -> tuple[float, float] | None:
+        """Bounds of a metric."""
+        return bounds(self.about, metric)
+
+    def unit(self, name: str) -> str:
+        """Unit of a column."""
+        return self.campaign.units.get(name, "")
+
+    def shown(self, name: str, value: float) -> str:
+        """A value of a column with its unit; a dash for none."""
+        return quantity(value, self.unit(name)) if value == value else "-"
+
+    @cached_property
+    def labels(self) -> dict[str, tuple[str, str]]:
+        """Table of each metric, and what it is called there."""
+        told = self.about.get("labels", {})
+        words = {name: told.get(name, ["", ""]) for name in self.extremes}
+        return {name: (title or "Metrics", label or name) for name, (title, label) in words.items()}
+
+    def label(self, metric: str) -> str:
+        """What a metric is called outside of its table, where others may have the same label."""
+        label = self.labels[metric][1]
+        is_alone = sum(other == label for _, other in self.labels.values()) == 1
+        return label if is_alone else f"{label} ({metric})"
+
+
+def is_many(file: Path) -> bool:
+    """True for what holds many runs."""
+    return (file / "campaign.json").is_file() or sweep_table.is_table(file)
+
+
+def read_many(file: Path) -> Many:
+    """A campaign or a sweep; an InputError says what is wrong with it, or what is not installed."""
+    if file.is_dir():
+        return Many(file, campaign.read(file), "campaign")
+    return Many(file, of_sweep(file), "sweep")
+
+
+def of_sweep(file: Path) -> Campaign:
+    """The table of a sweep, as a campaign has it."""
+    made = campaign.Campaign  # first: it says what is to be installed
+    from gapsense.campaign.columns import from_facts
+    from gapsense.campaign.prepare import OWN_COLUMNS
+    from gapsense.campaign.store import Manifest
+
+    about, problems = sweep_table.read_sidecar(file), list[str]()
+    sheet = read_sheet(file, problems)
+    problems += [f"{file}: a metric is called `{n}`. Rename it." for n in about["metrics"] if n in OWN_COLUMNS]
+    known = {"run", *about["factors"], *about["metrics"]}
+    if problems or {*sheet.names} != known:
+        raise InputError(problems or [f"{file}: other columns than its side-car tells. {sweep_table.AGAIN}."])
+    columns = from_facts({name: about.pop(name) for name in ("factors", "metrics")} | {"signals": {}})
+    failed = [{**entry, "seed": entry["run"]} for entry in about.pop("failed")]
+    kinds = {name: kind for name, (kind, _) in columns.factors.items()}
+    return made(file, Manifest(about, columns), columns.table([*lines(sheet, kinds), *failed]))
+
+
+def lines(sheet: Sheet, kinds: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Rows of a table as a campaign's journal has them."""
+    found = []
+    for row in sheet.rows:
+        cells = {name: value(text, kinds.get(name, "double")) for name, text in zip(sheet.names, row)}
+        run = int(cells.pop("run") or 0)
+        values = {name: cells.pop(name) for name in kinds}
+        found.append({"run": run, "seed": run, "values": values, "metrics": cells})
+    return found
+
+
+def value(text: str, kind: str) -> Any:
+    """A cell; a number that is none is missing."""
+    if kind == "string":
+        return text
+    if kind == "bool":
+        return text == "True"
+    found = number(text)
+    if found is None or found != found:
+        return None
+    return int(text) if kind == "int64" else found
