@@ -7,10 +7,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import HealthCheck, settings
 
 from gapsense import locks
@@ -24,6 +25,8 @@ os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
 )  # of the many processes: to start threads takes half the time of numpy
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
+if hasattr(typer.testing, "_get_command"):  # else every call of a command makes all of them anew, in 60 ms
+    typer.testing._get_command = cache(typer.testing._get_command)
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

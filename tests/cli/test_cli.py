@@ -328,16 +328,18 @@ def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):
 
 # Figures --------------------------------------------------------------------------------------------------------------
 
+FEW = ('"valve.*", "sensor.*_measured"', '"valve.current", "sensor.current_measured"')  # a figure has a row for each
+
 
 def test_figure_is_a_png(gapsense, write, fmus):
-    done = gapsense("figure", write(), "--fmus", fmus)
+    done = gapsense("figure", write(FEW), "--fmus", fmus)
     assert (done.exit_code, done.stderr) == (0, "")
     assert Path("results", "short.png").read_bytes()[:8] == PNG
     assert [p.name for p in Path("results").iterdir()] == ["short.png"]
 
 
 def test_figure_of_a_saved_result_needs_no_run(gapsense, write, fmus, monkeypatch):
-    gapsense("run", write(), "--fmus", fmus)
+    gapsense("run", write(FEW), "--fmus", fmus)
     monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("it ran"))
     done = gapsense("figure", "results/short.csv")
     assert done.exit_code == 0 and Path("results/short.png").read_bytes()[:8] == PNG
@@ -417,7 +419,7 @@ def test_sensitivity_of_a_baseline_is_shown_and_nothing_written(gapsense, write,
 
 
 def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
-    folder = write()
+    folder = write(FEW)
     shown = gapsense("baseline", folder, "--fmus", fmus)
     assert shown.exit_code == 0
     assert "new: " in shown.stdout and "Not written." in shown.stdout
@@ -426,7 +428,7 @@ def test_baseline_is_shown_and_written_only_when_asked(gapsense, write, fmus):
     assert written.exit_code == 0 and written.stdout.endswith("Written.\n")
     kept = (folder / "baseline.csv").read_bytes()
     assert "nothing changes" in gapsense("baseline", folder, "--fmus", fmus, "--write").stdout
-    changed = gapsense("baseline", write(('waveform = "square" }', '"square.amplitude" = 20.0 }')), "--fmus", fmus)
+    changed = gapsense("baseline", write(FEW, ('waveform = "square" }', '"square.amplitude" = 20.0 }')), "--fmus", fmus)
     assert changed.exit_code == 0 and "valve.current" in changed.stdout and "Not written." in changed.stdout
     assert (folder / "baseline.csv").read_bytes() == kept
     failed = gapsense("test", folder, "--fmus", fmus)
@@ -457,7 +459,7 @@ def test_observability_needs_a_current_and_samples(gapsense, write, fmus):
 def same(write, tmp_path):
     """Two scenarios in folders of one name; the second drives with another voltage."""
     louder = ('waveform = "square" }', 'waveform = "square", "square.amplitude" = 40.0 }')
-    return write(folder="A/same"), write(louder, folder="B/same")
+    return write(FEW, folder="A/same"), write(FEW, louder, folder="B/same")
 
 
 OTHER = "it is of the scenario `../A/same/scenario.toml`, this one is `../B/same/scenario.toml`. Choose another place"

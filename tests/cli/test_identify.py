@@ -70,11 +70,14 @@ def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, 
     assert (data / "fit.png").read_bytes().startswith(b"\x89PNG")
 
 
+NAMES = ("drive_voltage", "solenoid_valve", "sensor", "semera", "integral_estimator", "ekf")  # of the scenario, and one
+
+
 def test_identified_set_builds_fmus_that_run_with_it(identified, data, gapsense, monkeypatch):
     monkeypatch.chdir(ROOT)
     file, _ = identified
     built = data / "built"
-    assert gapsense("build", "--parameters", file, "--out", built).exit_code == 0
+    assert gapsense("build", *NAMES, "--parameters", file, "--out", built).exit_code == 0
     expected = values(file)
     valve = {v.name: v.start for v in fmpy.read_model_description(str(built / "SolenoidValve.fmu")).modelVariables}
     assert {name: float(valve.get(name, expected[name])) for name in expected} == expected
@@ -153,26 +156,36 @@ def test_wrong_input_is_refused_in_sentences(data, gapsense, monkeypatch, case):
     assert all(word in done.stderr for word in words), done.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["estimate", "fit.csv", "--estimator", "kalman"], ["`kalman`", "Semera"]),
-        (["estimate", "fit.csv", "--estimator", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
-        (["build", "semera", "--parameters", "bad.toml"], ["`mover.mas`", "`mover.mass`"]),
-        (
-            ["build", "ekf", "--parameters", "range.toml"],
-            ["Ekf: `mover.mass` is -1.0;", "Ekf: `damping` is true;"],
-        ),
-    ],
-)
-def test_wrong_names_and_values_are_refused(data, process, fmus, arguments, words):
+@pytest.fixture
+def wrong(data):
+    """The folder, with parameter sets of which one has a wrong name and the other wrong values."""
     (data / "bad.toml").write_text('[values]\n"mover.mas" = 1.0\n', encoding="utf-8")
     (data / "range.toml").write_text('[values]\n"mover.mass" = -1.0\ndamping = true\n', encoding="utf-8")
-    named = [data / a if a.endswith((".csv", ".toml")) else a for a in arguments]
+    return data
+
+
+@pytest.mark.parametrize(
+    ("estimator", "words"), [("kalman", ["`kalman`", "Semera"]), ("semera", ["`mover.mas`", "`mover.mass`"])]
+)
+def test_estimate_refuses_wrong_names(wrong, gapsense, fmus, monkeypatch, estimator, words):
+    monkeypatch.chdir(ROOT)
+    known = ["--parameters", wrong / "bad.toml"] if estimator == "semera" else []
+    done = gapsense("estimate", wrong / "fit.csv", "--estimator", estimator, *known, "--fmus", fmus)
+    assert done.exit_code == 2 and all(word in done.stderr for word in words), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("component", "file", "words"),
+    [
+        ("semera", "bad.toml", ["`mover.mas`", "`mover.mass`"]),
+        ("ekf", "range.toml", ["Ekf: `mover.mass` is -1.0;", "Ekf: `damping` is true;"]),
+    ],
+)
+def test_build_refuses_wrong_names_and_values(wrong, process, component, file, words):
     code = f"import os; os.chdir({str(ROOT)!r}); from gapsense.cli import app; app()"
-    done = process(code, *named, *(["--fmus", fmus] if arguments[0] == "estimate" else ["--out", data / "x"]))
+    done = process(code, "build", component, "--parameters", wrong / file, "--out", wrong / "x")
     printed, said = done.communicate()
-    assert done.returncode == 2 and not (data / "x").exists(), printed + said
+    assert done.returncode == 2 and not (wrong / "x").exists(), printed + said
     assert all(word in said for word in words), said
 
 

@@ -172,13 +172,15 @@ def all_traces(all_fmus: list[str]) -> dict[str, Any]:
 def test_two_versions_in_one_process_do_not_mix(
     part: Part, fmu: str, life: dict[str, Any], second: tuple[Path, dict[str, str]]
 ) -> None:
-    """Of this component first, second, first; and second, first of all components in one process."""
-    other = second[0] / part.path.name
-    alone = second_traces(second[0])[other.name]
+    """First, second, first of each component, and in another process second, first of each."""
+    names, other = names_in(second[0]), second[0] / part.path.name
+    k, alone = names.index(other.name), second_traces(second[0])[other.name]
     assert alone != life["first"]
-    assert fresh("together", fmu, other, fmu) == [life["first"], alone, life["first"]]
-    pairs = [path for name in names_in(second[0]) for path in (second[0] / name, part.path.parent / name)]
-    assert fresh("together", *pairs)[2 * names_in(second[0]).index(other.name) :][:2] == [alone, life["first"]]
+    pairs = [(part.path.parent / name, second[0] / name) for name in names]
+    threes = fresh("together", *(path for one, two in pairs for path in (one, two, one)))
+    assert threes[3 * k :][:3] == [life["first"], alone, life["first"]]
+    twos = fresh("together", *(path for one, two in pairs for path in (two, one)))
+    assert twos[2 * k :][:2] == [alone, life["first"]]
 
 
 def names_in(folder: Path) -> list[str]:

@@ -30,6 +30,12 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of it."""
+    return tuple(ast.walk(tree(path)))
+
+
 def texts() -> Iterator[Path]:
     """All text files that belong to the repository; nothing that was built, cached or installed."""
     yield from (
@@ -46,7 +52,7 @@ def texts() -> Iterator[Path]:
 
 def functions(path: Path) -> Iterator[tuple[str, Function]]:
     """Every function of a file, methods and inner ones too, with the place to show."""
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, Function):
             yield f"{name_of(path)}:{node.lineno} {node.name}", node
 
@@ -97,25 +103,30 @@ def part_of(path: Path) -> str:
     return path.relative_to(SRC).parts[0].removesuffix(".py")
 
 
-def imports(path: Path) -> Iterator[tuple[str, int]]:
+@cache
+def imports(path: Path) -> list[tuple[str, int]]:
     """Full names that a file imports, wherever in it, with their lines."""
     package = path.relative_to(SRC.parent).parts[:-1] if path != BUILD else ()
-    for node in ast.walk(tree(path)):
+    found = []
+    for node in nodes(path):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, node.lineno) for alias in node.names)
+            found += [(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) + 1 - node.level] if node.level else ()
             module = ".".join((*base, *([node.module] if node.module else [])))
-            yield from ((f"{module}.{alias.name}", node.lineno) for alias in node.names)
+            found += [(f"{module}.{alias.name}", node.lineno) for alias in node.names]
+    return found
 
 
-def lists(path: Path) -> Iterator[tuple[int, set[str]]]:
+@cache
+def lists(path: Path) -> list[tuple[int, set[str]]]:
     """Texts of every list, tuple, set and dict (its keys) in a file, and the parts of the names that it imports."""
-    for node in ast.walk(tree(path)):
+    found = []
+    for node in nodes(path):
         if isinstance(node, (ast.List, ast.Tuple, ast.Set, ast.Dict)):
             entries = node.keys if isinstance(node, ast.Dict) else node.elts
-            yield node.lineno, {str(e.value) for e in entries if isinstance(e, ast.Constant)}
-    yield 1, {part for name, _ in imports(path) for part in name.split(".")}
+            found.append((node.lineno, {str(e.value) for e in entries if isinstance(e, ast.Constant)}))
+    return [*found, (1, {part for name, _ in imports(path) for part in name.split(".")})]
 
 
 def ours(path: Path) -> Iterator[tuple[str, int]]:

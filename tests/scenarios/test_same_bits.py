@@ -34,7 +34,7 @@ CASES = [
     (VALVE, "gated"),
     (RELAY, None),
     (PROFILES, None),
-    (PROFILES, "thresholds"),
+    pytest.param(PROFILES, "thresholds", marks=pytest.mark.slow),
     (SOFT_LANDING, None),
 ]
 FOLDERS = {load_component(folder).name: folder for folder in find_components(ROOT / "fmus")}

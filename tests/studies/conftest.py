@@ -11,12 +11,12 @@ sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels"
 
 from gapsense.studies.smoother.models import fitted, nominal
 from gapsense.studies.smoother.study import Study
-from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import Samples, reference, sampled
 
 
 @pytest.fixture(scope="session")
 def cycle() -> Samples:
-    return sampled(soft_landing()[-1])
+    return sampled(reference())
 
 
 @pytest.fixture(scope="session")
@@ -27,5 +27,5 @@ def study(cycle: Samples) -> Study:
 @pytest.fixture(scope="session")
 def coarse() -> Study:
     """The same with a fifth of the samples."""
-    samples = sampled(soft_landing()[-1], 100e-6)
+    samples = sampled(reference(), 100e-6)
     return Study(samples, fitted(samples, nominal()._replace(T_s=100e-6)))

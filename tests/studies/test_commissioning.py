@@ -121,6 +121,7 @@ def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
     assert read["gap.factor"] == pytest.approx(found.parameters.gap_factor, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_parameters_of_the_benchmark_are_what_a_record_gives(fmus):
     """The plant is another model, with Jiles-Atherton hysteresis; its position is not used.
 

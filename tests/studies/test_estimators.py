@@ -212,6 +212,7 @@ def test_the_other_table_is_that_of_semera():
     )
 
 
+@pytest.mark.slow  # the record is commissioned
 def test_core_with_losses_is_what_a_record_gives(fmus):
     found = core.of_scenario(FOLDER)
     assert found == pytest.approx(known.CORE, rel=3e-3)

@@ -12,7 +12,7 @@ from gapsense.studies.observability_rts.samples import along_reference_cycle, ra
 from gapsense.studies.observability_rts.show import counts
 from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
-from gapsense.studies.soft_landing.cycle import sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import reference, sampled
 
 MODEL = nominal()
 LANDINGS = [250, 750]
@@ -21,7 +21,7 @@ SOME = [0, 30, 49, 50, 51, 53, 120, 246, 248, 249, 250, 251, 400, 499, 550, 552,
 
 @pytest.fixture(scope="module")
 def cycle():
-    s = sampled(soft_landing()[-1])
+    s = sampled(reference())
     x = reference_states(s, unvaried(MODEL), MODEL)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     return states[:-1], s.current[:-1], s.voltage[:-1], s.mode[:-1]

@@ -18,7 +18,7 @@ from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Mod
 from gapsense.estimators.rts import Floats
 from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
-from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import Samples, reference, sampled
 from gapsense.workers import Progress
 
 TOLERANCE = 1e-12
@@ -52,7 +52,7 @@ def along_reference_cycle(
 ) -> Observed:
     """The count (51) for every sample of the cycle of Fig. 5, with the reduced model of Table II."""
     m = nominal()
-    full = sampled(soft_landing()[-1], m.T_s)
+    full = sampled(reference(), m.T_s)
     x = reference_states(full, unvaried(m), m)
     states = np.column_stack([x.position, x.position_prev, x.flux_linkage, x.current_error[0], x.force_error[0]])
     s = Samples(*(column[:-1] for column in full))  # the last sample is the first of the next period

@@ -12,7 +12,7 @@ from gapsense.estimators.rts import Floats, motions
 from gapsense.studies.smoother.batch import MOVING, Tuning, Varied
 from gapsense.studies.smoother.models import chunks, errors, fitted, noise, nominal, perturbed
 from gapsense.studies.smoother.reference import process_noise
-from gapsense.studies.soft_landing.cycle import Samples, sampled, soft_landing
+from gapsense.studies.soft_landing.cycle import Samples, reference, sampled
 from gapsense.studies.tasks import Facts
 
 NOISE = 2e-3  # sigma_i (58) [A]
@@ -37,7 +37,7 @@ def studied(core: str, seed: int) -> Study:
     """The soft-landing cycle of Fig. 5, with the core of the reduced model as asked for: fitted, or published."""
     if core not in ("fitted", "published"):
         raise ValueError(f"`--core {core}`: `fitted` or `published` expected. Correct it.")
-    samples = sampled(soft_landing()[-1])
+    samples = sampled(reference())
     return Study(samples, fitted(samples, nominal()) if core == "fitted" else nominal(), seed)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +77,12 @@ def soft_landing(
         cycle, state = _cycle(fixed, trajectory, state, _after(progress, PARTS * k, PARTS * cycles))
         found.append(cycle)
     return found
+
+
+@cache
+def reference() -> Cycle:
+    """The cycle of Fig. 5 from the second one on; studies share it, as it takes a second."""
+    return soft_landing()[-1]
 
 
 def check(actuator: Parameters, trajectory: Trajectory, step: float) -> None:
