@@ -272,7 +272,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_plots_of_many_runs_are_drawn_and_printed_without_complaint(browser, many, scheme):
     opened = Opened(browser, many, scheme)
     assert opened.complaints == [] and opened.fetched == [many.as_uri()]

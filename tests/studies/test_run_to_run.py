@@ -101,8 +101,11 @@ def test_energy_is_what_the_plant_says():
 # loops
 
 
-LONG = [pytest.param(*case, marks=pytest.mark.slow) for case in (("fisher", "plain"), ("contact", "half-bridge"))]
-BOTH = [*((law, "plain") for law in ("ordinary", "contact", "model")), *LONG]
+LONG = [
+    pytest.param(*case, marks=pytest.mark.slow)
+    for case in (("fisher", "plain"), ("contact", "half-bridge"), ("model", "plain"))
+]
+BOTH = [*((law, "plain") for law in ("ordinary", "contact")), *LONG]
 
 
 @pytest.mark.parametrize(("law", "name"), BOTH)
