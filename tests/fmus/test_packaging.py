@@ -106,7 +106,9 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
 def changed(file: Path, old: str, new: str) -> None:
     text = file.read_text()
     assert old in text
-    seconds = file.stat().st_mtime + 2.0  # Python takes a source of the same second and size for the one it has compiled
+    seconds = (
+        file.stat().st_mtime + 2.0
+    )  # Python takes a source of the same second and size for the one it has compiled
     file.write_text(text.replace(old, new))
     os.utime(file, (seconds, seconds))
 
