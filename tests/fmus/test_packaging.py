@@ -106,11 +106,9 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
 def changed(file: Path, old: str, new: str) -> None:
     text = file.read_text()
     assert old in text
-    seconds = (
-        file.stat().st_mtime + 2.0
-    )  # Python takes a source of the same second and size for the one it has compiled
+    later = file.stat().st_mtime + 2.0  # a source of the same second and size would be the one that is compiled
     file.write_text(text.replace(old, new))
-    os.utime(file, (seconds, seconds))
+    os.utime(file, (later, later))
 
 
 def built(folder: Path, name: str = "out") -> Path:
