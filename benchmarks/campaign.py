@@ -1,7 +1,8 @@
 """What a campaign costs: `python benchmarks/campaign.py --help`.
 
 A thousand runs of semera_valve on local processes: how busy the processors are, and how much memory is used on the way.
-Then a result of a million rows, made by the same writer: how long its summary and its figure take, and how much memory.
+Then a result of a million rows, made by the same writer: how long its summary, its figure and a
+report on it take, and how much memory.
 Nothing is asserted: the aims stand beside what was measured.
 """
 
@@ -14,6 +15,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, sleep
@@ -38,7 +40,7 @@ GROUP = 1000  # rows that are appended at once
 
 def gapsense_process(*arguments: object) -> subprocess.Popen[bytes]:
     """The command line, in a process of its own."""
-    command = [sys.executable, "-m", "gapsense.cli", "campaign", *map(str, arguments)]
+    command = [sys.executable, "-m", "gapsense.cli", *map(str, arguments)]
     return subprocess.Popen(command, env=OURS, stdout=subprocess.DEVNULL)
 
 
@@ -52,7 +54,7 @@ def memory(pid: int) -> dict[int, float]:
 def busy(folder: Path, workers: int) -> tuple[dict[str, str], str]:
     """The thousand runs: what was measured, by what it is."""
     begun, before = perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    process, seen = gapsense_process(STUDY, "--workers", workers, "--out", folder), []
+    process, seen = gapsense_process("campaign", STUDY, "--workers", workers, "--out", folder), []
     while process.poll() is None:
         sleep(0.5)
         try:
@@ -76,7 +78,7 @@ def busy(folder: Path, workers: int) -> tuple[dict[str, str], str]:
 def synthetic(folder: Path, rows: int) -> float:
     """Write a result of so many rows through the writer of campaigns; the time [s]."""
     prepared = prepare(STUDY)
-    manifest = replace(manifest_of(prepared), columns=columns_of(prepared))
+    manifest = replace(manifest_of(prepared, folder), columns=columns_of(prepared))
     manifest = replace(manifest, about={**manifest.about, "runs": rows, "points": rows})
     store, random, begun = Store(folder, manifest), np.random.default_rng(1), perf_counter()
     for first in range(0, rows, GROUP):
@@ -96,12 +98,14 @@ def line(run: int, manifest: Any, random: np.random.Generator) -> dict[str, Any]
     return {"run": run, "seed": run, "values": x, "metrics": metrics, "wall": 0.05}
 
 
-def looked_at(folder: Path, command: str, *options: object) -> str:
+def looked_at(folder: Path, command: Sequence[str], *options: object) -> str:
     """Time and memory of a command on a result."""
     begun = perf_counter()
-    process = gapsense_process(command, folder, *options)
+    process = gapsense_process(*command, folder, *options)
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"gapsense {' '.join(command)} ended with exit code {process.returncode}")
     return f"{perf_counter() - begun:.1f} s, at most {used.ru_maxrss / 1e3:.0f} MB"
 
 
@@ -123,8 +127,11 @@ def main() -> None:
         seconds = synthetic(folder, chosen.rows)
         size = sum(file.stat().st_size for file in folder.rglob("*.parquet")) / 1e6
         table.add_row(f"{chosen.rows} rows written, in files at the end", f"{seconds:.1f} s, {size:.0f} MB on the disk")
-        table.add_row("summary of them (aim: below 10 s)", looked_at(folder, "show"))
-        table.add_row("figure of them (aim: below 10 s)", looked_at(folder, "figure", "--out", Path(place, "x.png")))
+        table.add_row("summary of them (aim: below 10 s)", looked_at(folder, ("campaign", "show")))
+        table.add_row(
+            "figure of them (aim: below 10 s)", looked_at(folder, ("campaign", "figure"), "--out", Path(place, "x.png"))
+        )
+        table.add_row("report on them", looked_at(folder, ("report",), "--out", Path(place, "x.html")))
     CONSOLE.print(table)
 
 
