@@ -11,6 +11,7 @@ from gapsense.campaign import summary
 from gapsense.campaign.columns import Columns
 from gapsense.campaign.result import read
 from gapsense.campaign.store import Manifest, Store
+from gapsense.campaign.worst import extremes
 from gapsense.problems import InputError
 from gapsense.report import campaigns
 from gapsense.report.table import text
@@ -136,3 +137,23 @@ def test_figure_has_a_panel_for_each_metric_and_parameter(made, count, many):
         campaigns.figure(result, ["nois"])
     with pytest.raises(InputError, match=r"no parameter `a.y`"):
         campaigns.figure(result, [], ["a.y"])
+
+
+@pytest.mark.parametrize(("count", "most_left_out"), [(200, 0), (2600, 8)])
+def test_histogram_has_all_runs_but_of_many_a_few_at_both_ends(made, count, most_left_out):
+    result, _, up = made(count)
+    edges, counts = summary.histogram(result, "up")
+    left_out = np.isfinite(up).sum() - counts.sum()
+    assert 0 <= left_out <= most_left_out and (left_out > 0) == (most_left_out > 0)
+    assert counts.size == edges.size - 1
+
+
+@pytest.mark.parametrize(("bounds", "expected"), [((0.0, 10.0), [3, 2]), ((-1.0, 10.0), [0, 3]), ((0.0, 3.5), [3, 2])])
+def test_what_has_no_sign_is_no_worse_for_being_small(tmp_path, bounds, expected):
+    store = Store(tmp_path / "out", Manifest({**ABOUT, "runs": 4}, COLUMNS))
+    values = {"a.x": 1.0, "a.steps": 1, "a.mode": "up", "a.flag": True}
+    metrics = [{"up": up, "noise": 0.0, "none": None} for up in (0.5, 3.0, 4.0, 7.0)]
+    store.append([{"run": k, "seed": k, "values": values, "metrics": m, "wall": 0.1} for k, m in enumerate(metrics)])
+    result = read(tmp_path / "out")
+    found = extremes(result, summary.spread(result, "up"), bounds, 2)
+    assert [one.run for one in found.worst] == expected

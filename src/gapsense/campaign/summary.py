@@ -18,6 +18,7 @@ SAMPLED = 50_000  # runs of which correlations are computed
 LEVELS = (0.0, 0.05, 0.5, 0.95, 1.0)
 MOST_LEVELS = 12  # values of a parameter that are shown one by one
 BINS = 60
+MANY, OUTERMOST = 1000, 0.001  # of more runs than these a share at both ends is left out of the bins
 LAYERS = 20  # of a parameter
 
 
@@ -153,8 +154,9 @@ def grouped(campaign: Campaign, factor: str, metric: str, values: Sequence[Any])
 
 
 def edges(campaign: Campaign, name: str) -> Vector:
-    """Edges of bins that hold all but the outermost thousandths."""
-    low, high = quantiles(campaign.column(name).astype(np.float64), (0.001, 0.999))
+    """Edges of bins that hold all runs, but of many the outermost thousandths."""
+    out = OUTERMOST if campaign.rows > MANY else 0.0
+    low, high = quantiles(campaign.column(name).astype(np.float64), (out, 1.0 - out))
     if not low < high:
         low, high = low - 0.5, high + 0.5
     count = min(BINS, 1 + math.isqrt(campaign.rows))

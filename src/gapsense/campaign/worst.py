@@ -34,6 +34,8 @@ class Extremes(NamedTuple):
 def extremes(campaign: Campaign, of: Spread, bounds: Bounds | None, most: int) -> Extremes:
     """The runs farthest beyond the bounds of a metric or nearest to them; without bounds farthest from the median."""
     found, outside = list[Worst](), 0
+    if bounds and bounds[0] == 0.0 <= of.least:  # what has no sign is no worse for being small
+        bounds = (-np.inf, bounds[1])
     for runs, values in campaign.arrays("run", of.name):
         beyond = distance(values.astype(np.float64), of.median, bounds)
         outside += int((beyond > 0.0).sum()) if bounds else 0

@@ -202,7 +202,7 @@ def drawn(many: Many, plots: Plots, key: str) -> Iterator[Markup]:
 def hint(drawer: Drawer) -> str:
     """What the plots show and how they are read."""
     bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
-    axes = "Axes of histograms and counts leave out the outermost thousandths of the runs; tables do not."
+    axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost thousandths; tables do not."
     if drawer.is_counted:
         return f"Stronger where more runs lie. {bars}{axes}"
     return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
