@@ -1,8 +1,8 @@
 """What a campaign costs: `python benchmarks/campaign.py --help`.
 
 A thousand runs of semera_valve on local processes: how busy the processors are, and how much memory is used on the way.
-Then a result of a million rows, made by the same writer: how long its summary, its figure and a
-report on it take, and how much memory.
+Then a result of a million rows, made by the same writer: how long its summary, its figure and
+a report on it take, and how much memory.
 Nothing is asserted: the aims stand beside what was measured.
 """
 

@@ -148,7 +148,10 @@ def test_histogram_has_all_runs_but_of_many_a_few_at_both_ends(made, count, most
     assert counts.size == edges.size - 1
 
 
-@pytest.mark.parametrize(("bounds", "expected"), [((0.0, 10.0), [3, 2]), ((-1.0, 10.0), [0, 3]), ((0.0, 3.5), [3, 2])])
+@pytest.mark.parametrize(
+    ("bounds", "expected"),
+    [((0.0, 10.0), [3, 2]), ((-1.0, 10.0), [0, 3]), ((0.0, 3.5), [3, 2]), ((0.0, np.inf), [0, 1])],
+)
 def test_what_has_no_sign_is_no_worse_for_being_small(tmp_path, bounds, expected):
     store = Store(tmp_path / "out", Manifest({**ABOUT, "runs": 4}, COLUMNS))
     values = {"a.x": 1.0, "a.steps": 1, "a.mode": "up", "a.flag": True}
