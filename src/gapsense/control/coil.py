@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
+from gapsense.estimators.readings import can_be_read
 from gapsense.records import Scalar
 from gapsense.trace import clip, fabs, square, where
 
@@ -15,27 +16,66 @@ HOLDS = 0.1  # of the usual current: less does not tell the resistance
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
+BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
+JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
 
 
 def first_coil(inputs: Inputs, par: Parameters) -> Coil:
     """Without flux."""
     R = par.coil_resistance
+    u, i = inputs.voltage, inputs.current
     return Coil(
-        0.0, 0.0, 0.0, inputs.current, 0.0, R, R, 0.0, inputs.voltage, inputs.current, inputs.current, 0.0, 0.0, 0.0
+        flux=0.0,
+        remanence=0.0,
+        charge=0.0,
+        last_voltage=u,
+        last_current=i,
+        far=0.0,
+        change=0.0,
+        resistance=R,
+        measured=R,
+        trend=0.0,
+        held_voltage=u,
+        held_current=i,
+        late_current=i,
+        zero=0.0,
+        top=0.0,
+        shift=0.0,
     )
+
+
+def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Whether the readings of voltage and current are neither lost nor wild.
+
+    In a sample the current changes by what the voltage drives through the open coil, and by what eddy currents and
+    noise add. A reading farther from the last one is wild; if more than `PATIENCE` in a row are, it is true.
+    """
+    u, i = inputs.voltage, inputs.current - coil.zero
+    highest = where(par.voltage_most > -par.voltage_least, par.voltage_most, -par.voltage_least)
+    has_voltage = can_be_read(u, BEYOND * highest)
+    R_g, _, _ = gap(par.stop_upper, make_gap(par), par.gap_factor, par.gap_bend)
+    slope = R_g + par.core_reluctance / square(par.coil_turns)
+    change = par.sample_time * slope * (highest + par.coil_resistance * fabs(coil.last_current))
+    is_near = fabs(i - coil.last_current) <= JUMP * usual_current(par) + FASTER * change
+    has_current = can_be_read(i, LARGEST * highest / par.coil_resistance) & (is_near | (coil.far >= PATIENCE))
+    return has_voltage, has_current
 
 
 def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     """The next sample."""
-    i, T_s = inputs.current - coil.zero, par.sample_time
+    has_voltage, has_current = can_be_used(coil, inputs, par)
+    u = where(has_voltage, inputs.voltage, coil.last_voltage)
+    i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
     mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     return coil._replace(
-        flux=coil.flux + T_s * (inputs.voltage - coil.resistance * mean),
+        flux=coil.flux + T_s * (u - coil.resistance * mean),
         charge=coil.charge + T_s * mean,
+        last_voltage=u,
         last_current=i,
+        far=where(has_current, 0.0, coil.far + 1.0),
         change=i - coil.last_current,
-        held_voltage=coil.held_voltage + share * (inputs.voltage - coil.held_voltage),
+        held_voltage=coil.held_voltage + share * (u - coil.held_voltage),
         held_current=coil.held_current + share * (i - coil.held_current),
         late_current=coil.late_current + late * (i - coil.late_current),
     )

@@ -41,14 +41,15 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
     is_new = inputs.windows > state.seen_windows
     is_last = is_new & (state.turns - inputs.windows < state.behind + 0.5)
     until = where(inputs.smoothed_published > 0.0, inputs.smoothed_time, state.smoothed_until)
-    noted = state.noted._replace(solved=where(is_new, 1.0, state.noted.solved))
+    is_believed = is_new & (inputs.misfit < BAD)
+    noted = state.noted._replace(explained=where(is_believed, 1.0, state.noted.explained))
     well = where(is_new, where(inputs.misfit < GOOD, state.solved_well + 1.0, 0.0), state.solved_well)
     state = state._replace(seen_windows=inputs.windows, smoothed_until=until, noted=noted, solved_well=well)
     half = 1.0 - state.running.command
     length = laws.read(state.laws, half).length
     landing = inputs.landing_time - inputs.time + (state.running.age + length) * par.sample_time
-    has_landed = where((landing > 0.0) & (landing <= length * par.sample_time) & (inputs.misfit < BAD), 1.0, 0.0)
-    is_known = is_last | (is_new & (has_landed > 0.0))
+    has_landed = where((landing > 0.0) & (landing <= length * par.sample_time), 1.0, 0.0)
+    is_known = is_believed & (is_last | (has_landed > 0.0))
     return cond(is_known & (length > 0.0), lambda: _judged(state, half, has_landed, landing, par), lambda: state)
 
 
@@ -60,9 +61,8 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     is_late = laws.is_late(has_landed, after, law)
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0))
     law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
-    is_weak = (half > 0.0) & (has_landed < 1.0)
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),
-        is_strong=where(is_weak, 1.0, state.is_strong),
+        is_strong=where(half > 0.0, 1.0 - has_landed, state.is_strong),
     )

@@ -18,6 +18,7 @@ UNJUDGED = 0.4  # operations that did not arrive: what one counts for until it i
 LATE = 0.4  # travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
+UNFOLLOWED = 0.3  # of a travel at a limit: the flux linkage was another one than the profile
 PAIRS = triangle(3)
 
 
@@ -40,7 +41,9 @@ def write(laws: Array, half: Scalar, law: Law) -> Array:
 def first(travel: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
     cov = diagonal([s * s for s in BEFORE])
-    return Law(vector([0.0] * 3), cov, vector([0.0] * 3), par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0)
+    return Law(
+        vector([0.0] * 3), cov, vector([0.0] * 3), par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0, 1.0
+    )
 
 
 def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:
@@ -56,7 +59,12 @@ def judged(law: Law, has_landed: Scalar, fell_short: Scalar, par: Parameters) ->
     floor = where(fell_short, higher, par.approach_least + KEEP * (law.floor - par.approach_least))
     faster = where(faster < par.approach_first, faster, par.approach_first)
     speed = where(fell_short, faster, where(slower > floor, slower, floor))
-    return law._replace(speed=speed, floor=floor, missed=missed_by(law, has_landed))
+    is_told = law.was_followed > 0.0  # else it was the voltage that fell short, not the approach
+    return law._replace(
+        speed=where(is_told, speed, law.speed),
+        floor=where(is_told, floor, law.floor),
+        missed=missed_by(law, has_landed),
+    )
 
 
 def missed_by(law: Law, has_landed: Scalar) -> Scalar:

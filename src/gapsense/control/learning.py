@@ -78,7 +78,7 @@ def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: P
     last = where(has_landed, contact.landing, contact.takeoff)
     span = (contact.takeoff, contact.takeoff, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
     course = Pass(half, *span, correction, impact, _entries(started(z0)))
-    is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0)
+    is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0) & (law.was_followed > 0.0)
     a = law.mean[0] + where(is_stuck, where(half > 0.0, STUCK, -STUCK), 0.0)
     law = law._replace(mean=vector([clip(a, -LARGEST, LARGEST), *law.mean[1:]]))
     return state._replace(course=course, laws=laws.write(state.laws, half, law))

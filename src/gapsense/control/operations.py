@@ -7,25 +7,37 @@ from gapsense.control.coil import closed, held_resistance, told, topped, usual_c
 from gapsense.control.judging import GOOD, LOWER, UPPER, judged_by_contact
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
-from gapsense.control.records import CLOSING, OPENING, Coil, Heard, Inputs, LawKind, Noted, Parameters, Running, State
+from gapsense.control.records import (
+    CLOSING,
+    NOTHING,
+    OPENING,
+    Coil,
+    Heard,
+    Inputs,
+    LawKind,
+    Noted,
+    Parameters,
+    Running,
+    State,
+)
 from gapsense.control.tracking import believed, mover_of
-from gapsense.linalg import vector
+from gapsense.linalg import total, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
 SOLVED = 2.0  # windows in a row that an estimator has to solve well before it is followed
-LOST = 0.1  # windows per operation that an estimator may give up, and so never count
+GIVEN_UP = 0.1  # windows per operation that an estimator may give up, and so never count
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 WARM = 0.85  # share of the voltage that the resistance may need
-UNSEEN, TOO_FAST, USED_UP, UNLEARNT = 1.0, 2.0, 4.0, 8.0  # warnings
+WARNINGS = tuple(float(2**k) for k in range(5))  # unseen, too fast, used up, unexplained, lost
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
     """An operation ends, and the next one begins."""
-    behind, usual = state.turns - inputs.windows, state.behind + LOST
+    behind, usual = state.turns - inputs.windows, state.behind + GIVEN_UP
     behind = where(behind < usual, behind, usual)
     state = state._replace(turns=state.turns + 1.0, behind=behind)
     state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
@@ -43,10 +55,12 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     is_warm = running.strain > WARM
     is_limited = running.limited > laws.LIMITED
     law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
+    is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
+    law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     law = law._replace(missed=law.missed + where(running.is_plain > 0.0, 0.0, laws.UNJUDGED))
     noted = state.noted._replace(
         too_fast=where(is_limited & not_(is_warm), 1.0, state.noted.too_fast),
-        used_up=where(is_warm, 1.0, state.noted.used_up),
+        used_up=where(is_limited & is_warm, 1.0, state.noted.used_up),
     )
     state = state._replace(laws=laws.write(known, half, law), noted=noted)
 
@@ -112,7 +126,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
         cycles=state.cycles + 1.0,
         since_plain=state.since_plain + 1.0,
         warned=_warnings(state.noted, par),
-        noted=Noted(0.0, 0.0, 0.0, 0.0),
+        noted=NOTHING,
     )
 
 
@@ -124,8 +138,9 @@ def _grown(known: Array, par: Parameters) -> Array:
 
 
 def _warnings(noted: Noted, par: Parameters) -> Scalar:
-    unlearnt = where((par.law == LawKind.model) & (noted.solved < 1.0), 1.0, 0.0)
-    return UNSEEN * noted.unseen + TOO_FAST * noted.too_fast + USED_UP * noted.used_up + UNLEARNT * unlearnt
+    unexplained = where((par.law == LawKind.model) & (noted.explained < 1.0), 1.0, 0.0)
+    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost)
+    return total(bit * is_so for bit, is_so in zip(WARNINGS, said))
 
 
 # the beginning of an operation
@@ -142,6 +157,8 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
+    is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
+    is_plain = is_plain | is_there
     plan = (start, law.speed, law.travel, learnt, sqrt(balance(z0, m)))
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     return state._replace(

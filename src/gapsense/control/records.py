@@ -9,7 +9,7 @@ from gapsense.records import Array, Choice, Memory, Scalar, Table, Vector
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 18  # numbers of a `Law`
+LAW = 19  # numbers of a `Law`
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -107,6 +107,7 @@ class Law(NamedTuple):
     missed: Scalar  # operations in a row that did not arrive
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
+    was_followed: Scalar  # 1: in that the flux linkage could follow the profile
 
 
 class Running(NamedTuple):
@@ -141,7 +142,9 @@ class Coil(NamedTuple):
     flux: Scalar  # [Wb]
     remanence: Scalar  # what it is believed to be at the start of the next one
     charge: Scalar  # integral of the current since then [A s]
+    last_voltage: Scalar
     last_current: Scalar
+    far: Scalar  # readings of the current in a row that were too far from the one before
     change: Scalar  # of the current in the last sample
     resistance: Scalar  # in use [ohm]
     measured: Scalar  # that of the last cycle
@@ -173,7 +176,11 @@ class Noted(NamedTuple):
     unseen: Scalar  # an ordinary operation of which the contact has said nothing
     too_fast: Scalar  # a soft one with the voltage at its limit
     used_up: Scalar  # a soft one whose resistance needs nearly all voltage
-    solved: Scalar  # the estimator has solved a window
+    explained: Scalar  # the estimator has explained a window
+    lost: Scalar  # a reading was lost or wild
+
+
+NOTHING = Noted(*[0.0] * len(Noted._fields))
 
 
 class State(NamedTuple):

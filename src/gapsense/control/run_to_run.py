@@ -10,18 +10,18 @@ time.  After two operations in a row that do not arrive comes an ordinary cycle.
 from __future__ import annotations
 
 from gapsense.control import correction, learning
-from gapsense.control.coil import first_coil, integrated
+from gapsense.control.coil import can_be_used, first_coil, integrated
 from gapsense.control.judging import judged_by_estimator, listened
 from gapsense.control.operations import turned
 from gapsense.control.records import (
     CLOSING,
     LAW,
     LONGEST,
+    NOTHING,
     OPENING,
     Heard,
     Inputs,
     LawKind,
-    Noted,
     Outputs,
     Parameters,
     Pass,
@@ -46,7 +46,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         running=Running(OPENING, 0.0, 1.0, *plan, learnt, 0.0, 0.0, 0.0, 0.0, 0.0),
         heard=Heard(inputs.mode, 0.0, 0.0, 0.0),
         course=Pass(0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, vector([0.0] * 8)),
-        noted=Noted(0.0, 0.0, 0.0, 0.0),
+        noted=NOTHING,
         laws=zeros(2 * LAW),
         fluxes=zeros(2 * LONGEST),
         charges=zeros(2 * LONGEST),
@@ -70,7 +70,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
-    state = state._replace(coil=integrated(state.coil, inputs, par), running=running)
+    has_voltage, has_current = can_be_used(state.coil, inputs, par)
+    noted = state.noted._replace(lost=where(has_voltage & has_current, state.noted.lost, 1.0))
+    state = state._replace(coil=integrated(state.coil, inputs, par), running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))
     command = where(inputs.command > 0.5, CLOSING, OPENING)
     state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
