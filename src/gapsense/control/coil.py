@@ -10,6 +10,7 @@ from gapsense.trace import clip, fabs, square, where
 
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
+SETTLED = 0.01  # of the usual current: a change within the times above that is none
 TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
@@ -62,15 +63,17 @@ def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Sc
     return has_voltage, has_current
 
 
-def integrated(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
-    """The next sample."""
+def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> Coil:
+    """The next sample; late in an operation the flux linkage stays with the current, and no error of R is summed up."""
     has_voltage, has_current = can_be_used(coil, inputs, par)
     u = where(has_voltage, inputs.voltage, coil.last_voltage)
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
     mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
+    is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
+    dt = where(is_late & is_settled, 0.0, T_s)
     return coil._replace(
-        flux=coil.flux + T_s * (u - coil.resistance * mean),
-        charge=coil.charge + T_s * mean,
+        flux=coil.flux + dt * (u - coil.resistance * mean),
+        charge=coil.charge + dt * mean,
         last_voltage=u,
         last_current=i,
         far=where(has_current, 0.0, coil.far + 1.0),

@@ -28,7 +28,7 @@ from gapsense.control.records import (
     Running,
     State,
 )
-from gapsense.control.tracking import believed, tracked
+from gapsense.control.tracking import believed, is_late, tracked
 from gapsense.linalg import vector
 from gapsense.records import Scalar, zeros
 from gapsense.trace import cond, where
@@ -72,7 +72,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     running = state.running._replace(age=state.running.age + 1.0)
     has_voltage, has_current = can_be_used(state.coil, inputs, par)
     noted = state.noted._replace(lost=where(has_voltage & has_current, state.noted.lost, 1.0))
-    state = state._replace(coil=integrated(state.coil, inputs, par), running=running, noted=noted)
+    state = state._replace(coil=integrated(state.coil, inputs, is_late(running, par), par), running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))
     command = where(inputs.command > 0.5, CLOSING, OPENING)
     state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))

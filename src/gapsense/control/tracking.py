@@ -32,6 +32,13 @@ def mover_of(learnt: Array, par: Parameters) -> Mover:
     return m._replace(balance=a, slope=b, lightness=q)
 
 
+def is_late(running: Running, par: Parameters) -> Scalar:
+    """Whether an operation has lasted longer than its plan, an ordinary one than a first plan."""
+    is_closing = running.command > 0.5
+    lead = where(is_closing, par.closing_lead, par.opening_lead)
+    return running.age * par.sample_time > lead + running.travel + par.approach_time
+
+
 def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     """The voltage until the next sample: by the profile, or that of an ordinary operation."""
     running, coil = state.running, state.coil
