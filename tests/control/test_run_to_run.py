@@ -148,7 +148,7 @@ def test_opening_begins_with_the_flux_linkage_of_an_estimator_in_its_senses(misf
     """One that has explained its last window, and no farther off than the loop can be."""
     par, given = PAR._replace(law=1.0), {"voltage": 10.0, "current": 0.2}
     _, before = run(HIGH, par, **given)
-    flux = before.coil.flux + (10.0 - PAR.coil_resistance * 0.2) * PAR.sample_time
+    flux = before.coil.flux  # of a current that rests
     _, found = run([0.0], par, since=before, first=99, estimated_flux_linkage=flux + told, misfit=misfit, **given)
     assert found.coil.flux == pytest.approx(flux + change, abs=1e-9)
 

@@ -37,25 +37,41 @@ def judged_by_contact(state: State, par: Parameters) -> State:
 
 
 def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
-    """Once an estimator has solved the window of the last operation; it may be late and solve an older one."""
-    is_new = inputs.windows > state.seen_windows
-    is_last = is_new & (state.turns - inputs.windows < state.behind + 0.5)
-    until = where(inputs.smoothed_published > 0.0, inputs.smoothed_time, state.smoothed_until)
-    is_believed = is_new & (inputs.misfit < BAD)
-    noted = state.noted._replace(explained=where(is_believed, 1.0, state.noted.explained))
-    well = where(is_new, where(inputs.misfit < GOOD, state.solved_well + 1.0, 0.0), state.solved_well)
-    state = state._replace(seen_windows=inputs.windows, smoothed_until=until, noted=noted, solved_well=well)
-    half = 1.0 - state.running.command
-    length = laws.read(state.laws, half).length
-    landing = inputs.landing_time - inputs.time + (state.running.age + length) * par.sample_time
-    has_landed = where((landing > 0.0) & (landing <= length * par.sample_time), 1.0, 0.0)
-    is_known = is_believed & (is_last | (has_landed > 0.0))
-    return cond(is_known & (length > 0.0), lambda: _judged(state, half, has_landed, landing, par), lambda: state)
+    """Once an estimator has explained the window of an operation: of the one that is under way, or of the last one."""
+    is_shown = (inputs.misfit < BAD) & (inputs.smoothed_published > 0.0)
+    until = where(is_shown, inputs.smoothed_time, state.smoothed_until)
+    noted = state.noted._replace(explained=where(is_shown, 1.0, state.noted.explained))
+    state = state._replace(smoothed_until=until, noted=noted)
+    now = state.running.command
+    return _judged_if_known(_judged_if_known(state, 1.0 - now, inputs, par), now, inputs, par)
+
+
+def _judged_if_known(state: State, half: Scalar, inputs: Inputs, par: Parameters) -> State:
+    """The last operation of a kind, if it is not judged yet.
+
+    Samples that are shown belong to a window that is solved: if there are any of the operation after its lead, and no
+    landing in it, there was none.
+    """
+    running, law = state.running, laws.read(state.laws, half)
+    is_under_way = half == running.command
+    age = running.age * par.sample_time
+    length = where(is_under_way, running.age, law.length) * par.sample_time
+    start = inputs.time - where(is_under_way, age, age + length)
+    lead = where(half > 0.5, par.closing_lead, par.opening_lead)
+    landing, shown = inputs.landing_time - start, state.smoothed_until - start
+    has_landed = where((inputs.misfit < BAD) & (landing > 0.0) & (landing <= length), 1.0, 0.0)
+    is_known = (has_landed > 0.0) | ((shown > lead) & (shown <= length))
+
+    def known() -> State:
+        well = where(inputs.misfit < GOOD, state.explained_well + 1.0, 0.0)
+        return _judged(state._replace(explained_well=well), half, has_landed, landing, par)
+
+    return cond(is_known & (law.is_judged < 1.0) & (length > 0.0), known, lambda: state)
 
 
 def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
     """What follows from a landing so long after the command, or from none: the next approach, a stronger hold."""
-    law = laws.read(state.laws, half)
+    law = laws.read(state.laws, half)._replace(is_judged=1.0)
     plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     is_late = laws.is_late(has_landed, after, law)

@@ -42,8 +42,24 @@ def first(travel: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
     cov = diagonal([s * s for s in BEFORE])
     return Law(
-        vector([0.0] * 3), cov, vector([0.0] * 3), par.approach_first, par.approach_least, travel, 0.0, 0.0, 1.0, 1.0
+        mean=vector([0.0] * 3),
+        cov=cov,
+        slopes=vector([0.0] * 3),
+        speed=par.approach_first,
+        floor=par.approach_least,
+        travel=travel,
+        missed=0.0,
+        length=0.0,
+        was_plain=1.0,
+        is_judged=0.0,
+        was_followed=1.0,
     )
+
+
+def started(law: Law, is_plain: Scalar) -> Law:
+    """With an operation that nobody has judged yet."""
+    missed = law.missed + where(is_plain, 0.0, UNJUDGED)
+    return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), is_judged=0.0, was_followed=1.0)
 
 
 def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:
@@ -68,7 +84,7 @@ def judged(law: Law, has_landed: Scalar, fell_short: Scalar, par: Parameters) ->
 
 
 def missed_by(law: Law, has_landed: Scalar) -> Scalar:
-    """Operations in a row that did not arrive; one that nobody has judged counts as `UNJUDGED`."""
+    """Operations in a row that did not arrive; a soft one counts as `UNJUDGED` from its beginning on."""
     return where(has_landed > 0.0, 0.0, law.missed + (1.0 - UNJUDGED))
 
 

@@ -26,8 +26,7 @@ from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
-SOLVED = 2.0  # windows in a row that an estimator has to solve well before it is followed
-GIVEN_UP = 0.1  # windows per operation that an estimator may give up, and so never count
+EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
@@ -37,9 +36,6 @@ WARNINGS = tuple(float(2**k) for k in range(5))  # unseen, too fast, used up, un
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
     """An operation ends, and the next one begins."""
-    behind, usual = state.turns - inputs.windows, state.behind + GIVEN_UP
-    behind = where(behind < usual, behind, usual)
-    state = state._replace(turns=state.turns + 1.0, behind=behind)
     state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
     return _begun(state, inputs, par)
 
@@ -50,14 +46,13 @@ def turned(state: State, inputs: Inputs, par: Parameters) -> State:
 def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
     """What an operation leaves; the resistance of its samples is to be corrected."""
     running, half, known = state.running, state.running.command, state.laws
-    law = laws.read(known, half)._replace(length=running.age, was_plain=running.is_plain)
+    law = laws.read(known, half)._replace(length=running.age)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
     is_limited = running.limited > laws.LIMITED
     law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
     is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
-    law = law._replace(missed=law.missed + where(running.is_plain > 0.0, 0.0, laws.UNJUDGED))
     noted = state.noted._replace(
         too_fast=where(is_limited & not_(is_warm), 1.0, state.noted.too_fast),
         used_up=where(is_limited & is_warm, 1.0, state.noted.used_up),
@@ -162,11 +157,12 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     plan = (start, law.speed, law.travel, learnt, sqrt(balance(z0, m)))
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     return state._replace(
+        laws=laws.write(state.laws, half, laws.started(law, is_plain)),
         running=Running(half, 0.0, where(is_plain, 1.0, 0.0), *plan, 0.0, 0.0, 0.0, 0.0),
         heard=Heard(inputs.mode, began, 0.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
         is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
-        solved_well=where(starts_again, 0.0, state.solved_well),
+        explained_well=where(starts_again, 0.0, state.explained_well),
     )
 
 
@@ -180,7 +176,7 @@ def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
     """Whether enough is known for soft cycles: one that the contact has heard, or two by an estimator in time."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
     cycle, by_contact = (closing.length + opening.length) * par.sample_time, par.law == LawKind.contact
-    is_good = (state.solved_well >= SOLVED) & not_(inputs.estimated_mass == state.first_mass)
+    is_good = (state.explained_well >= EXPLAINED) & not_(inputs.estimated_mass == state.first_mass)
     is_told = (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
     is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
     return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & is_told)

@@ -9,7 +9,7 @@ from gapsense.records import Array, Choice, Memory, Scalar, Table, Vector
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 19  # numbers of a `Law`
+LAW = 20  # numbers of a `Law`
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -107,6 +107,7 @@ class Law(NamedTuple):
     missed: Scalar  # operations in a row that did not arrive
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
+    is_judged: Scalar  # 1: what became of it is known
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
 
 
@@ -197,10 +198,7 @@ class State(NamedTuple):
     errors: Annotated[Array, Memory(2 * LONGEST)]  # of the loop's flux linkage [Wb]
     cycles: Scalar
     since_plain: Scalar  # cycles since the last ordinary one
-    seen_windows: Scalar
-    turns: Scalar  # operations that have ended, with the rest before the first one
-    behind: Scalar  # how many of them the estimator had not solved with the end of one, when it was in time
-    solved_well: Scalar  # windows in a row
+    explained_well: Scalar  # operations in a row, by an estimator
     first_mass: Scalar  # that the estimator was told: another one is learnt, and in use [kg]
     smoothed_until: Scalar  # time of the last smoothed sample [s]
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive

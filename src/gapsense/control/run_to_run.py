@@ -33,7 +33,6 @@ from gapsense.linalg import vector
 from gapsense.records import Scalar, zeros
 from gapsense.trace import cond, where
 
-MANY = 1e6  # operations
 IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 
@@ -53,10 +52,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         errors=zeros(2 * LONGEST),
         cycles=0.0,
         since_plain=0.0,
-        seen_windows=inputs.windows,
-        turns=0.0,
-        behind=MANY,
-        solved_well=0.0,
+        explained_well=0.0,
         first_mass=inputs.estimated_mass,
         smoothed_until=inputs.time,
         is_ready=0.0,
@@ -72,7 +68,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     running = state.running._replace(age=state.running.age + 1.0)
     has_voltage, has_current = can_be_used(state.coil, inputs, par)
     noted = state.noted._replace(lost=where(has_voltage & has_current, state.noted.lost, 1.0))
-    state = state._replace(coil=integrated(state.coil, inputs, is_late(running, par), par), running=running, noted=noted)
+    state = state._replace(
+        coil=integrated(state.coil, inputs, is_late(running, par), par), running=running, noted=noted
+    )
     state = state._replace(heard=listened(state, inputs))
     command = where(inputs.command > 0.5, CLOSING, OPENING)
     state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
