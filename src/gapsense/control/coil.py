@@ -8,6 +8,7 @@ from gapsense.estimators.readings import can_be_read
 from gapsense.records import Scalar
 from gapsense.trace import clip, fabs, square, where
 
+FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED = 0.01  # of the usual current: a change within the times above that is none
@@ -30,6 +31,9 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         flux=0.0,
         remanence=0.0,
         charge=0.0,
+        asked=0.0,
+        bridge_gain=1.0,
+        voltage_zero=0.0,
         last_voltage=u,
         last_current=i,
         far=0.0,
@@ -66,7 +70,7 @@ def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Sc
 def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> Coil:
     """The next sample; late in an operation the flux linkage stays with the current, and no error of R is summed up."""
     has_voltage, has_current = can_be_used(coil, inputs, par)
-    u = where(has_voltage, inputs.voltage, coil.last_voltage)
+    u = where(has_voltage, inputs.voltage - coil.voltage_zero, coil.last_voltage)
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
     mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
@@ -74,6 +78,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     return coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
+        bridge_gain=_bridge_gain(coil, u, par),
         last_voltage=u,
         last_current=i,
         far=where(has_current, 0.0, coil.far + 1.0),
@@ -84,6 +89,12 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     )
 
 
+def _bridge_gain(coil: Coil, u: Scalar, par: Parameters) -> Scalar:
+    """Measured voltage over what was asked; a supply that sags is followed within the lead of an operation."""
+    share = par.sample_time / (FOLLOWED + par.sample_time) * coil.asked / square(par.voltage_most)
+    return clip(coil.bridge_gain + share * (u - coil.bridge_gain * coil.asked), *GAINS)
+
+
 def usual_current(par: Parameters) -> Scalar:
     """Of an ordinary closing that has lasted [A]."""
     return par.voltage_hold / par.coil_resistance
@@ -92,7 +103,9 @@ def usual_current(par: Parameters) -> Scalar:
 def zeroed(coil: Coil, par: Parameters) -> Coil:
     """After an ordinary opening, which leaves no current; one that is too large for an offset has not decayed yet."""
     off = where(fabs(coil.late_current) < OFFSET * usual_current(par), coil.late_current, 0.0)
+    u = coil.held_voltage
     return coil._replace(
+        voltage_zero=coil.voltage_zero + where(fabs(u) < OFFSET * par.voltage_most, u, 0.0),
         zero=coil.zero + off,
         held_current=coil.held_current - off,
         late_current=coil.late_current - off,

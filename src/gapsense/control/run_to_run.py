@@ -75,6 +75,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     command = where(inputs.command > 0.5, CLOSING, OPENING)
     state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
     state, u = tracked(state, par)
+    state = state._replace(coil=state.coil._replace(asked=u))
     state = cond(
         par.law == LawKind.model,
         lambda: correction.corrected(judged_by_estimator(state, inputs, par), inputs, par),

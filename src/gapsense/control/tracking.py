@@ -53,10 +53,11 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     now, then = cond(is_on, profile, lambda: (0.0, 0.0))
     ohmic = coil.resistance * (coil.last_current + 0.5 * coil.change)
     wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state, par) - coil.flux)
-    u = clip(wanted, par.voltage_least, par.voltage_most)
+    asked = wanted / coil.bridge_gain
+    u = clip(asked, par.voltage_least, par.voltage_most)
     hold = where(state.is_strong > 0.0, par.voltage_most, par.voltage_hold)
     ordinary = where(running.command > 0.5, hold, 0.0)
-    return _kept(state, is_on, now, then, is_on & not_(u == wanted), par), where(is_on, u, ordinary)
+    return _kept(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
 
 
 def _error(state: State, par: Parameters) -> Scalar:
