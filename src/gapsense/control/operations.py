@@ -15,7 +15,6 @@ from gapsense.control.records import (
     Heard,
     Inputs,
     LawKind,
-    Noted,
     Parameters,
     Running,
     State,
@@ -30,8 +29,9 @@ EXPLAINED = 2.0  # operations in a row that an estimator has to explain well bef
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
+SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 WARM = 0.85  # share of the voltage that the resistance may need
-WARNINGS = tuple(float(2**k) for k in range(5))  # unseen, too fast, used up, unexplained, lost
+WARNINGS = tuple(float(2**k) for k in range(6))  # unseen, too fast, used up, unexplained, lost, shifted
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -112,15 +112,16 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     )
     used = where(by_contact, new.measured, new.resistance)
     state = _ended(state, used - coil.resistance, inputs, par)
-    is_off = by_contact & (fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par))
-    state = cond(is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
+    is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
+    is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
+    state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
     known = cond(state.cycles == YOUNG, lambda: _grown(state.laws, par), lambda: state.laws)
     return state._replace(
         coil=new,
         laws=known,
         cycles=state.cycles + 1.0,
         since_plain=state.since_plain + 1.0,
-        warned=_warnings(state.noted, par),
+        warned=_warnings(state, par),
         noted=NOTHING,
     )
 
@@ -132,9 +133,11 @@ def _grown(known: Array, par: Parameters) -> Array:
     return known
 
 
-def _warnings(noted: Noted, par: Parameters) -> Scalar:
+def _warnings(state: State, par: Parameters) -> Scalar:
+    noted = state.noted
     unexplained = where((par.law == LawKind.model) & (noted.explained < 1.0), 1.0, 0.0)
-    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost)
+    shifted = where(fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most, 1.0, 0.0)
+    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost, shifted)
     return total(bit * is_so for bit, is_so in zip(WARNINGS, said))
 
 
@@ -177,6 +180,7 @@ def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
     cycle, by_contact = (closing.length + opening.length) * par.sample_time, par.law == LawKind.contact
     is_good = (state.explained_well >= EXPLAINED) & not_(inputs.estimated_mass == state.first_mass)
+    is_good = is_good & (fabs(state.coil.voltage_zero) < SHIFTED * par.voltage_most)
     is_told = (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
     is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
     return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & is_told)
