@@ -11,7 +11,7 @@ from gapsense.trace import clip, fabs, square, where
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
-SETTLED = 0.01  # of the usual current: a change within the times above that is none
+SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
 TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
@@ -38,6 +38,7 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         last_current=i,
         far=0.0,
         change=0.0,
+        calm=0.0,
         resistance=R,
         measured=R,
         trend=0.0,
@@ -74,7 +75,8 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
     mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
-    dt = where(is_late & is_settled, 0.0, T_s)
+    calm = where(is_late & is_settled, coil.calm + 1.0, 0.0)
+    dt = where(calm * T_s > CALM, 0.0, T_s)
     return coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
@@ -82,6 +84,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
         last_voltage=u,
         last_current=i,
         far=where(has_current, 0.0, coil.far + 1.0),
+        calm=calm,
         change=i - coil.last_current,
         held_voltage=coil.held_voltage + share * (u - coil.held_voltage),
         held_current=coil.held_current + share * (i - coil.held_current),

@@ -150,6 +150,7 @@ class Coil(NamedTuple):
     last_current: Scalar
     far: Scalar  # readings of the current in a row that were too far from the one before
     change: Scalar  # of the current in the last sample
+    calm: Scalar  # samples in a row in which the current has hardly changed
     resistance: Scalar  # in use [ohm]
     measured: Scalar  # that of the last cycle
     trend: Scalar  # change per cycle
