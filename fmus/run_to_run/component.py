@@ -14,6 +14,7 @@ TOLD = (  # input, unit, output of `Mhe`
     ("windows", "1", "windows"),
     ("misfit", "1", "misfit"),
     ("landing_time", "s", "landing_time"),
+    ("estimated_impact_speed", "m/s", "impact_speed"),
     ("smoothed_published", "1", "smoothed_published"),
     ("smoothed_time", "s", "smoothed_time"),
     ("smoothed_flux_linkage", "Wb", "smoothed_flux_linkage"),
@@ -53,6 +54,7 @@ COMPONENT = Component(
     name="RunToRun",
     description="Soft landing from cycle to cycle: a flux linkage that the voltage follows, learnt from each operation",
     kernel="gapsense.control.run_to_run",
+    survives=True,
     stop_time=0.2,
     step_size=20e-6,
     resources=("fringing_29.csv",),
@@ -91,9 +93,10 @@ COMPONENT = Component(
             "warnings",
             "1",
             "Of the last cycle, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the "
-            "voltage allows, 4: voltage used up by the resistance, 8: estimator has solved no window",
+            "voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading "
+            "lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard",
             min=0.0,
-            max=15.0,
+            max=127.0,
             feedthrough=ALL,
         ),
         sample_time(20e-6),

@@ -148,7 +148,7 @@ def test_opening_begins_with_the_flux_linkage_of_an_estimator_in_its_senses(misf
     """One that has explained its last window, and no farther off than the loop can be."""
     par, given = PAR._replace(law=1.0), {"voltage": 10.0, "current": 0.2}
     _, before = run(HIGH, par, **given)
-    flux = before.coil.flux  # of a current that rests
+    flux = before.coil.flux + (10.0 - PAR.coil_resistance * 0.2) * PAR.sample_time
     _, found = run([0.0], par, since=before, first=99, estimated_flux_linkage=flux + told, misfit=misfit, **given)
     assert found.coil.flux == pytest.approx(flux + change, abs=1e-9)
 
@@ -156,3 +156,88 @@ def test_opening_begins_with_the_flux_linkage_of_an_estimator_in_its_senses(misf
 def test_estimator_that_says_nothing_is_told_and_cycles_stay_ordinary():
     rows, _ = run(CYCLE * 6, PAR._replace(law=1.0), voltage=10.0, current=0.2, mode=landing)
     assert rows[-1].warnings >= 8.0 and {row.state for row in rows} == {LEARNING}
+
+
+@pytest.mark.parametrize("wild", [5.0, -1000.0, math.nan, math.inf])
+@pytest.mark.parametrize("name", ["voltage", "current"])
+def test_one_wild_reading_changes_hardly_anything_and_is_told(name, wild):
+    usual = {"voltage": 10.0, "current": 0.2}
+    wild = 50.0 * wild if name == "voltage" else wild
+    odd = {**usual, name: lambda k: wild if k == 240 else usual[name]}
+    calm, at_ease = run(CYCLE * 3, mode=landing, **usual)
+    rows, state = run(CYCLE * 3, mode=landing, **odd)
+    assert state.coil.flux == pytest.approx(at_ease.coil.flux, abs=1e-5)
+    assert [row.state for row in rows] == [row.state for row in calm]
+    assert rows[-1].warnings == calm[-1].warnings + 16.0
+
+
+def test_current_that_really_jumps_is_followed_after_some_samples():
+    _, state = run(CYCLE + HIGH, voltage=10.0, current=lambda k: 0.2 if k < 250 else 0.9, mode=landing)
+    assert state.coil.last_current == pytest.approx(0.9, abs=0.01)
+
+
+def test_readings_that_stay_lost_leave_finite_outputs():
+    rows, _ = run(CYCLE * 3, voltage=math.nan, current=math.nan, mode=math.nan, impact_speed=math.nan)
+    assert all(math.isfinite(value) for row in rows for value in row)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in run_to_run.Inputs._fields if name not in ("time", "enable", "command")]
+)
+@pytest.mark.parametrize("law", [0.0, 1.0])
+def test_no_input_that_is_not_a_number_reaches_an_output(name, law):
+    usual = {"voltage": 10.0, "current": 0.2, "mode": landing, "windows": 3.0, "estimated_mass": 1.6e-3}
+    usual |= {"estimated_gap_factor": 1.0, "estimated_rest_position": 0.017, "estimated_resistance": 48.0}
+    values = {**usual, "smoothed_published": 1.0, "smoothed_time": lambda k: k * PAR.sample_time}
+    rows, _ = run(CYCLE * 4, PAR._replace(law=law), **{**values, name: math.nan})
+    assert all(math.isfinite(value) for row in rows for value in row)
+
+
+def test_lost_command_goes_on():
+    """In a closing."""
+    rows, _ = run(HIGH[:20] + [math.nan] * 50, voltage=10.0, current=0.2, mode=3.0)
+    assert {row.voltage_reference for row in rows} == {PAR.voltage_hold}
+
+
+def test_stronger_hold_ends_with_a_closing_that_arrives():
+    """One closing in which the mover does not move."""
+
+    def stuck_once(k):
+        return 3.0 if 200 < k <= 400 else landing(k)
+
+    rows, _ = run(CYCLE * 5, voltage=10.0, current=0.2, mode=stuck_once)
+    held = [rows[200 * c + 97].voltage_reference for c in range(5)]
+    assert held == [PAR.voltage_hold] * 2 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
+
+
+def test_windows_that_explain_nothing_judge_nothing_and_are_told():
+    given = {"voltage": 10.0, "current": 0.2, "windows": lambda k: k // 100, "misfit": 40.0, "smoothed_published": 1.0}
+    rows, _ = run(CYCLE * 6, PAR._replace(law=1.0), smoothed_time=lambda k: k * PAR.sample_time, **given)
+    assert {row.voltage_reference for row in rows} == {0.0, PAR.voltage_hold}
+    assert rows[-1].warnings == 8.0
+
+
+def test_flux_linkage_of_a_current_that_rests_does_not_drift():
+    """The resistance is believed 3 % too large."""
+    par = PAR._replace(coil_resistance=1.03 * PAR.coil_resistance)
+    rows, _ = run([1.0] * 3000, par, voltage=PAR.coil_resistance * 0.2, current=0.2, mode=1.0)
+    assert rows[-1].flux_linkage == rows[150].flux_linkage
+
+
+def test_gain_of_the_bridge_is_learnt_and_taken_out():
+    state, outputs = KERNEL.initial(inputs(mode=3.0), PAR)
+    asked, rows = 0.0, []
+    for k in range(1, 601):
+        given = inputs(time=k * 1e-4, command=CYCLE[(k - 1) % 200], voltage=0.9 * asked, current=0.2, mode=landing(k))
+        state, outputs = KERNEL.step(state, given, PAR)
+        asked = outputs.voltage_reference
+        rows.append(outputs)
+    assert state.coil.bridge_gain == pytest.approx(0.9, abs=0.01)
+
+
+def test_voltage_that_is_left_without_one_is_its_zero_and_told():
+    def voltage(k):
+        return 10.4 if 0 < (k - 1) % 200 < 98 else 0.4
+
+    rows, state = run(CYCLE * 3, voltage=voltage, current=lambda k: 0.2 * (voltage(k) > 1.0), mode=landing)
+    assert state.coil.voltage_zero == pytest.approx(0.4, abs=1e-3) and rows[-1].warnings >= 32.0

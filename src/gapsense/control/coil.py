@@ -26,7 +26,8 @@ JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is take
 def first_coil(inputs: Inputs, par: Parameters) -> Coil:
     """Without flux."""
     R = par.coil_resistance
-    u, i = inputs.voltage, inputs.current
+    u = where(can_be_read(inputs.voltage, LARGEST * par.voltage_most), inputs.voltage, 0.0)
+    i = where(can_be_read(inputs.current, LARGEST * par.voltage_most / R), inputs.current, 0.0)
     return Coil(
         flux=0.0,
         remanence=0.0,

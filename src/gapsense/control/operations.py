@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws, learning
 from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, zeroed
-from gapsense.control.judging import GOOD, LOWER, UPPER, judged_by_contact
+from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
 from gapsense.control.records import (
@@ -25,13 +25,13 @@ from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
+HARD_ROW = 4.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
-YOUNG = 8.0  # cycle with which floors are forgotten: the model was young
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 WARM = 0.85  # share of the voltage that the resistance may need
-WARNINGS = tuple(float(2**k) for k in range(6))  # unseen, too fast, used up, unexplained, lost, shifted
+WARNINGS = tuple(float(2**k) for k in range(7))  # in this order in `_warnings`
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -62,7 +62,7 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     def by_contact() -> State:
         return learning.begun(judged_by_contact(state, par), half, correction, inputs.impact_speed, par)
 
-    return cond(par.law == LawKind.contact, by_contact, lambda: state)
+    return cond(state.by_model < 1.0, by_contact, lambda: state)
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -76,7 +76,7 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     """The flux linkage with which an opening begins: a mean of the last ones, or that of an estimator in its senses."""
-    coil, by_contact = state.coil, par.law == LawKind.contact
+    coil, by_contact = state.coil, state.by_model < 1.0
     off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
     told = coil._replace(flux=coil.flux + where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
     return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
@@ -101,8 +101,15 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
     return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
+def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
+    """To the estimator, if there is one and it says that what the contact teaches lands hard again and again."""
+    is_hard = (state.by_model < 1.0) & (state.landed_hard >= HARD_ROW) & _is_told(state, inputs, par)
+    return cond(is_hard, lambda: _unlearnt(state, 0.0, par)._replace(by_model=1.0, landed_hard=0.0), lambda: state)
+
+
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
-    is_plain, by_contact = state.running.is_plain > 0.0, par.law == LawKind.contact
+    state = _handed_over(state, inputs, par)
+    is_plain, by_contact = state.running.is_plain > 0.0, state.by_model < 1.0
     coil: Coil = cond(is_plain, lambda: zeroed(state.coil, par), lambda: state.coil)
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
     new = cond(
@@ -135,9 +142,9 @@ def _grown(known: Array, par: Parameters) -> Array:
 
 def _warnings(state: State, par: Parameters) -> Scalar:
     noted = state.noted
-    unexplained = where((par.law == LawKind.model) & (noted.explained < 1.0), 1.0, 0.0)
+    unexplained = where((state.by_model > 0.0) & (noted.explained < 1.0), 1.0, 0.0)
     shifted = where(fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most, 1.0, 0.0)
-    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost, shifted)
+    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost, shifted, noted.hard)
     return total(bit * is_so for bit, is_so in zip(WARNINGS, said))
 
 
@@ -146,12 +153,12 @@ def _warnings(state: State, par: Parameters) -> Scalar:
 
 def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     """Soft, if a cycle begins for which enough is known."""
-    half, by_contact = 1.0 - state.running.command, par.law == LawKind.contact
+    half, by_contact = 1.0 - state.running.command, state.by_model < 1.0
     law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
     goes_on, falls_back = not_(is_closing) & (state.running.is_plain > 0.0), is_closing & _falls_back(state)
     is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
     starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
-    learnt = vector([*_learnt(inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
+    learnt = vector([*_learnt(state, inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
@@ -164,6 +171,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
         running=Running(half, 0.0, where(is_plain, 1.0, 0.0), *plan, 0.0, 0.0, 0.0, 0.0),
         heard=Heard(inputs.mode, began, 0.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
+        by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),
         is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
         explained_well=where(starts_again, 0.0, state.explained_well),
     )
@@ -178,17 +186,23 @@ def _falls_back(state: State) -> Scalar:
 def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
     """Whether enough is known for soft cycles: one that the contact has heard, or two by an estimator in time."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
-    cycle, by_contact = (closing.length + opening.length) * par.sample_time, par.law == LawKind.contact
+    is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
+    by_contact = state.by_model < 1.0
+    return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & _is_told(state, inputs, par))
+
+
+def _is_told(state: State, inputs: Inputs, par: Parameters) -> Scalar:
+    """Whether an estimator can be followed: it has explained two operations in a row, and is in time."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    cycle = (closing.length + opening.length) * par.sample_time
     is_good = (state.explained_well >= EXPLAINED) & not_(inputs.estimated_mass == state.first_mass)
     is_good = is_good & (fabs(state.coil.voltage_zero) < SHIFTED * par.voltage_most)
-    is_told = (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
-    is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
-    return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & is_told)
+    return (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
 
 
-def _learnt(inputs: Inputs, par: Parameters) -> list[Scalar]:
+def _learnt(state: State, inputs: Inputs, par: Parameters) -> list[Scalar]:
     """Factor and bend of the gap, rest, mass, damping: those that an estimator has learnt, if there is one."""
-    has_learnt = (par.law == LawKind.model) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
+    has_learnt = (state.by_model > 0.0) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
     gap = (inputs.estimated_gap_factor, inputs.estimated_gap_bend)
     found = (*gap, inputs.estimated_rest_position, inputs.estimated_mass, inputs.estimated_viscous_damping)
     return [where(has_learnt, new, old) for new, old in zip(found, believed(par))]

@@ -70,6 +70,7 @@ class Inputs(NamedTuple):
     windows: Scalar  # that were solved
     misfit: Scalar  # of the last one
     landing_time: Scalar  # in it
+    estimated_impact_speed: Scalar  # of that landing
     smoothed_published: Scalar
     smoothed_time: Scalar
     smoothed_flux_linkage: Scalar
@@ -183,6 +184,7 @@ class Noted(NamedTuple):
     used_up: Scalar  # a soft one whose resistance needs nearly all voltage
     explained: Scalar  # the estimator has explained a window
     lost: Scalar  # a reading was lost or wild
+    hard: Scalar  # a soft operation landed hard
 
 
 NOTHING = Noted(*[0.0] * len(Noted._fields))
@@ -203,6 +205,8 @@ class State(NamedTuple):
     cycles: Scalar
     since_plain: Scalar  # cycles since the last ordinary one
     explained_well: Scalar  # operations in a row, by an estimator
+    landed_hard: Scalar  # operations of late, by an estimator; less half of the soft ones since then
+    by_model: Scalar  # 1: it learns from what an estimator has learnt, not from the contact
     first_mass: Scalar  # that the estimator was told: another one is learnt, and in use [kg]
     smoothed_until: Scalar  # time of the last smoothed sample [s]
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive

@@ -9,6 +9,8 @@ time.  After two operations in a row that do not arrive comes an ordinary cycle.
 
 from __future__ import annotations
 
+import math
+
 from gapsense.control import correction, learning
 from gapsense.control.coil import can_be_used, first_coil, integrated
 from gapsense.control.judging import judged_by_estimator, listened
@@ -29,10 +31,12 @@ from gapsense.control.records import (
     State,
 )
 from gapsense.control.tracking import believed, is_late, tracked
-from gapsense.linalg import vector
+from gapsense.estimators.readings import can_be_read
+from gapsense.linalg import total, vector
 from gapsense.records import Scalar, zeros
-from gapsense.trace import cond, where
+from gapsense.trace import cond, fabs, where
 
+FASTEST = 1e3  # impact speed that can be [m/s]
 IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 
@@ -53,6 +57,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         cycles=0.0,
         since_plain=0.0,
         explained_well=0.0,
+        landed_hard=0.0,
+        by_model=where(par.law == LawKind.model, 1.0, 0.0),
         first_mass=inputs.estimated_mass,
         smoothed_until=inputs.time,
         is_ready=0.0,
@@ -65,6 +71,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
+    inputs = _readable(state, inputs)
     running = state.running._replace(age=state.running.age + 1.0)
     has_voltage, has_current = can_be_used(state.coil, inputs, par)
     noted = state.noted._replace(lost=where(has_voltage & has_current, state.noted.lost, 1.0))
@@ -76,12 +83,31 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
+    state = judged_by_estimator(state, inputs, par)
     state = cond(
-        par.law == LawKind.model,
-        lambda: correction.corrected(judged_by_estimator(state, inputs, par), inputs, par),
+        state.by_model > 0.0,
+        lambda: correction.corrected(state, inputs, par),
         lambda: learning.worked(state, par),
     )
     return state, _outputs(state, u)
+
+
+def _readable(state: State, inputs: Inputs) -> Inputs:
+    """A command that is lost goes on, an impact speed is not known; an estimator that says NaN says nothing."""
+    said = inputs[Inputs._fields.index("estimated_flux_linkage") :]
+    says_numbers = total(fabs(value) for value in said) < math.inf
+    silent = inputs._replace(
+        estimated_flux_linkage=state.coil.flux,
+        misfit=math.inf,
+        smoothed_published=0.0,
+        estimated_resistance=0.0,
+        estimated_mass=0.0,
+    )
+    is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)
+    return Inputs(*(where(says_numbers, new, none) for new, none in zip(inputs, silent)))._replace(
+        command=where(is_command, inputs.command, state.running.command),
+        impact_speed=where(can_be_read(inputs.impact_speed, FASTEST), inputs.impact_speed, 0.0),
+    )
 
 
 def _outputs(state: State, u: Scalar) -> Outputs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gapsense.control import correction
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import Operation, flux, is_planned
-from gapsense.control.records import LONGEST, LawKind, Parameters, Running, State
+from gapsense.control.records import LONGEST, Parameters, Running, State
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, store, where
 
@@ -52,7 +52,7 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
 
     now, then = cond(is_on, profile, lambda: (0.0, 0.0))
     ohmic = coil.resistance * (coil.last_current + 0.5 * coil.change)
-    wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state, par) - coil.flux)
+    wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state) - coil.flux)
     asked = wanted / coil.bridge_gain
     u = clip(asked, par.voltage_least, par.voltage_most)
     hold = where(state.is_strong > 0.0, par.voltage_most, par.voltage_hold)
@@ -60,9 +60,9 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     return _kept(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
 
 
-def _error(state: State, par: Parameters) -> Scalar:
+def _error(state: State) -> Scalar:
     """What the loop's flux linkage is wrong by at this sample [Wb]."""
-    half, age, by_model = state.running.command, state.running.age, par.law == LawKind.model
+    half, age, by_model = state.running.command, state.running.age, state.by_model > 0.0
     return cond(by_model, lambda: correction.at_sample(state.errors, half, age), lambda: 0.0)
 
 
@@ -70,7 +70,7 @@ def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Sc
     """What the contact's law needs of a sample, or the estimator's."""
     running, place = _watched(state, is_on, then, is_limited, par), _place(state.running)
     is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
-    kept = where(par.law == LawKind.model, where(is_clear, now, 0.0), state.coil.flux)
+    kept = where(state.by_model > 0.0, where(is_clear, now, 0.0), state.coil.flux)
     fluxes, charges = store(state.fluxes, place, kept), store(state.charges, place, state.coil.charge)
     return state._replace(running=running, fluxes=fluxes, charges=charges)
 

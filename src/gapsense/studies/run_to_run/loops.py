@@ -61,6 +61,7 @@ LAWS = {
 }
 ESTIMATED = {
     **{name: f"mhe.{name}" for name in ("windows", "misfit", "landing_time")},
+    "estimated_impact_speed": "mhe.impact_speed",
     **{f"smoothed_{name}": f"mhe.smoothed_{name}" for name in ("published", "time", "flux_linkage")},
     **{f"estimated_{name}": f"mhe.{name}" for name in ("flux_linkage", "resistance", "mass", "rest_position")},
     **{f"estimated_{name}": f"mhe.{name}" for name in ("viscous_damping", "gap_factor", "gap_bend")},

@@ -15,7 +15,15 @@ OPERATIONS = ("closing", "opening")
 LEVELS = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "worst": 1.0}
 LAST = 10  # cycles at the end that are taken together
 LEARNT = 3  # cycle from which an operation that does not arrive counts
-WARNINGS = ("unseen", "too fast", "used up", "unlearnt")  # in the order of their bits, see `control.operations`
+WARNINGS = (
+    "unseen",
+    "too fast",
+    "used up",
+    "unexplained",
+    "lost",
+    "shifted",
+    "hard",
+)  # in the order of their bits, see `control.operations`
 SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
 
 
