@@ -4,7 +4,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import correction, laws, run_to_run
-from gapsense.control.records import LONGEST
+from gapsense.control.records import BAD, LONGEST
 
 PAR = parameters()._replace(law=1.0)
 AGE, LAST, OLDER = 100.0, 510.0, 490.0  # samples of a closing so far, of the opening before it, of the last closing
@@ -30,7 +30,7 @@ def changed(back, misfit=0.5, published=1.0):
         smoothed_flux_linkage=WANTED - ERROR,
         misfit=misfit,
     )
-    errors = correction.corrected(state, given, PAR).errors
+    errors = run_to_run.informed(state, given, PAR).errors
     return {k: value for k, value in enumerate(errors) if value}
 
 
@@ -57,7 +57,7 @@ def test_what_is_overwritten_is_left(back):
 
 
 def test_bad_estimates_and_those_that_are_not_published_are_left():
-    assert changed(610, misfit=correction.BAD) == {} == changed(610, published=0.0)
+    assert changed(610, misfit=BAD) == {} == changed(610, published=0.0)
 
 
 def test_errors_are_smooth_over_samples():

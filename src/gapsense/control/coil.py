@@ -6,7 +6,7 @@ from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
 from gapsense.records import Scalar
-from gapsense.trace import clip, fabs, square, where
+from gapsense.trace import clip, fabs, not_, square, where
 
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
@@ -69,8 +69,11 @@ def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Sc
     return has_voltage, has_current
 
 
-def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> Coil:
-    """The next sample; late in an operation the flux linkage stays with the current, and no error of R is summed up."""
+def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> tuple[Coil, Scalar]:
+    """The next sample, and whether a reading was lost or wild.
+
+    Late in an operation the flux linkage stays with a current that rests, and no error of R is summed up.
+    """
     has_voltage, has_current = can_be_used(coil, inputs, par)
     u = where(has_voltage, inputs.voltage - coil.voltage_zero, coil.last_voltage)
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
@@ -78,7 +81,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
     calm = where(is_late & is_settled, coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
-    return coil._replace(
+    new = coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
         bridge_gain=_bridge_gain(coil, u, par),
@@ -91,6 +94,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
         held_current=coil.held_current + share * (i - coil.held_current),
         late_current=coil.late_current + late * (i - coil.late_current),
     )
+    return new, not_(has_voltage & has_current)
 
 
 def _bridge_gain(coil: Coil, u: Scalar, par: Parameters) -> Scalar:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.records import BAD, LONGEST, Inputs, Parameters, State
+from gapsense.control.records import LONGEST, Inputs, Parameters, State
 from gapsense.linalg import total
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, floor, load, not_, store, where
+from gapsense.trace import clip, floor, load, not_, store, where
 
 GAIN = 0.3  # part of an error that is corrected at once
 LARGEST = 0.3e-3  # what counts of it [Wb]
@@ -22,11 +22,6 @@ def at_sample(errors: Array, half: Scalar, sample: Scalar) -> Scalar:
 
 def corrected(state: State, inputs: Inputs, par: Parameters) -> State:
     """With the smoothed flux linkage of a sample that an estimator has published."""
-    is_new = (inputs.smoothed_published > 0.0) & (inputs.misfit < BAD)
-    return cond(is_new, lambda: _learnt(state, inputs, par), lambda: state)
-
-
-def _learnt(state: State, inputs: Inputs, par: Parameters) -> State:
     half, sample, is_known = _found(state, inputs, par)
     place = half * LONGEST + sample
     wanted, error = load(state.fluxes, place), load(state.errors, place)

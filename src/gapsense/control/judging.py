@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.profile import arrival
-from gapsense.control.records import BAD, Heard, Inputs, Law, Parameters, State
+from gapsense.control.records import Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
 from gapsense.records import Scalar
 from gapsense.trace import cond, not_, where
@@ -40,41 +40,49 @@ def judged_by_contact(state: State, par: Parameters) -> State:
 
 
 def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
-    """Once an estimator has explained the window of an operation: of the one that is under way, or of the last one."""
-    is_shown = (inputs.misfit < BAD) & (inputs.smoothed_published > 0.0)
-    now = state.running.command
+    """Once an estimator has explained the window of an operation: of the last one, or of that which is under way.
 
-    def shown() -> State:
-        noted = state.noted._replace(explained=1.0)
-        known = state._replace(smoothed_until=inputs.smoothed_time, noted=noted)
-        return _judged_if_known(_judged_if_known(known, 1.0 - now, inputs, par), now, inputs, par)
-
-    return cond(is_shown, shown, lambda: state)
-
-
-def _judged_if_known(state: State, half: Scalar, inputs: Inputs, par: Parameters) -> State:
-    """The last operation of a kind, if it is not judged yet.
-
-    The sample that is shown belongs to a window that is solved: if it is one of the operation after its lead, and there
-    is no landing in it, there was none.
+    The sample that is shown belongs to a window that is solved: if it is one of an operation after its lead, and there
+    is no landing in that, there was none.
     """
-    running, law = state.running, laws.read(state.laws, half)
-    is_under_way = half == running.command
-    age = running.age * par.sample_time
-    length = where(is_under_way, running.age, law.length) * par.sample_time
-    start = inputs.time - where(is_under_way, age, age + length)
+    running, T_s = state.running, par.sample_time
+    start, now = inputs.time - running.age * T_s, running.command
+    last = (1.0 - now, start - running.last_age * T_s, running.last_age * T_s)
+    is_last_due = (running.last_is_judged < 1.0) & _is_known(*last, inputs, par)
+    is_due = (running.is_judged < 1.0) & _is_known(now, start, running.age * T_s, inputs, par)
+    state = state._replace(
+        smoothed_until=inputs.smoothed_time,
+        noted=state.noted._replace(explained=1.0),
+        running=running._replace(
+            is_judged=where(is_due, 1.0, running.is_judged),
+            last_is_judged=where(is_last_due, 1.0, running.last_is_judged),
+        ),
+    )
+    state = cond(is_last_due, lambda: _told(state, *last, inputs, par), lambda: state)
+    return cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+
+
+def _is_known(half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> Scalar:
+    """Whether an operation that began at `start` is one of those that the estimator has solved."""
     lead = where(half > 0.5, par.closing_lead, par.opening_lead)
-    landing, shown = inputs.landing_time - start, inputs.smoothed_time - start
-    has_landed = where((landing > 0.0) & (landing <= length), 1.0, 0.0)
-    is_known = (has_landed > 0.0) | ((shown > lead) & (shown <= length))
+    shown = inputs.smoothed_time - start
+    return (length > 0.0) & ((_landed(start, length, inputs) > 0.0) | ((shown > lead) & (shown <= length)))
 
-    def known() -> State:
-        heard = _impact_heard(state, law, has_landed, inputs, par)
-        heard = heard._replace(laws=laws.write(state.laws, half, law._replace(is_judged=1.0)))
-        by_model = state.by_model > 0.0
-        return cond(by_model, lambda: _judged(heard, half, has_landed, landing, par), lambda: heard)
 
-    return cond(is_known & (law.is_judged < 1.0) & (length > 0.0), known, lambda: state)
+def _landed(start: Scalar, length: Scalar, inputs: Inputs) -> Scalar:
+    """1: the landing that the estimator tells is one of an operation."""
+    landing = inputs.landing_time - start
+    return where((landing > 0.0) & (landing <= length), 1.0, 0.0)
+
+
+def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
+    has_landed = _landed(start, length, inputs)
+    heard = _impact_heard(state, laws.read(state.laws, half), has_landed, inputs, par)
+    return cond(
+        state.by_model > 0.0,
+        lambda: _judged(heard, half, has_landed, inputs.landing_time - start, par),
+        lambda: heard,
+    )
 
 
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:

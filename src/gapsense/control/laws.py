@@ -51,7 +51,6 @@ def first(travel: Scalar, par: Parameters) -> Law:
         missed=0.0,
         length=0.0,
         was_plain=1.0,
-        is_judged=0.0,
         was_followed=1.0,
     )
 
@@ -59,7 +58,7 @@ def first(travel: Scalar, par: Parameters) -> Law:
 def started(law: Law, is_plain: Scalar) -> Law:
     """With an operation that nobody has judged yet."""
     missed = law.missed + where(is_plain, 0.0, UNJUDGED)
-    return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), is_judged=0.0, was_followed=1.0)
+    return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0)
 
 
 def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:

@@ -164,11 +164,26 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there
-    plan = (start, law.speed, law.travel, learnt, sqrt(balance(z0, m)))
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     return state._replace(
         laws=laws.write(state.laws, half, laws.started(law, is_plain)),
-        running=Running(half, 0.0, where(is_plain, 1.0, 0.0), *plan, 0.0, 0.0, 0.0, 0.0),
+        running=Running(
+            command=half,
+            age=0.0,
+            is_plain=where(is_plain, 1.0, 0.0),
+            start_flux=start,
+            speed=law.speed,
+            travel=law.travel,
+            learnt=learnt,
+            balance_flux=sqrt(balance(z0, m)),
+            wanted=0.0,
+            limited=0.0,
+            since_limit=0.0,
+            is_judged=0.0,
+            last_age=state.running.age,
+            last_is_judged=state.running.is_judged,
+            strain=0.0,
+        ),
         heard=Heard(inputs.mode, began, 0.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
         by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),

@@ -9,7 +9,7 @@ from gapsense.records import Array, Choice, Memory, Scalar, Table, Vector
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 20  # numbers of a `Law`
+LAW = 19  # numbers of a `Law`
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -108,7 +108,6 @@ class Law(NamedTuple):
     missed: Scalar  # operations in a row that did not arrive
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
-    is_judged: Scalar  # 1: what became of it is known
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
 
 
@@ -126,6 +125,9 @@ class Running(NamedTuple):
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
     since_limit: Scalar  # samples since the last one
+    is_judged: Scalar  # 1: the estimator has told what became of it
+    last_age: Scalar  # samples of the operation before
+    last_is_judged: Scalar  # the same of that
     strain: Scalar  # largest share of the voltage that the resistance has needed
 
 

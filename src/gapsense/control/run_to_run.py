@@ -12,10 +12,11 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, learning
-from gapsense.control.coil import can_be_used, first_coil, integrated
+from gapsense.control.coil import first_coil, integrated
 from gapsense.control.judging import judged_by_estimator, listened
 from gapsense.control.operations import turned
 from gapsense.control.records import (
+    BAD,
     CLOSING,
     LAW,
     LONGEST,
@@ -43,10 +44,25 @@ IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
     learnt = vector([*believed(par), 0.0, 0.0, 0.0])
-    plan = (0.0, par.approach_first, par.opening_travel)
     state = State(
         coil=first_coil(inputs, par),
-        running=Running(OPENING, 0.0, 1.0, *plan, learnt, 0.0, 0.0, 0.0, 0.0, 0.0),
+        running=Running(
+            command=OPENING,
+            age=0.0,
+            is_plain=1.0,
+            start_flux=0.0,
+            speed=par.approach_first,
+            travel=par.opening_travel,
+            learnt=learnt,
+            balance_flux=0.0,
+            wanted=0.0,
+            limited=0.0,
+            since_limit=0.0,
+            is_judged=1.0,
+            last_age=0.0,
+            last_is_judged=1.0,
+            strain=0.0,
+        ),
         heard=Heard(inputs.mode, 0.0, 0.0, 0.0),
         course=Pass(0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, vector([0.0] * 8)),
         noted=NOTHING,
@@ -71,41 +87,47 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
-    inputs = _readable(state, inputs)
     running = state.running._replace(age=state.running.age + 1.0)
-    has_voltage, has_current = can_be_used(state.coil, inputs, par)
-    noted = state.noted._replace(lost=where(has_voltage & has_current, state.noted.lost, 1.0))
-    state = state._replace(
-        coil=integrated(state.coil, inputs, is_late(running, par), par), running=running, noted=noted
-    )
+    coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
+    noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
+    state = state._replace(coil=coil, running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))
-    command = where(inputs.command > 0.5, CLOSING, OPENING)
-    state = cond(command == running.command, lambda: state, lambda: turned(state, inputs, par))
+    is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)  # else it is lost, and the last one goes on
+    command = where(is_command, where(inputs.command > 0.5, CLOSING, OPENING), running.command)
+    goes_on = command == running.command
+    state = cond(goes_on, lambda: state, lambda: turned(state, _readable(state, inputs), par))
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
-    state = judged_by_estimator(state, inputs, par)
-    state = cond(
-        state.by_model > 0.0,
-        lambda: correction.corrected(state, inputs, par),
-        lambda: learning.worked(state, par),
-    )
-    return state, _outputs(state, u)
+    state = informed(state, inputs, par)
+    return cond(state.by_model > 0.0, lambda: state, lambda: learning.worked(state, par)), _outputs(state, u)
+
+
+def informed(state: State, inputs: Inputs, par: Parameters) -> State:
+    """With what an estimator says of an operation, and of a sample in it, where it explains that."""
+    readable = _readable(state, inputs)
+
+    def believed() -> State:
+        judged = judged_by_estimator(state, readable, par)
+        return cond(judged.by_model > 0.0, lambda: correction.corrected(judged, readable, par), lambda: judged)
+
+    is_shown = (inputs.misfit < BAD) & (inputs.smoothed_published > 0.0)
+    return cond(is_shown & (readable.misfit < BAD), believed, lambda: state)
 
 
 def _readable(state: State, inputs: Inputs) -> Inputs:
-    """A command that is lost goes on, an impact speed is not known; an estimator that says NaN says nothing."""
+    """An impact speed that is none is not known; an estimator that says NaN says nothing, and what it said stays."""
     said = inputs[Inputs._fields.index("estimated_flux_linkage") :]
-    says_numbers = total(fabs(value) for value in said) < math.inf
+    says_numbers = fabs(total(said)) < math.inf
     silent = inputs._replace(
         estimated_flux_linkage=state.coil.flux,
         misfit=math.inf,
-        smoothed_published=0.0,
+        landing_time=0.0,
+        smoothed_time=state.smoothed_until,
+        smoothed_flux_linkage=state.coil.flux,
         estimated_resistance=0.0,
         estimated_mass=0.0,
     )
-    is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)
     return Inputs(*(where(says_numbers, new, none) for new, none in zip(inputs, silent)))._replace(
-        command=where(is_command, inputs.command, state.running.command),
         impact_speed=where(can_be_read(inputs.impact_speed, FASTEST), inputs.impact_speed, 0.0),
     )
 
