@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -36,6 +37,16 @@ def test_help_of_each_command_says_what_it_does(gapsense, command):
     assert done.exit_code == 0
     assert f"gapsense {command}" in done.output or f" {command} " in done.output
     assert len(done.output.splitlines()) > 5
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_short_option_for_help_is_the_same(gapsense, command):
+    assert gapsense(*command.split(), "-h").output == gapsense(*command.split(), "--help").output
+
+
+def test_version_is_that_of_the_package(gapsense):
+    done = gapsense("--version")
+    assert (done.exit_code, done.output) == (0, f"gapsense {version('gapsense')}\n")
 
 
 def test_without_a_command_the_help_is_shown(gapsense):

@@ -75,6 +75,28 @@ def test_member_that_could_do_harm_is_refused(altered, change, words):
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_member_that_is_there_twice_is_taken_if_both_are_the_same(altered):
+    doubled = altered(lambda z, m: [z.writestr(name, m[name]) for name in (XML, "binaries/linux64/Gain.so")])
+    assert describe(doubled).name == describe(altered()).name
+
+
+@pytest.mark.parametrize("packing", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+@pytest.mark.parametrize("member", ["binaries/linux64/Gain.so", "resources/more.txt"])
+def test_member_with_a_changed_byte_is_refused(altered, member, packing):
+    def add(z, members):
+        content = members.pop(member, b"some text that is read by nobody " * 9)
+        z.writestr(member, content, compress_type=packing)
+
+    path = altered(add)
+    with zipfile.ZipFile(path) as whole:
+        info = whole.getinfo(member)
+    data = bytearray(path.read_bytes())
+    data[info.header_offset + 30 + len(member) + info.compress_size // 2] ^= 1
+    path.write_bytes(data)
+    assert f"its member `{member}` is damaged" in refused(path)
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_member_that_is_there_twice_is_refused(altered):
     assert "`binaries/linux64/Gain.so` is there twice" in refused(
         altered(lambda z, m: z.writestr("binaries/linux64/Gain.so", "x"))

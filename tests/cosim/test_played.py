@@ -170,12 +170,20 @@ def test_whole_numbers_follow_signals_that_hold(write, foreign):
     assert result["a.mode_out"].tolist() == [2, 2, 1, 3]
 
 
+@pytest.mark.parametrize("end", [-(2**31), 2**31 - 1])
+def test_least_and_greatest_whole_numbers_arrive(write, foreign, end):
+    line = f'"a.n" = {{ times = [0, 1], values = [{end}, 0], interpolation = "hold" }}'
+    path = write(TYPES.replace(", n = 0", "").replace("SIGNAL", line))
+    assert check(path, fmus=foreign) == []
+    assert run(path, fmus=foreign)["a.n_out"][0] == end
+
+
 @pytest.mark.parametrize(
     ("name", "values", "how", "words"),
     [
         ("n", [0, 1], "linear", 'an input of type Integer takes no values in between. Write `interpolation = "hold"`'),
         ("n", [0, 1.5], "hold", "1.5 found, a value of type Integer is expected"),
-        ("n", [0, 3e9], "hold", "3e+09 found, -2147483647 to 2147483647 expected"),
+        ("n", [0, 3e9], "hold", "3e+09 found, -2147483648 to 2147483647 expected"),
         ("flag", [0, 2], "hold", "2 found, a value of type Boolean is expected"),
         ("mode", [1, 4], "hold", "4 found, a value of type Enumeration is expected"),
         ("text", [1, 4], "hold", "a text follows no signal"),

@@ -414,7 +414,7 @@ MALICIOUS = {
     "outside": ((SSD, ("../evil.txt", b"x")), "outside its folder"),
     "absolute": ((SSD, ("/evil.txt", b"x")), "outside its folder"),
     "backslash": ((SSD, ("resources\\..\\evil", b"x")), "backslash"),
-    "twice": ((SSD, SSD), "is there twice"),
+    "twice": ((SSD, (SSD[0], SSD[1] + b" ")), "is there twice"),
     "link": ((SSD, (LINK, b"/etc/passwd")), "is a link"),
     "file and folder": ((SSD, ("resources", b"x"), ("resources/a.fmu", b"x")), "a file and a folder"),
     "empty": ((("readme.txt", b"x"),), "has no SystemStructure.ssd"),

@@ -10,6 +10,7 @@ import errno
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -38,6 +39,7 @@ class App(typer.Typer):
 app = App(
     no_args_is_help=True,
     add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     help="""FMI co-simulation components for short-stroke reluctance actuators.
@@ -46,6 +48,24 @@ Start with `gapsense list`, `gapsense run semera_valve` and `gapsense new my_val
 
 Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a component failed, 130 interrupted.""",
 )
+
+
+def show_version(asked: bool) -> None:
+    """Print the version, on request, and end."""
+    if asked:
+        typer.echo(f"gapsense {version('gapsense')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    _: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Print the version")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
 studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
 app.add_typer(studies, name="study")
 out = Console(highlight=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import stat
 import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from xml.parsers import expat
@@ -20,6 +21,7 @@ ENCRYPTED = 0x1  # bit of a member's flags
 KINDS = (0, stat.S_IFREG, stat.S_IFDIR)  # of a member; 0 where the packing system has none
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 LONGEST_NAME = 500  # characters
+BLOCK = 2**20  # bytes that are read at once
 SHOWN = 60  # characters of a stranger's text in a message
 UNTRUSTED = "Do not use this file unless you trust its source; ask there for a clean one."
 
@@ -39,6 +41,7 @@ def read_description(path: Path) -> tuple[bytes, list[str]]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = refuse_dangerous(archive.infolist(), path.stat().st_size)
+            refuse_damaged(archive)
             if DESCRIPTION not in members:
                 raise UnusableError(f"the archive has no {DESCRIPTION}, so it is no FMU. Export it again.")
             if archive.getinfo(DESCRIPTION).file_size > LARGEST_DESCRIPTION:
@@ -68,7 +71,7 @@ def refuse_dangerous(infos: list[zipfile.ZipInfo], packed: int) -> list[str]:
         problem = member_problem(info)
         if problem:
             raise UnusableError(f"its member `{shown(info.orig_filename)}` {problem}. {UNTRUSTED}")
-    refuse_collisions([info.filename for info in infos])
+    refuse_collisions(infos)
     return [info.filename for info in infos]
 
 
@@ -88,17 +91,28 @@ def member_problem(info: zipfile.ZipInfo) -> str | None:
     return None if info.compress_type in METHODS else "is not packed by `deflate`, which FMI asks for"
 
 
-def refuse_collisions(names: Iterable[str]) -> None:
-    """Raise if two members would be unpacked to one file, or a file stands where another has its folder."""
-    files: set[str] = set()
-    for name in names:
-        plain = str(PurePosixPath(name))
-        if plain in files and not name.endswith("/"):
-            raise UnusableError(f"its member `{shown(name)}` is there twice. {UNTRUSTED}")
-        if not name.endswith("/"):
-            files.add(plain)
-    inside = {str(parent) for name in names for parent in PurePosixPath(name).parents}
-    for name in sorted(inside & files):
+def refuse_damaged(archive: zipfile.ZipFile) -> None:
+    """Raise if the content of a member does not have its checksum."""
+    for info in archive.infolist():
+        try:
+            with archive.open(info) as member:
+                while member.read(BLOCK):
+                    pass
+        except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+            raise UnusableError(f"its member `{shown(info.filename)}` is damaged. Copy or export it again.") from error
+
+
+def refuse_collisions(infos: Iterable[zipfile.ZipInfo]) -> None:
+    """Raise if two members that differ would be unpacked to one file, or a file stands where another has its folder."""
+    files: dict[str, tuple[int, int]] = {}
+    inside: set[str] = set()
+    for info in infos:
+        name = info.filename
+        inside.update(str(parent) for parent in PurePosixPath(name).parents)
+        content = (info.CRC, info.file_size)
+        if not name.endswith("/") and files.setdefault(str(PurePosixPath(name)), content) != content:
+            raise UnusableError(f"its member `{shown(name)}` is there twice, with other content. {UNTRUSTED}")
+    for name in sorted(inside & files.keys()):
         raise UnusableError(f"its member `{shown(name)}` is a file and a folder. {UNTRUSTED}")
 
 

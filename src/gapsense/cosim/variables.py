@@ -21,10 +21,7 @@ RANGES: Mapping[str, tuple[int, int]] = {
     **{f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)},
 }
 HAVE_STARTS = ("output", "local")  # causalities besides inputs and parameters
-OF_TYPES: Mapping[str, tuple[int, int]] = {  # where the type names no size
-    "Integer": (-(2**31 - 1), 2**31 - 1),
-    "Enumeration": (-(2**31 - 1), 2**31 - 1),
-}
+OF_TYPES = {kind: RANGES["Int32"] for kind in ("Integer", "Enumeration")}  # where the type names no size
 
 
 @dataclass(frozen=True)
