@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gapsense.files import read_bytes
 from gapsense.problems import suggest
 
 if sys.version_info >= (3, 11):
@@ -20,6 +21,7 @@ INFINITE = (-math.inf, math.inf)
 LARGEST = sys.float_info.max
 MOST = 2**53  # of what is counted
 LONGEST = 100  # characters of a value in a message
+LARGEST_FILE = 64 * 10**6  # bytes
 
 
 class Kind(NamedTuple):
@@ -125,13 +127,13 @@ BOUNDS = Kind(
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     """Content of a TOML file, or None after noting why it cannot be read."""
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        return tomllib.loads(read_bytes(path, LARGEST_FILE).decode("utf-8"))
     except FileNotFoundError:
         problems.append(f"{path}: there is no such file. Correct the path.")
     except UnicodeDecodeError as error:
         problems.append(f"{path}: byte {error.start} is not UTF-8. Save the file as UTF-8.")
     except OSError as error:
-        problems.append(f"{path}: cannot be read: {error.strerror}.")
+        problems.append(f"{path}: cannot be read: {error.strerror}. Correct the path.")
     except tomllib.TOMLDecodeError as error:
         problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables without end

@@ -14,7 +14,7 @@ from gapsense.cosim import keys
 from gapsense.cosim.load_sections import by_port
 from gapsense.cosim.played import Played, Vector
 from gapsense.cosim.scenario import Port
-from gapsense.files import SHOWN, Sheet, number, read_sheet, split_header
+from gapsense.files import SHOWN, Sheet, no_numbers, number, read_sheet, split_header
 from gapsense.problems import suggest
 from gapsense.tables import SCALAR, Table, Value, flattened
 
@@ -101,7 +101,8 @@ def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, 
     found = [k for k in places if k is not None]
     cells = [[(i, k, row[k]) for i, row in enumerate(sheet.rows)] for k in found]
     bad = [(sheet.place(i, k), text) for own in cells for i, k, text in own if not is_finite(text)]
-    problems += [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
+    told = [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
+    problems += told if sheet.is_table else no_numbers(sheet)
     for problem in problems:
         table.note("file", problem)
     if problems:
@@ -113,7 +114,7 @@ def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, 
 def place_of(sheet: Sheet, name: str, unit: str, problems: list[str]) -> int | None:
     """Where a column is, or None after noting that it is missing or in another unit."""
     if name not in sheet.names:
-        problems.append(f"{sheet.path}, line 1: column `{name}` is missing. {suggest(name, sheet.names)}")
+        problems.append(f"{sheet.path}, line 1: column `{name}` is missing. {suggest(name, sheet.known)}")
         return None
     place = sheet.names.index(name)
     if unit and sheet.units[place] not in ("", unit):

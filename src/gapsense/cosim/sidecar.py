@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.document import scenario_file
-from gapsense.files import read_json
+from gapsense.files import read_bytes, read_json
 from gapsense.problems import InputError
 
 FORMAT = "gapsense result 2"
@@ -19,7 +19,7 @@ OLD = "gapsense result 1"  # which tells no hash
 def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     """Side-car and CSV of a result; an InputError says why they cannot be believed."""
     sidecar = path.with_suffix(".json")
-    content, data = path.read_bytes(), read_sidecar(path)
+    content, data = read_bytes(path), read_sidecar(path)
     if data is None:
         raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
     if data["format"] == OLD:
