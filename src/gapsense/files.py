@@ -28,6 +28,11 @@ Columns = Mapping[str, npt.NDArray[Any]]
 Write = Callable[[TextIO], None]
 HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
 PART = ".gapsense-part"
+FOREIGN = frozenset('<>:"/\\|?*')  # characters
+DEVICE = re.compile(
+    r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9\u00b9\u00b2\u00b3])(\..*)?", re.IGNORECASE
+)  # of Windows
+LONGEST_NAME = 150  # bytes, so that there is room for what results have in front and behind
 SHOWN = 3  # cells and lines that are named for each kind of problem
 LOOKED_AT = 100  # rows that tell whether a file holds a table
 UNBLOCKED = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # does not wait for bytes
@@ -60,6 +65,15 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     return content
 
 
+def unfit(name: str, foreign: frozenset[str] = FOREIGN) -> str:
+    """Why a file cannot have a name on every system, or nothing."""
+    if not name.isprintable() or foreign.intersection(name):
+        return "has characters that file names do not have everywhere"
+    if DEVICE.fullmatch(name) or name.endswith((".", " ")) or name.startswith(("-", " ")):
+        return "is one that commands or systems take for something else"
+    return f"is longer than {LONGEST_NAME} bytes" if len(name.encode("utf-8", "replace")) > LONGEST_NAME else ""
+
+
 def write_atomically(path: Path, write: Write) -> None:
     """Write to a temporary name in the same folder, then rename; a failure leaves the old file as it was."""
     with prepared(path, write) as part:
@@ -73,17 +87,22 @@ def prepared(path: Path, write: Write) -> Iterator[Path]:
     with naming(path):
         mine = held(lambda: new_part(path))
     part = Path(mine.name)
-    os.umask(mask := os.umask(0))  # which temporary files do not follow by themselves
     try:
         with naming(path), part.open("w", encoding="utf-8", newline="\n") as file:
             write(file)
-        part.chmod(0o666 & ~mask)
+        part.chmod(0o666 & ~mask())
         if sys.platform == "win32":  # which renames no open file
             mine.close()
         yield part
     finally:
         mine.close()
         part.unlink(missing_ok=True)
+
+
+def mask() -> int:
+    """Rights that new files do not get, which temporary ones do not follow by themselves."""
+    os.umask(found := os.umask(0))
+    return found
 
 
 def new_part(path: Path) -> Path:

@@ -141,13 +141,18 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     return None
 
 
+def parsed(text: str) -> dict[str, Any] | None:
+    """What a text says in TOML, or None if it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
 def parsed_value(text: str) -> Any:
     """What a text means as the value of a key; one that TOML does not take as a value means itself."""
-    try:
-        read = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        return text
-    return read["value"] if len(read) == 1 else text
+    read = parsed(f"value = {text}")
+    return read["value"] if read and len(read) == 1 else text
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

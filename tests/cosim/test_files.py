@@ -1,4 +1,4 @@
-"""What is no file, or no table, is refused with a sentence: it is not read for ever, and nobody is shown its content."""
+"""What is no file, or no table, is refused with a sentence: it is not read for ever, and nobody sees what it holds."""
 
 import os
 import socket

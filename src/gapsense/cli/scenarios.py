@@ -146,6 +146,8 @@ def figure(
 
     if scenario.suffix == ".csv":
         result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        if not to:
+            plot.refuse_foreign(file, cosim.relative(result.run.source, file.parent))
     else:
         source = cosim.changed(scenario, settings or ())
         file = to or plot.figure_file(Path("results"), scenario, variant)

@@ -82,7 +82,12 @@ def in_order(table: Table, played: Played, lines: list[int] | None) -> Played | 
     if times.size != values.size or times.size < 2:
         table.note("", f"{times.size} times and {values.size} values found, at least 2 of each expected. Correct it.")
         return None
-    wrong = np.flatnonzero(np.diff(times) <= 0.0) + 1
+    with np.errstate(over="ignore"):
+        widths, heights = np.diff(times), np.diff(values)
+    if not (np.isfinite(widths).all() and np.isfinite(heights).all()):
+        table.note("", "between two samples there is more than a number can hold. Correct the values.")
+        return None
+    wrong = np.flatnonzero(widths <= 0.0) + 1
     for k in wrong[:SHOWN]:
         where = f"time {k + 1}" if lines is None else f"line {lines[k]}"
         table.note("", f"{where} is {times[k]:.9g} s after {times[k - 1]:.9g} s; times must rise. Correct it.")

@@ -16,6 +16,7 @@ NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `co
 METHODS = ("gauss-seidel", "jacobi")
 ISOLATIONS = ("none", "process")
 STEP_LIMIT = 60.0  # [s]
+MOST_STEPS = 10**10  # of a run: hours for the smallest
 
 
 class Port(NamedTuple):

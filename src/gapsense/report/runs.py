@@ -109,5 +109,6 @@ def growths(found: Sequence[Growth]) -> Table:
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
-    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
+    remark = f", {tested.remark}" if tested.remark else ""
+    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s{remark}"
     return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])
