@@ -210,7 +210,8 @@ def read_result(path: str | Path) -> Result:
     """
     path = Path(path)
     data, content = read_whole(path)
-    columns, about = read_columns(path, content=content), data["run"]
+    units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
+    columns, about = read_columns(path, units, content), data["run"]
     about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct") if name in about}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
