@@ -39,10 +39,10 @@ def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]
     moments = merged[np.concatenate(([True], np.diff(merged) > near))]
     counts = [np.bincount(places(moments, grid, near), minlength=moments.size) for grid in (times, other)]
     told = []
-    for (own, rest), of in ((counts, name), (counts[::-1], other_name)):
-        twice = (own > np.maximum(rest, 1)) & (own > 1)
+    for (mine, theirs), of in ((counts, name), (counts[::-1], other_name)):
+        twice = mine > np.maximum(theirs, 1)
         if twice.any():
-            extra = int((own - np.maximum(rest, 1))[twice].sum())
+            extra = int((mine - np.maximum(theirs, 1))[twice].sum())
             told.append(f"{of}: {rows(extra)} at times of rows before, {spans(moments, twice)}. Remove what is double.")
     has, rest = (count > 0 for count in counts)
     both, smaller = int((has & rest).sum()), min(int(has.sum()), int(rest.sum()))
@@ -75,7 +75,8 @@ def lost(moments: Vector, own: Rows, full: Rows, near: float) -> Rows:
         regular[at[0] % stride :: stride] = True
         missing[np.flatnonzero(full)[~regular]] = False
     inside = moments[own]
-    return missing & (moments > inside[0] - 1.5 * near) & (moments < inside[-1] + 1.5 * near)
+    missing &= (moments > inside[0] - 1.5 * near) & (moments < inside[-1] + 1.5 * near)
+    return missing
 
 
 def holes(moments: Vector, own: Rows) -> Rows:
