@@ -66,7 +66,18 @@ Fmus = Annotated[
     typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
 Native = Annotated[bool, typer.Option("--native", help="Take the native FMUs, those in build/native")]
-Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
+
+
+def folder(path: Path) -> Path:
+    """A folder to write to; a name that is one of a file is refused."""
+    from gapsense.cosim.sidecar import ENDINGS
+
+    if path.suffix.lower() in (".csv", *ENDINGS) and not path.is_dir():
+        raise typer.BadParameter(f"`{path}` found, a folder expected. Correct it.")
+    return path
+
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
 Column = Annotated[

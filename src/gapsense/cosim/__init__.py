@@ -54,7 +54,7 @@ OF_MODULES = {
     "master": ("Master",),
     "metrics": ("Measured",),
     "pairs": ("compare_results",),
-    "prepare": ("check", "prepare"),
+    "prepare": ("check", "prepare", "remarks"),
     "record": ("FmuError", "Result", "read_result"),
     "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
     "run": ("run", "run_once"),

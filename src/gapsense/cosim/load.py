@@ -115,6 +115,7 @@ class Reader:
             played=played,
             events=events,
             hashes=self.document.hashes,
+            settings=self.document.changes,
         )
 
     def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:

@@ -80,7 +80,7 @@ class Update:
         if not self.changes:
             return "\n".join([f"{self.file}: nothing changes.", *more])
         end = "Written." if self.written else "Not written."
-        return "\n".join([f"{self.file}:", *(f"  {change}" for change in self.changes), end, *more])
+        return "\n".join([f"{self.file}:", *(f"  {change}" for change in self.changes), *more, end])
 
 
 def find_scenarios(folder: str | Path) -> list[Path]:

@@ -201,6 +201,7 @@ class Scenario:
     played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
     events: Mapping[str, Event] = field(default_factory=dict)
+    settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over it
 
     @property
     def name(self) -> str:

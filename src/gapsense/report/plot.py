@@ -48,9 +48,9 @@ def check_file(path: Path) -> None:
         raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
 
 
-def figure_file(folder: Path, scenario: Path, variant: str | None) -> Path:
+def figure_file(folder: Path, scenario: Path, variant: str | None, settings: Sequence[str] = ()) -> Path:
     """PNG file for the figure of a scenario; an InputError if that of another one is there."""
-    file, own = own_file(folder, scenario, variant, ".png")
+    file, own = own_file(folder, scenario, variant, ".png", settings)
     refuse_foreign(file, own)
     return file
 

@@ -111,4 +111,5 @@ def outcome(tested: Outcome) -> str:
     word = "passed" if tested.passed else "FAILED"
     remark = f", {tested.remark}" if tested.remark else ""
     head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s{remark}"
-    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])
+    coarse = tested.result.run.remarks if tested.result else ()
+    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures), *(f"  note: {r}" for r in coarse)])
