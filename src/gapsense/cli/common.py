@@ -48,8 +48,8 @@ Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a componen
 )
 studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
 app.add_typer(studies, name="study")
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, emoji=False)  # `:x:` is no picture
+err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 Scenario = Annotated[
     Path, typer.Argument(help="Folder of a scenario, its scenario.toml, or the name of an example", show_default=False)

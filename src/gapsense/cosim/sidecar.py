@@ -18,6 +18,8 @@ ELSEWHERE = "choose another place with `--out`"
 PLAIN = re.compile(r"[\w.+=-]+")
 LONGEST = 80  # characters of settings in the name of a file
 ENDINGS = (".json", ".png", ".pdf", ".svg", ".html", ".toml", ".txt", ".xlsx", ".parquet")  # that are no folders
+SIGNALS = re.compile(rb'"time( \[s\])?","?[A-Za-z_]\w*\.')  # of a result
+LOOKED_AT = 1000  # bytes
 OLD = "gapsense result 1"  # which tells no hash
 
 
@@ -25,6 +27,11 @@ def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     """Side-car and CSV of a result; an InputError says why they cannot be believed."""
     sidecar = path.with_suffix(".json")
     content, data = read_bytes(path), read_sidecar(path)
+    if data is None and not SIGNALS.match(content[:LOOKED_AT]):
+        record = f"Of a record of measurements `gapsense inspect {path}` tells what there is"
+        raise InputError(
+            [f"{path}: no result of a run, which has signals `component.variable` and a JSON file. {record}."]
+        )
     if data is None:
         raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
     if data["format"] == OLD:
