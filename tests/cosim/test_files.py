@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import check
-from gapsense.files import read_bytes
+from gapsense.plain_files import read_bytes
 
 SECRET = "hunter2"
 CONTENTS = {

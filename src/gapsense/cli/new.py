@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import command, show
-from gapsense.files import LONGEST_NAME, mask, unfit
+from gapsense.plain_files import LONGEST_NAME, mask, unfit
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import command, notice, written
-from gapsense.files import read_bytes
+from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"

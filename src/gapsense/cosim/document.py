@@ -73,7 +73,7 @@ def missing(path: Path) -> str:
     beside = [file.name for file in folder.glob("*.toml")]
     around = [file.parent.name for file in folder.glob("*/scenario.toml")] + (examples() if folder == Path() else [])
     near = get_close_matches(path.name, sorted({*beside, *around}), n=1)
-    hint = f"Did you mean `{folder / near[0]}`?" if near else "Correct the path, or see `gapsense list`."
+    hint = f"Did you mean `{folder / near[0]}`?" if near else "Correct the path."
     return f"{path}: there is no such file. {hint}"
 
 

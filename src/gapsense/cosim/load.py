@@ -18,8 +18,8 @@ from gapsense.cosim.events.read import read_events
 from gapsense.cosim.load_inputs import read_inputs
 from gapsense.cosim.played import Played
 from gapsense.cosim.scenario import MOST_STEPS, NAME, Component, Experiment, Port, Scenario
-from gapsense.files import LONGEST_NAME, unfit
 from gapsense.parameters import is_file, located_values, read_parameters
+from gapsense.plain_files import LONGEST_NAME, unfit
 from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, SCALAR, Table, Value
 

@@ -19,7 +19,8 @@ from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Baseline, Scenario
 from gapsense.cosim.sidecar import read_sidecar
-from gapsense.files import unfit, write_atomically, write_columns
+from gapsense.files import write_atomically, write_columns
+from gapsense.plain_files import unfit
 from gapsense.problems import ScenarioError
 from gapsense.tables import parsed, read_toml
 

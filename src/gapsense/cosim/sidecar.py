@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.document import missing, scenario_file
-from gapsense.files import read_bytes, read_json
+from gapsense.files import read_json
+from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError
 
 FORMAT = "gapsense result 2"
@@ -28,10 +29,9 @@ def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     sidecar = path.with_suffix(".json")
     content, data = read_bytes(path), read_sidecar(path)
     if data is None and not SIGNALS.match(content[:LOOKED_AT]):
+        found = f"{sidecar.name} beside it is missing or no side-car, and no column is a signal `component.variable`"
         record = f"Of a record of measurements `gapsense inspect {path}` tells what there is"
-        raise InputError(
-            [f"{path}: no result of a run, which has signals `component.variable` and a JSON file. {record}."]
-        )
+        raise InputError([f"{path}: {found}, so it is no result of a run. {record}."])
     if data is None:
         raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
     if data["format"] == OLD:

@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 from gapsense.cosim import Result, own_file, refuse_other, relative
 from gapsense.cosim.sidecar import ELSEWHERE
 from gapsense.cosim.signals import matching
-from gapsense.files import read_bytes, write_atomically
+from gapsense.files import write_atomically
+from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError, suggest
 from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS

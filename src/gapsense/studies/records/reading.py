@@ -16,8 +16,9 @@ import numpy as np
 
 from gapsense.cosim.record import read_result
 from gapsense.cosim.sidecar import read_sidecar
-from gapsense.files import read_bytes, unread
+from gapsense.files import unread
 from gapsense.fmi.tables import HEADER
+from gapsense.plain_files import read_bytes
 from gapsense.problems import listing, suggest
 from gapsense.studies.records.heads import Line, from_heads, is_number, other_separator
 from gapsense.studies.records.of_result import columns_of
