@@ -151,6 +151,17 @@ def test_baseline_that_was_written_and_is_gone_fails(write, chain, fmus, variant
     assert done.exit_code == 1 and "there is no file" in done.output
 
 
+def test_baseline_of_the_scenario_asks_for_none_of_its_variants(write, chain, fmus):
+    more = '[metrics.m]\nkind = "max_abs"\nsignal = "lag.y"\n[variants.steep.metrics.m]\nbounds = [0.0, 9.0]\n'
+    path = write(chain + more)
+    assert gapsense("baseline", path, "--write", "--fmus", fmus).exit_code == 0
+    assert gapsense("test", path, "--fmus", fmus).exit_code == 0
+    assert gapsense("baseline", path, "--write", "--fmus", fmus, "--variant", "steep").exit_code == 0
+    assert gapsense("test", path, "--fmus", fmus).output.count("compared with") == 2
+    (path.parent / "baseline.steep.csv").unlink()
+    assert gapsense("test", path, "--fmus", fmus).exit_code == 1
+
+
 def test_section_that_cannot_be_added_is_told(write, chain, fmus):
     path = write(f"variants = {{ steep = {{ title = 'x' }} }}\n{chain}")
     done = gapsense("baseline", path, "--write", "--fmus", fmus, "--variant", "steep")
@@ -176,3 +187,4 @@ def test_each_shipped_baseline_is_stated(file, tmp_path):
     data = parsed(text)
     assert variant in variants(tmp_path / "scenario.toml")
     assert "baseline" in data or "baseline" in data["variants"][variant]
+    assert load(file.parent, variant).baseline.declared

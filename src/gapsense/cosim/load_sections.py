@@ -167,7 +167,10 @@ def reference_fits(table: Table, kind: str, reference: str | float | None) -> bo
 
 
 def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
-    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`."""
+    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`.
+
+    A section that names a file states that one; without a file it states one of each variant that is tested.
+    """
     baseline = table.table("baseline")
     default = f"baseline.{variant}.csv" if variant else "baseline.csv"
     given = baseline.read(keys.BASELINE)
@@ -179,7 +182,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     exceptions = baseline.table("tolerances")
     tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
     chosen = None if given["signals"] is None else tuple(given["signals"])
-    declared = "baseline" in table.data
+    declared = "baseline" in table.data and (not variant or own is not None or given["file"] is None)
     return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, given["decimation"])
 
 

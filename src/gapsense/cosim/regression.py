@@ -13,7 +13,7 @@ from time import perf_counter
 from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.difference import Comparison
-from gapsense.cosim.document import scenario_file
+from gapsense.cosim.document import Document, Source, scenario_file
 from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
@@ -273,19 +273,20 @@ def is_baseline(file: Path) -> bool:
         return HEADS.match(opened.read(LOOKED_AT)) is not None
 
 
-def state_baseline(scenario: str | Path, variant: str | None) -> str:
+def state_baseline(scenario: Source, variant: str | None) -> str:
     """Add `[baseline]` to a scenario that does not state that it has one; what was added, or what is to be added.
 
     Without it nobody would miss a baseline that is gone.
     """
     path = scenario_file(scenario)
-    data = read_toml(path, [])
+    data = None if isinstance(scenario, Document) else read_toml(path, [])
     own = data["variants"][variant] if data and variant else data
-    if own is None or "baseline" in own or (variant and data and "baseline" in data and "metrics" in own):
+    if own is None or "baseline" in own or (load(scenario, variant).baseline.declared and "metrics" in own):
         return ""
     head = f"[variants.{variant}.baseline]" if variant else "[baseline]"
     text = path.read_text(encoding="utf-8").rstrip("\n")
-    text = f"{text}\n\n{head}  # `gapsense test` fails without it\n"
+    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # named, so that it is no other variant's
+    text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
     if parsed(text) is None:
         return f"{path}: add a table `{head}`, so that `gapsense test` misses the baseline when it is gone."
     write_atomically(path, lambda file: print(text, end="", file=file))
