@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.locks import held, remove_abandoned
+from gapsense.plain_files import mask, read_bytes
 from gapsense.problems import InputError
 
 Columns = Mapping[str, npt.NDArray[Any]]
@@ -27,6 +28,7 @@ Write = Callable[[TextIO], None]
 HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
 PART = ".gapsense-part"
 SHOWN = 3  # cells and lines that are named for each kind of problem
+LOOKED_AT = 100  # rows that tell whether a file holds a table
 
 
 def write_atomically(path: Path, write: Write) -> None:
@@ -42,11 +44,10 @@ def prepared(path: Path, write: Write) -> Iterator[Path]:
     with naming(path):
         mine = held(lambda: new_part(path))
     part = Path(mine.name)
-    os.umask(mask := os.umask(0))  # which temporary files do not follow by themselves
     try:
         with naming(path), part.open("w", encoding="utf-8", newline="\n") as file:
             write(file)
-        part.chmod(0o666 & ~mask)
+        part.chmod(0o666 & ~mask())
         if sys.platform == "win32":  # which renames no open file
             mine.close()
         yield part
@@ -118,6 +119,17 @@ class Sheet(NamedTuple):
     lines: list[int]
     rows: list[list[str]]
 
+    @property
+    def is_table(self) -> bool:
+        """True if most cells are numbers. What else a file holds may be nobody's business: no message quotes it."""
+        cells = [text for row in self.rows[:LOOKED_AT] for text in row]
+        return bool(cells) and 2 * sum(number(text) is not None for text in cells) >= len(cells)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the columns of a table, which messages may offer."""
+        return self.names if self.is_table else ()
+
     def place(self, row: int, column: int) -> str:
         """Where a cell is, as messages name it."""
         return f"{self.path}, line {self.lines[row]}, column {column + 1} (`{self.names[column]}`)"
@@ -129,16 +141,25 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
     Lines with more or fewer cells than there are columns are left out.
     """
     try:
-        text = (path.read_bytes() if content is None else content).decode("utf-8-sig")
+        content = read_bytes(path) if content is None else content
+        if b"\0" in content:  # before it is copied: some versions of the reader take it
+            raise csv.Error("it has NUL bytes")
+        text = content.decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text, newline=""))
         lines = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
-        problems.append(f"{path}: not a CSV file in UTF-8 ({error}). Save it as one.")
+        problems.append(f"{path}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
         lines = []
     names, units = zip(*map(split_header, lines[0][1])) if lines else ((), ())
     good = [(n, row) for n, row in lines[1:] if len(row) == len(names)]
-    problems += [*twice(path, names), *ragged(path, len(names), lines[1:])]
-    return Sheet(path, names, units, [n for n, _ in good], [row for _, row in good])
+    sheet = Sheet(path, names, units, [n for n, _ in good], [row for _, row in good])
+    problems += [*twice(path, sheet.known), *ragged(path, len(names), lines[1:])]
+    return sheet
+
+
+def unread(error: Exception) -> str:
+    """Why a text cannot be read, without a character of it."""
+    return f"byte {error.start} is not UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)
 
 
 def twice(path: Path, names: Sequence[str]) -> list[str]:
@@ -196,6 +217,8 @@ def other_units(sheet: Sheet, units: Mapping[str, str]) -> list[str]:
 
 def no_numbers(sheet: Sheet) -> list[str]:
     """Sentences on the first cells that hold no number, and how many more there are."""
+    if sheet.rows and not sheet.is_table:
+        return [f"{sheet.path}: no table of numbers below a line of names `name [unit]`. Name another file."]
     cells = [(i, j, text) for i, row in enumerate(sheet.rows) for j, text in enumerate(row) if number(text) is None]
     told = [f"{sheet.place(i, j)}: `{text}` found, a number expected. Correct it." for i, j, text in cells[:SHOWN]]
     return told + more(sheet.path, len(cells), "cells hold no number")
@@ -217,7 +240,7 @@ def write_json(file: TextIO, data: Any) -> None:
 
 def read_json(path: Path) -> Any:
     """Content of a JSON file."""
-    return json.loads(path.read_text(encoding="utf-8"))
+    return json.loads(read_bytes(path).decode("utf-8"))
 
 
 def state(path: Path) -> tuple[int, int, int]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gapsense.plain_files import read_bytes
 from gapsense.problems import suggest
 
 if sys.version_info >= (3, 11):
@@ -20,6 +21,7 @@ INFINITE = (-math.inf, math.inf)
 LARGEST = sys.float_info.max
 MOST = 2**53  # of what is counted
 LONGEST = 100  # characters of a value in a message
+LARGEST_FILE = 64 * 10**6  # bytes
 
 
 class Kind(NamedTuple):
@@ -74,9 +76,14 @@ def is_count(value: Any, least: int) -> bool:
     return is_integer(value) and bool(least <= value <= MOST)
 
 
+def is_text(value: Any) -> bool:
+    """True for a text without NUL characters, which no file name and no variable can have."""
+    return isinstance(value, str) and "\0" not in value
+
+
 def is_scalar(value: Any) -> bool:
     """True for what a parameter may be."""
-    return isinstance(value, (bool, str)) or is_number(value)
+    return isinstance(value, bool) or is_text(value) or is_number(value)
 
 
 def is_list(value: Any, accepts: Callable[[Any], bool]) -> bool:
@@ -97,15 +104,13 @@ NOT_NEGATIVE = Kind("a number not below 0", lambda v: is_number(v) and v >= 0, {
 COUNT = Kind("a whole number of at least 1", lambda v: is_count(v, 1), {"type": "integer", "minimum": 1})
 INDEX = Kind("a whole number of at least 0", lambda v: is_count(v, 0), {"type": "integer", "minimum": 0})
 TRUTH = Kind("true or false", lambda value: isinstance(value, bool), {"type": "boolean"})
-TEXT = Kind("a text", lambda value: isinstance(value, str), {"type": "string"})
+TEXT = Kind("a text", is_text, {"type": "string"})
 TABLE = Kind("a table", lambda value: isinstance(value, dict), {"type": "object"})
 TABLES = Kind("an array of tables", lambda value: is_list(value, TABLE.accepts), {"type": "array"})
 TEXTS = Kind(
     "a list of texts", lambda value: is_list(value, TEXT.accepts), {"type": "array", "items": {"type": "string"}}
 )
-NUMBER_OR_TEXT = Kind(
-    "a name or a finite number", lambda v: isinstance(v, str) or is_number(v), {"type": ["number", "string"]}
-)
+NUMBER_OR_TEXT = Kind("a name or a finite number", lambda v: is_text(v) or is_number(v), {"type": ["number", "string"]})
 SCALAR = Kind("a finite number, a truth value or a text", is_scalar, OF_SCALARS)
 NUMBERS = Kind(
     "a list of finite numbers", lambda value: is_list(value, is_number), {"type": "array", "items": {"type": "number"}}
@@ -125,13 +130,13 @@ BOUNDS = Kind(
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     """Content of a TOML file, or None after noting why it cannot be read."""
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        return tomllib.loads(read_bytes(path, LARGEST_FILE).decode("utf-8"))
     except FileNotFoundError:
         problems.append(f"{path}: there is no such file. Correct the path.")
     except UnicodeDecodeError as error:
         problems.append(f"{path}: byte {error.start} is not UTF-8. Save the file as UTF-8.")
     except OSError as error:
-        problems.append(f"{path}: cannot be read: {error.strerror}.")
+        problems.append(f"{path}: cannot be read: {error.strerror}. Correct the path.")
     except tomllib.TOMLDecodeError as error:
         problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables without end
@@ -139,13 +144,18 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     return None
 
 
+def parsed(text: str) -> dict[str, Any] | None:
+    """What a text says in TOML, or None if it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
 def parsed_value(text: str) -> Any:
     """What a text means as the value of a key; one that TOML does not take as a value means itself."""
-    try:
-        read = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        return text
-    return read["value"] if len(read) == 1 else text
+    read = parsed(f"value = {text}")
+    return read["value"] if read and len(read) == 1 else text
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -187,7 +197,9 @@ class Table:
         value = self.data[key]
         if kind.accepts(value):
             return value
-        self.note(key, f"{found(value)} found, {kind.name} expected. Correct the value.")
+        is_large = kind in (COUNT, INDEX) and is_integer(value) and value > MOST
+        limit = f", at most {MOST} (2^53)," if is_large else ""
+        self.note(key, f"{found(value)} found, {kind.name}{limit} expected. Correct the value.")
         return default
 
     def choice(self, key: str, choices: tuple[str, ...], default: str | None = None) -> str | None:
@@ -260,5 +272,7 @@ def found(value: Any) -> str:
         return f"`{str(value).lower()}`"
     if is_integer(value) and abs(value) > LARGEST:
         return "a number of more than 308 digits"
+    if isinstance(value, str) and "\0" in value:
+        return "a text with a NUL character"
     text = f'"{value}"' if isinstance(value, str) else f"{value}"
     return f"`{text}`" if len(text) <= LONGEST else f"`{text[:LONGEST]}...`"

@@ -359,7 +359,8 @@ def test_figure_of_a_saved_result_needs_no_run(gapsense, write, fmus, monkeypatc
 
 def test_value_on_the_command_line_wins(gapsense, write, fmus):
     gapsense("run", write(), "--fmus", fmus, "--set", "valve.coil.resistance=50", "--set", "drive.waveform=step")
-    parameters = json.loads(Path("results/short.json").read_text("utf-8"))["parameters"]
+    file = Path("results/short_valve.coil.resistance=50_drive.waveform=step.json")
+    parameters = json.loads(file.read_text("utf-8"))["parameters"]
     assert (parameters["valve.coil.resistance"], parameters["drive.waveform"]) == (50.0, "step")
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from gapsense.campaign import keys
 from gapsense.campaign.draws import DISTRIBUTIONS, points
 from gapsense.campaign.plan import Block, Plan
+from gapsense.cosim.document import scenario_file
+from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.load_sections import by_port, read_rows, split
 from gapsense.cosim.scenario import Port, RowsColumn
 from gapsense.parameters import is_file, located
@@ -93,6 +95,13 @@ class Reader:
         beside = self.folder / name
         return Path(name) if not beside.exists() and example(name) else beside
 
+    def components(self) -> set[str]:
+        """Names of the components of the scenario, if it can be read, and of what else has parameters."""
+        name = self.table.data.get("scenario")
+        data = read_toml(scenario_file(self.scenario(name)), []) if isinstance(name, str) else None
+        found = (data or {}).get("components")
+        return {SECTION, *(found if isinstance(found, dict) else ())}
+
     def known(self, place: str, columns: Mapping[Port, Any]) -> Iterator[Block]:
         """A block of those parameters that are given nowhere else."""
         for port in columns:
@@ -108,9 +117,8 @@ class Reader:
         if file is None:
             return
         self.files.append(self.folder / file)
-        rows, self.columns = read_rows(
-            self.folder / file, Table({}, self.path.name, "", self.table.problems), self.files
-        )
+        table = Table({}, self.path.name, "", self.table.problems)
+        rows, self.columns = read_rows(self.folder / file, table, self.files, self.components())
         if rows:
             yield from self.known("rows", {port: [row[port] for row in rows] for port in rows[0]})
 

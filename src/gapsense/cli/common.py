@@ -68,8 +68,8 @@ def options(
 
 studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
 app.add_typer(studies, name="study")
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, emoji=False)  # `:x:` is no picture
+err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 Scenario = Annotated[
     Path, typer.Argument(help="Folder of a scenario, its scenario.toml, or the name of an example", show_default=False)
@@ -86,7 +86,18 @@ Fmus = Annotated[
     typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
 Native = Annotated[bool, typer.Option("--native", help="Take the native FMUs, those in build/native")]
-Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers")]
+
+
+def folder(path: Path) -> Path:
+    """A folder to write to; a name that is one of a file is refused."""
+    from gapsense.cosim.sidecar import ENDINGS
+
+    if path.suffix.lower() in (".csv", *ENDINGS) and not path.is_dir():
+        raise typer.BadParameter(f"`{path}` found, a folder expected. Correct it.")
+    return path
+
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
 Column = Annotated[

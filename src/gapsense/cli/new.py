@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shlex
 import shutil
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Annotated
 
 import typer
 
 from gapsense.cli.common import command, show
+from gapsense.plain_files import LONGEST_NAME, mask, unfit
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 
@@ -28,16 +32,20 @@ def new(
     source = None if like is None else example(like)
     if like is not None and source is None:
         raise InputError([f"--like: there is no example `{like}`. {suggest(like, examples())}"])
-    if folder.exists():
+    why = unfit(folder.name, frozenset())  # the system at hand tells the others
+    if why or not folder.name:
+        raise InputError([f"the name `{folder.name[:LONGEST_NAME]}` {why or 'is empty'}. Choose another one."])
+    if os.path.lexists(folder):
         raise InputError([f"`{folder}` exists already. Choose another name, or remove it."])
-    partial = folder.with_name(f".{folder.name}.part")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
     try:
-        partial.mkdir(parents=True)
+        partial.chmod(0o777 & ~mask())
         (copy if source else write)(partial, source or folder)
         partial.rename(folder)
     finally:  # complete or absent
         shutil.rmtree(partial, ignore_errors=True)
-    show(f"{folder / 'scenario.toml'} written. Go on with `gapsense run {folder}`.")
+    show(f"{folder / 'scenario.toml'} written. Go on with `gapsense run {shlex.quote(str(folder))}`.")
 
 
 def write(to: Path, called: Path) -> None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from gapsense.cli.common import command, notice, written
+from gapsense.plain_files import read_bytes
+from gapsense.problems import InputError
+
+END = b" - Gapsense</title>"
+LOOKED_AT = 10**5  # bytes
 
 
 @command("report")
@@ -28,10 +34,17 @@ def report(
     """
     from gapsense.report.html.page import write_report
 
-    file = write_report(results, to or beside(results[0]))
+    file = write_report(results, to or free(beside(results[0])))
     written(file)
     if show:
         shown(file)
+
+
+def free(file: Path) -> Path:
+    """The file, where nothing but a report of ours is; else an InputError."""
+    if os.path.lexists(file) and END not in read_bytes(file)[:LOOKED_AT]:
+        raise InputError([f"{file}: there is a file that is no report of Gapsense. Remove it, or choose `--out`."])
+    return file
 
 
 def beside(result: Path) -> Path:

@@ -24,9 +24,13 @@ REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
     """Check a scenario and all its variants without running it; every problem is told at once."""
-    if problems := cosim.check(cosim.changed(scenario, settings or ()), variant, fmus):
+    source = cosim.changed(scenario, settings or ())
+    if problems := cosim.check(source, variant, fmus):
         raise cosim.ScenarioError(problems)
-    cli.show(f"{scenario}: no problems.")
+    remarks = cosim.remarks(source, variant, fmus)
+    for remark in remarks:
+        cli.notice(remark)
+    cli.show(f"{scenario}: no errors, {len(remarks)} warnings." if remarks else f"{scenario}: no problems.")
 
 
 @cli.command("run")
@@ -35,7 +39,9 @@ def run(
     scenario: cli.Scenario,
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
-    to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car")] = Path("results"),
+    to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car, or the CSV")] = Path(
+        "results"
+    ),
     every: Annotated[
         float | None,
         typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
@@ -49,7 +55,8 @@ def run(
     fmus = cli.chosen(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
-    source, file = cosim.changed(scenario, settings or ()), cosim.result_file(to, scenario, variant)
+    source = cosim.changed(scenario, settings or ())
+    file = cosim.result_file(to, scenario, variant, settings or ())
     saved = file.with_suffix(".checkpoint")
     checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
@@ -64,6 +71,8 @@ def run(
         cli.show(*runs.metrics(result), *runs.events(result), runs.timing(result))
     finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
         is_stopped = save(result, file)
+    for remark in result.run.remarks:
+        cli.notice(remark)
     cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
     if result.interrupted:
         on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
@@ -146,9 +155,11 @@ def figure(
 
     if scenario.suffix == ".csv":
         result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        if not to:
+            plot.refuse_foreign(file, cosim.relative(result.run.source, file.parent))
     else:
         source = cosim.changed(scenario, settings or ())
-        file = to or plot.figure_file(Path("results"), scenario, variant)
+        file = to or plot.figure_file(Path("results"), scenario, variant, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
         plot.check_file(file)
         with cli.bar("running") as progress:

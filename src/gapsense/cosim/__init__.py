@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.pairs import compare_results as compare_results
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.prepare import prepare as prepare
+    from gapsense.cosim.prepare import remarks as remarks
     from gapsense.cosim.record import FmuError as FmuError
     from gapsense.cosim.record import Result as Result
     from gapsense.cosim.record import read_result as read_result
@@ -54,7 +55,7 @@ OF_MODULES = {
     "master": ("Master",),
     "metrics": ("Measured",),
     "pairs": ("compare_results",),
-    "prepare": ("check", "prepare"),
+    "prepare": ("check", "prepare", "remarks"),
     "record": ("FmuError", "Result", "read_result"),
     "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
     "run": ("run", "run_once"),

@@ -5,6 +5,7 @@ A parameter set describes a device: each component that is given one takes the p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -155,7 +156,7 @@ def check_swept(
 
 def is_whole(ratio: float) -> bool:
     """True for a whole number of at least 1, within 1e-9."""
-    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * round(ratio)
+    return math.isfinite(ratio) and round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * round(ratio)
 
 
 def within(value: float, variable: Variable) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from gapsense.cosim.master import Master
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.sidecar import ELSEWHERE
 from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError
 
@@ -98,6 +100,8 @@ def octets(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def read(file: Path) -> tuple[Facts, Mapping[str, Any]]:
     """What a checkpoint holds; raises ScenarioError if it is none."""
+    if file.exists() and not file.is_file():
+        raise ScenarioError([f"{file}: not a checkpoint. Start without `--resume`."])
     try:
         with np.load(file, allow_pickle=False) as opened:
             arrays = dict(opened)
@@ -109,6 +113,15 @@ def read(file: Path) -> tuple[Facts, Mapping[str, Any]]:
     if about.get("format") != FORMAT:
         raise ScenarioError([f"{file}: `{about.get('format')}` found, `{FORMAT}` expected. Start without `--resume`."])
     return about, arrays
+
+
+def is_checkpoint(file: Path) -> bool:
+    """True for a file that has the parts of a checkpoint."""
+    try:
+        with zipfile.ZipFile(file) if file.is_file() else zipfile.ZipFile("") as archive:
+            return "about.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Descriptions, take: Take) -> Keeper:
@@ -126,6 +139,8 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
         for name, description in descriptions.items()
         if not description.can_save
     ]
+    if os.path.lexists(checkpoint.file) and not checkpoint.resume and not is_checkpoint(checkpoint.file):
+        problems.append(f"{checkpoint.file}: there is something that is no checkpoint. Remove it, or {ELSEWHERE}.")
     facts = run_facts(scenario, descriptions, take)
     if checkpoint.resume:
         before = read(checkpoint.file)[0]["run"]

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.difference import Comparison, Difference
 from gapsense.cosim.edges import reach
+from gapsense.cosim.grids import apart
 from gapsense.cosim.record import TIME, Result, Run
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.signals import matching
@@ -65,12 +66,15 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
 def other_times(result: Result, times: Vector) -> str:
     """Sentence on a baseline with other rows than the result, or nothing."""
     if times.size != result.times.size:
-        return f"the baseline has {times.size} rows, the run has {result.times.size}. Update the baseline."
-    apart = np.abs(times - result.times) > 1e-9 * result.base_step
-    if not apart.any():
+        told = [said.partition(". ")[0] for said in apart(result.times, np.sort(times), "the run", BASELINE)]
+        where = "".join(f" {said[0].upper()}{said[1:]}." for said in told)
+        return f"the baseline has {times.size} rows, the run has {result.times.size}.{where} Update the baseline."
+    wrong = np.abs(times - result.times) > 1e-9 * result.base_step
+    if not wrong.any():
         return ""
-    row = int(np.argmax(apart))
-    return f"row {row} of the baseline is at {times[row]:.9g} s, of the run at {result.times[row]:.9g} s. Update it."
+    row, count = int(np.argmax(wrong)), int(wrong.sum())
+    found = f"row {row} of the baseline is at {times[row]:.9g} s, of the run at {result.times[row]:.9g} s"
+    return f"{count} rows are at other times: {found}. Update the baseline."
 
 
 def other_signals(names: list[str], columns: Mapping[str, Vector]) -> list[str]:

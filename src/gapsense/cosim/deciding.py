@@ -18,7 +18,7 @@ from gapsense.files import sha256
 WORDS: Mapping[type, frozenset[str]] = {
     Scenario: frozenset(
         {"path", "called", "title", "description", "figure", "variant", "variants", "tested", "baseline", "files"}
-        | {"hashes", "rows_columns"}
+        | {"hashes", "rows_columns", "settings"}
     ),
     Experiment: frozenset({"pace", "isolation", "step_limit"}),
     Component: frozenset({"origin", "sets", "isolation"}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ class Description:
     can_save: bool = False  # get, set and serialise its state
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
+    step_size: float | None = None  # of its default experiment [s]
 
     def of(self, causality: str) -> list[Variable]:
         """Inputs, outputs or parameters, in the order of the file."""
@@ -100,7 +102,17 @@ def describe(path: Path) -> Description:
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
+        step_size=step_size(model),
     )
+
+
+def step_size(model: Any) -> float | None:
+    """Step of the default experiment [s], if there is one that can be used."""
+    try:
+        found = float(model.defaultExperiment.stepSize)
+    except (AttributeError, TypeError, ValueError):
+        return None
+    return found if 0.0 < found < math.inf else None
 
 
 def read_model(text: bytes) -> Any:

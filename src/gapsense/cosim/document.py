@@ -6,11 +6,12 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from gapsense.problems import suggest
-from gapsense.shipped import example
+from gapsense.shipped import example, examples
 from gapsense.tables import merged, read_toml
 
 
@@ -66,10 +67,23 @@ def scenario_file(source: Source) -> Path:
     return folder / "scenario.toml" if folder else file
 
 
+def missing(path: Path) -> str:
+    """Sentence on a scenario that there is not, with one that was perhaps meant."""
+    folder = path.parent
+    beside = [file.name for file in folder.glob("*.toml")]
+    around = [file.parent.name for file in folder.glob("*/scenario.toml")] + (examples() if folder == Path() else [])
+    near = get_close_matches(path.name, sorted({*beside, *around}), n=1)
+    hint = f"Did you mean `{folder / near[0]}`?" if near else "Correct the path."
+    return f"{path}: there is no such file. {hint}"
+
+
 def read_document(source: Source, problems: list[str]) -> Document | None:
     """Content of a scenario file, or None after noting why it cannot be read."""
     if isinstance(source, Document):
         return source
     path = scenario_file(source)
+    if not path.exists():
+        problems.append(missing(path))
+        return None
     data = read_toml(path, problems)
     return None if data is None else Document(path, data, is_file=True)

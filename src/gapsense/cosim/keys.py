@@ -296,7 +296,8 @@ TOLERANCES = Section(
 BASELINE = Section(
     "[baseline]",
     "Reference trajectory that `gapsense test` compares with: allowed is `atol + rtol * nominal`. "
-    "`gapsense baseline --write` makes it.",
+    "`gapsense baseline --write` makes it, below this folder. With the section `test` fails where the file is gone; "
+    "one without `file` asks for one of each variant with metrics too.",
     (
         Key(
             "file",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,13 +17,15 @@ from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import read_events
 from gapsense.cosim.load_inputs import read_inputs
 from gapsense.cosim.played import Played
-from gapsense.cosim.scenario import NAME, Component, Experiment, Port, Scenario
+from gapsense.cosim.scenario import MOST_STEPS, NAME, Component, Experiment, Port, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
+from gapsense.plain_files import LONGEST_NAME, unfit
 from gapsense.problems import ScenarioError
 from gapsense.tables import INDEX, SCALAR, Table, Value
 
 T = TypeVar("T")
-MOST_STEPS = 10**10  # of a run: hours for the smallest
+LONGEST = 1e6  # wall time that is waited for [s], some days
+COARSEST = 1e-3  # of a base step, between two numbers as large as its time
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
 
@@ -112,6 +115,7 @@ class Reader:
             played=played,
             events=events,
             hashes=self.document.hashes,
+            settings=self.document.changes,
         )
 
     def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
@@ -139,7 +143,7 @@ class Reader:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
         read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
-        return replace(read, isolation=given["isolation"], step_limit=float(given["step_limit"]))
+        return replace(read, isolation=given["isolation"], step_limit=min(float(given["step_limit"]), LONGEST))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -192,6 +196,9 @@ class Reader:
         out: dict[str, str] = {}
         for name in table.data:
             item = table.table(name)
+            if not re.fullmatch(NAME, name) or unfit(name):
+                what = f"a variant's name is letters, digits and `_`, not starting with a digit, at most {LONGEST_NAME}"
+                table.note(name[:LONGEST_NAME], f"{what}: files are called so. Rename it.")
             out[name] = item.value(keys.VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
@@ -216,6 +223,11 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     if not abs(steps) <= MOST_STEPS:
         table.note("", f"{said}, and at most {MOST_STEPS:.9g} are done. Change `stop` or `base_step`.")
         return None
+    if math.ulp(max(abs(start), abs(stop))) > COARSEST * base:
+        table.note("", f"{said}, and numbers cannot tell its times apart. Start nearer to 0, or raise `base_step`.")
+        return None
+    if pace and (stop - start) / pace > LONGEST:
+        table.note("pace", f"at {pace:.9g} the run takes {(stop - start) / pace:.9g} s. Raise it.")
     count = round(steps)
     slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
     if count >= 1 and abs(start + count * base - stop) <= slack:

@@ -14,7 +14,7 @@ from gapsense.cosim import keys
 from gapsense.cosim.load_sections import by_port
 from gapsense.cosim.played import Played, Vector
 from gapsense.cosim.scenario import Port
-from gapsense.files import SHOWN, Sheet, number, read_sheet, split_header
+from gapsense.files import SHOWN, Sheet, no_numbers, number, read_sheet, split_header
 from gapsense.problems import suggest
 from gapsense.tables import SCALAR, Table, Value, flattened
 
@@ -82,7 +82,12 @@ def in_order(table: Table, played: Played, lines: list[int] | None) -> Played | 
     if times.size != values.size or times.size < 2:
         table.note("", f"{times.size} times and {values.size} values found, at least 2 of each expected. Correct it.")
         return None
-    wrong = np.flatnonzero(np.diff(times) <= 0.0) + 1
+    with np.errstate(over="ignore"):
+        widths, heights = np.diff(times), np.diff(values)
+    if not (np.isfinite(widths).all() and np.isfinite(heights).all()):
+        table.note("", "between two samples there is more than a number can hold. Correct the values.")
+        return None
+    wrong = np.flatnonzero(widths <= 0.0) + 1
     for k in wrong[:SHOWN]:
         where = f"time {k + 1}" if lines is None else f"line {lines[k]}"
         table.note("", f"{where} is {times[k]:.9g} s after {times[k - 1]:.9g} s; times must rise. Correct it.")
@@ -101,7 +106,8 @@ def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, 
     found = [k for k in places if k is not None]
     cells = [[(i, k, row[k]) for i, row in enumerate(sheet.rows)] for k in found]
     bad = [(sheet.place(i, k), text) for own in cells for i, k, text in own if not is_finite(text)]
-    problems += [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
+    told = [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
+    problems += told if sheet.is_table else no_numbers(sheet)
     for problem in problems:
         table.note("file", problem)
     if problems:
@@ -113,7 +119,7 @@ def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, 
 def place_of(sheet: Sheet, name: str, unit: str, problems: list[str]) -> int | None:
     """Where a column is, or None after noting that it is missing or in another unit."""
     if name not in sheet.names:
-        problems.append(f"{sheet.path}, line 1: column `{name}` is missing. {suggest(name, sheet.names)}")
+        problems.append(f"{sheet.path}, line 1: column `{name}` is missing. {suggest(name, sheet.known)}")
         return None
     place = sheet.names.index(name)
     if unit and sheet.units[place] not in ("", unit):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from gapsense import tables as kinds
 from gapsense.cosim import keys
+from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, RowsColumn, Tolerance
 from gapsense.files import Sheet, number, read_sheet
@@ -23,6 +24,7 @@ RowsColumns = dict[Port, RowsColumn]
 T = TypeVar("T")
 TRUTH = {"true": True, "false": False}
 WHOLE = re.compile(r"[+-]?\d{1,15}")
+EXPECTED = "A CSV file with a column per parameter is expected. Correct it."
 ROWS = "rows"  # of `[sweep]`: a file, no parameter
 
 
@@ -58,16 +60,22 @@ def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Row
     if file is None:
         return by_port(sweep, grid), (), {}
     files.append(folder / file)
-    return by_port(sweep, grid), *read_rows(folder / file, sweep, files)
+    return by_port(sweep, grid), *read_rows(folder / file, sweep, files, {SECTION, *table.table("components").data})
 
 
-def read_rows(path: Path, sweep: Table, files: list[Path]) -> tuple[Rows, RowsColumns]:
-    """Values that belong together, from a CSV file with a column per parameter and a row per run; notes their files."""
+def read_rows(path: Path, sweep: Table, files: list[Path], components: Collection[str]) -> tuple[Rows, RowsColumns]:
+    """Values that belong together, from a CSV file with a column per parameter and a row per run; notes their files.
+
+    A file without the name of a component in its first line is something else: no message quotes it.
+    """
     problems: list[str] = []
     try:
         sheet = read_sheet(path, problems)
     except OSError as error:
-        sweep.note(ROWS, f"{path}: {error.strerror}. A CSV file with a column per parameter is expected. Correct it.")
+        sweep.note(ROWS, f"{path}: {error.strerror}. {EXPECTED}")
+        return (), {}
+    if not sheet.is_table and not any(name.partition(".")[0] in components for name in sheet.names):
+        sweep.note(ROWS, f"{path}, line 1: no column is called as a parameter of a component. {EXPECTED}")
         return (), {}
     values = [
         [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
@@ -159,7 +167,10 @@ def reference_fits(table: Table, kind: str, reference: str | float | None) -> bo
 
 
 def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
-    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`."""
+    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`.
+
+    A section that names a file states that one; without a file it states one of each variant that is tested.
+    """
     baseline = table.table("baseline")
     default = f"baseline.{variant}.csv" if variant else "baseline.csv"
     given = baseline.read(keys.BASELINE)
@@ -171,7 +182,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     exceptions = baseline.table("tolerances")
     tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
     chosen = None if given["signals"] is None else tuple(given["signals"])
-    declared = "baseline" in table.data
+    declared = "baseline" in table.data and (not variant or own is not None or given["file"] is None)
     return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, given["decimation"])
 
 

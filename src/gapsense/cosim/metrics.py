@@ -119,7 +119,8 @@ class Measured:
 def measure_all(metrics: Iterable[Metric], result: Result) -> dict[str, Measured]:
     """All metrics of a result by name."""
     samples, units = finder(result), result.units
-    return {metric.name: measured(metric, result, samples(metric), units) for metric in metrics}
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite or no number is outside of any bounds
+        return {metric.name: measured(metric, result, samples(metric), units) for metric in metrics}
 
 
 def finder(result: Result) -> Callable[[Metric], Samples]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from gapsense.cosim.compare import step_of, tolerance_of
 from gapsense.cosim.difference import Comparison, Difference
 from gapsense.cosim.edges import reach
-from gapsense.cosim.grids import are_same, common, sampled
+from gapsense.cosim.grids import apart, are_same, common, sampled, spacing
 from gapsense.cosim.record import TIME, Result, Run, Signal, read_result
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.sidecar import read_sidecar
@@ -82,9 +82,14 @@ def read_trajectories(path: Path) -> Trajectories:
         raise InputError(problems)
     columns = read_columns(path, TIME)
     times = columns.pop("time", np.empty(0))
-    if times.size < 2 or not (np.diff(times) >= 0.0).all():
-        found = "a column `time [s]` of at least two rows, in which times do not fall, is expected"
+    if times.size < 2 or not np.isfinite(times).all():
+        found = "a column `time [s]` of at least two rows with finite numbers is expected"
         raise InputError([f"{path}: {found}. Correct the file."])
+    falls = np.flatnonzero(np.diff(times) < 0.0) + 1
+    if falls.size:
+        first = f"the first in line {sheet.lines[falls[0]]} at {times[falls[0]]:.9g} s"
+        said = f"{falls.size} rows have a time before that of the row above, {first}; times do not fall"
+        raise InputError([f"{path}: {said} in a result. Put the rows in order."])
     units = dict(zip(sheet.names, sheet.units))
     about = {name: Signal(units[name], math.nan, "") for name in columns}
     return Trajectories(str(path), times, columns, about)
@@ -143,12 +148,19 @@ def compare_trajectories(result: Trajectories, reference: Trajectories, how: Bas
     for one, other in ((result, reference), (reference, result)):
         only = [name for name in names if name in one.signals and name not in other.signals]
         problems += [f"only in {one.name}: {listing(only)}. Record them in both, or choose signals."] if only else []
+    problems += apart(inside(result.times, window), inside(reference.times, window), result.name, reference.name)
     times = compared_times(result.times, reference.times, window)
     if not times.size:
         return Comparison((*problems, "the two have no times in common. Correct the window."))
     found = [difference(result, reference, name, times, how) for name in both]
     problems += [problem for name in both if (problem := other_unit(result, reference, name))]
     return Comparison(tuple(problems), tuple(found))
+
+
+def inside(times: Vector, window: Window) -> Vector:
+    """Times within the window."""
+    chosen: Vector = times[(times >= window.after) & (times <= window.before)]
+    return chosen
 
 
 def compared_times(times: Vector, other: Vector, window: Window) -> Vector:
@@ -160,7 +172,7 @@ def compared_times(times: Vector, other: Vector, window: Window) -> Vector:
 
 def spans(result: Trajectories, reference: Trajectories, window: Window) -> list[str]:
     """Sentence on a part of the window that only one of both has, if there is one longer than from row to row."""
-    near = max(float(np.median(np.diff(t.times))) if t.times.size > 1 else 0.0 for t in (result, reference))
+    near = max(spacing(t.times) for t in (result, reference))
     (a, b), (c, d) = ((max(t.times[0], window.after), min(t.times[-1], window.before)) for t in (result, reference))
     if abs(a - c) <= near and abs(b - d) <= near:
         return []

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gapsense.cosim import coarse
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_values import taken
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Source, scenario_file
-from gapsense.cosim.load import read_draft
+from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.scenario import Scenario
 from gapsense.problems import ScenarioError
 from gapsense.shipped import FMU_FOLDER, ROOT
@@ -37,6 +38,15 @@ def check(scenario: Source, variant: str | None = None, fmus: str | Path | None 
             more = [f"variant {name}: {p}" for p in inspect(scenario, name, fmus)[0] if p not in problems]
             problems = problems + more
     return problems
+
+
+def remarks(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+    """Sentences on what falls between the steps of a scenario without problems, as in `check`; it can be run."""
+    sources = [variant] if variant else [None, *load(scenario).variants]
+    found = {name: coarse.remarks(*prepare(scenario, name, fmus)) for name in sources}
+    base = found[sources[0]]
+    more = (f"variant {name}: {said}" for name, own in found.items() for said in own if name and said not in base)
+    return base if variant else [*base, *more]
 
 
 def prepare(

@@ -71,6 +71,8 @@ class Run:
     figure: str = "overview"  # that shows it
     wires: tuple[str, ...] = ()  # all connections
     direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
+    remarks: tuple[str, ...] = ()  # on what falls between its steps
+    settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
 
 
 @dataclass(frozen=True, repr=False)
@@ -210,8 +212,9 @@ def read_result(path: str | Path) -> Result:
     """
     path = Path(path)
     data, content = read_whole(path)
-    columns, about = read_columns(path, content=content), data["run"]
-    about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct") if name in about}
+    units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
+    columns, about = read_columns(path, units, content), data["run"]
+    about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -11,14 +13,19 @@ from time import perf_counter
 from gapsense.cosim.ahead import run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.difference import Comparison
-from gapsense.cosim.document import scenario_file
+from gapsense.cosim.document import Document, Source, scenario_file
 from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario import Baseline, Scenario
+from gapsense.cosim.sidecar import read_sidecar
 from gapsense.files import write_atomically, write_columns
+from gapsense.plain_files import unfit
 from gapsense.problems import ScenarioError
+from gapsense.tables import parsed, read_toml
 
+HEADS = re.compile(r'"time( \[s\])?"(,"[A-Za-z_]\w*\.[^"\n]+")+$', re.MULTILINE)  # of a baseline
+LOOKED_AT = 10**6  # characters
 Report = Callable[[Sequence["Outcome"], "Outcome | None"], None]
 
 
@@ -41,6 +48,7 @@ class Outcome:
     seconds: float
     result: Result | None = field(default=None, repr=False)
     comparison: Comparison | None = field(default=None, repr=False)  # with the baseline, if there is one
+    remark: str = ""  # on the baseline
 
     @property
     def failures(self) -> list[Check]:
@@ -66,12 +74,14 @@ class Update:
     changes: tuple[str, ...]
     written: bool
     interrupted: bool = False
+    stated: str = ""  # sentence on the section of the scenario that was added
 
     def __str__(self) -> str:
+        more = [self.stated] if self.stated else []
         if not self.changes:
-            return f"{self.file}: nothing changes."
+            return "\n".join([f"{self.file}: nothing changes.", *more])
         end = "Written." if self.written else "Not written."
-        return "\n".join([f"{self.file}:", *(f"  {change}" for change in self.changes), end])
+        return "\n".join([f"{self.file}:", *(f"  {change}" for change in self.changes), *more, end])
 
 
 def find_scenarios(folder: str | Path) -> list[Path]:
@@ -164,10 +174,19 @@ def test_scenario(
     is_held = scenario.baseline.file.is_file() and not result.interrupted
     comparison = compare(result, scenario.baseline) if is_held else None
     found = tuple(checks(scenario, result, comparison))
-    return Outcome(name, path, variant, found, perf_counter() - begin, result, comparison)
+    remark = remark_on(scenario.baseline, comparison)
+    return Outcome(name, path, variant, found, perf_counter() - begin, result, comparison, remark)
 
 
 test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
+
+
+def remark_on(baseline: Baseline, comparison: Comparison | None) -> str:
+    """Whether a run was compared with a baseline, in a few words."""
+    if comparison is None:
+        return "no baseline"
+    unstated = "" if baseline.declared else ", which no `[baseline]` states: nobody misses it when it is gone"
+    return f"compared with {baseline.file.name}{unstated}"
 
 
 def checks(scenario: Scenario, result: Result, comparison: Comparison | None) -> Iterator[Check]:
@@ -203,7 +222,11 @@ def update_baseline(
     isolation : str, optional
         As in `run`.
     """
-    baseline, result = load(scenario, variant).baseline, run(scenario, variant, fmus, isolation=isolation)
+    read = load(scenario, variant)
+    baseline = read.baseline
+    if write:
+        refuse_foreign(read)
+    result = run(scenario, variant, fmus, isolation=isolation)
     if result.interrupted:
         return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
     rows, names = thinned(result, baseline), selected(result, baseline)
@@ -212,4 +235,59 @@ def update_baseline(
     if write and changes:
         columns = {"time": rows.times, **{name: rows.signals[name] for name in names}}
         write_atomically(baseline.file, lambda file: write_columns(file, columns, {**TIME, **result.units}))
-    return Update(baseline.file, tuple(changes), write and bool(changes))
+    stated = state_baseline(scenario, variant) if write else ""
+    return Update(baseline.file, tuple(changes), write and bool(changes), stated=stated)
+
+
+def refuse_foreign(scenario: Scenario) -> None:
+    """Raise a ScenarioError if the baseline would be written outside of the scenario's folder, or over something else.
+
+    A baseline is known by its first line.
+    """
+    file, folder = scenario.baseline.file, scenario.path.parent.resolve()
+    place = f"{scenario.path.name}, baseline.file"
+    try:
+        inner = file.resolve().relative_to(folder)
+    except ValueError:
+        raise ScenarioError(
+            [f"{place}: `{file}` is not below `{folder}`, where a baseline is written. Correct the path."]
+        ) from None
+    problem = next((f"`{part}` {why}" for part in inner.parts if (why := unfit(part))), "")
+    if not problem and file.suffix != ".csv":
+        problem = f"`{inner}` does not end in `.csv`"
+    elif not problem and file.resolve() in {other.resolve() for other in scenario.files}:
+        problem = f"`{inner}` is a file that the scenario reads"
+    elif not problem and (os.path.lexists(file) and not is_baseline(file)):
+        problem = f"`{inner}` is there and is no baseline"
+    elif not problem and not file.parent.is_dir():
+        problem = f"there is no folder `{file.parent}`"
+    if problem:
+        raise ScenarioError([f"{place}: {problem}, so no baseline is written there. Choose another name."])
+
+
+def is_baseline(file: Path) -> bool:
+    """True for a file that begins as a baseline does: a time, and signals of components. A result has a side-car."""
+    if not file.is_file() or read_sidecar(file):
+        return False
+    with file.open(encoding="utf-8", errors="replace") as opened:
+        return HEADS.match(opened.read(LOOKED_AT)) is not None
+
+
+def state_baseline(scenario: Source, variant: str | None) -> str:
+    """Add `[baseline]` to a scenario that does not state that it has one; what was added, or what is to be added.
+
+    Without it nobody would miss a baseline that is gone.
+    """
+    path = scenario_file(scenario)
+    data = None if isinstance(scenario, Document) else read_toml(path, [])
+    own = data["variants"][variant] if data and variant else data
+    if own is None or "baseline" in own or (load(scenario, variant).baseline.declared and "metrics" in own):
+        return ""
+    head = f"[variants.{variant}.baseline]" if variant else "[baseline]"
+    text = path.read_text(encoding="utf-8").rstrip("\n")
+    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # named, so that it is no other variant's
+    text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
+    if parsed(text) is None:
+        return f"{path}: add a table `{head}`, so that `gapsense test` misses the baseline when it is gone."
+    write_atomically(path, lambda file: print(text, end="", file=file))
+    return f"{path}: `{head}` added, so that `gapsense test` misses the baseline when it is gone."

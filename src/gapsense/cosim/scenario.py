@@ -16,6 +16,7 @@ NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `co
 METHODS = ("gauss-seidel", "jacobi")
 ISOLATIONS = ("none", "process")
 STEP_LIMIT = 60.0  # [s]
+MOST_STEPS = 10**10  # of a run: hours for the smallest
 
 
 class Port(NamedTuple):
@@ -200,6 +201,7 @@ class Scenario:
     played: Mapping[Port, Played] = field(default_factory=dict)  # signals that inputs follow
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
     events: Mapping[str, Event] = field(default_factory=dict)
+    settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over it
 
     @property
     def name(self) -> str:

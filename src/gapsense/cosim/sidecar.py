@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.document import scenario_file
+from gapsense.cosim.document import missing, scenario_file
 from gapsense.files import read_json
+from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError
 
 FORMAT = "gapsense result 2"
 ELSEWHERE = "choose another place with `--out`"
+PLAIN = re.compile(r"[\w.+=-]+")
+LONGEST = 80  # characters of settings in the name of a file
+ENDINGS = (".json", ".png", ".pdf", ".svg", ".html", ".toml", ".txt", ".xlsx", ".parquet")  # that are no folders
+SIGNALS = re.compile(rb'"time( \[s\])?","?[A-Za-z_]\w*\.')  # of a result
+LOOKED_AT = 1000  # bytes
 OLD = "gapsense result 1"  # which tells no hash
 
 
 def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     """Side-car and CSV of a result; an InputError says why they cannot be believed."""
     sidecar = path.with_suffix(".json")
-    content, data = path.read_bytes(), read_sidecar(path)
+    content, data = read_bytes(path), read_sidecar(path)
+    if data is None and not SIGNALS.match(content[:LOOKED_AT]):
+        found = f"{sidecar.name} beside it is missing or no side-car, and no column is a signal `component.variable`"
+        record = f"Of a record of measurements `gapsense inspect {path}` tells what there is"
+        raise InputError([f"{path}: {found}, so it is no result of a run. {record}."])
     if data is None:
         raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
     if data["format"] == OLD:
@@ -40,12 +52,17 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     return data if isinstance(data, dict) and data.get("format") in (FORMAT, OLD) else None
 
 
-def result_file(folder: Path, scenario: str | Path, variant: str | None = None) -> Path:
-    """CSV for the result of a scenario in `folder`; an InputError if something else is there.
+def result_file(folder: Path, scenario: str | Path, variant: str | None = None, settings: Sequence[str] = ()) -> Path:
+    """CSV for the result of a scenario in `folder`, or `folder` itself if that is called so.
 
-    It has the name of the scenario's folder, and another scenario may have the same.
+    It has the name of the scenario's folder, and another scenario may have the same: an InputError if that is there,
+    or something else.
     """
-    file, own = own_file(folder, scenario, variant, ".csv")
+    file, own = own_file(folder, scenario, variant, ".csv", settings)
+    if folder.suffix == ".csv" and not folder.is_dir():
+        file, own = folder, relative(str(scenario_file(scenario).resolve()), folder.parent)
+    elif folder.suffix.lower() in ENDINGS and not folder.is_dir():
+        raise InputError([f"--out: `{folder}` found, a folder or a file that ends in `.csv` expected. Correct it."])
     data = read_sidecar(file)
     if data is None and (file.exists() or file.with_suffix(".json").exists()):
         raise InputError([f"{file}: there is a file that is no result of a run. Remove it, or {ELSEWHERE}."])
@@ -53,11 +70,27 @@ def result_file(folder: Path, scenario: str | Path, variant: str | None = None) 
     return file
 
 
-def own_file(folder: Path, scenario: str | Path, variant: str | None, ending: str) -> tuple[Path, str]:
-    """File in `folder` that has the name of the scenario's folder, and the path of the scenario from there."""
-    source = scenario_file(scenario).resolve()
-    name = f"{source.parent.name}_{variant}" if variant else source.parent.name
+def own_file(
+    folder: Path, scenario: str | Path, variant: str | None, ending: str, settings: Sequence[str] = ()
+) -> tuple[Path, str]:
+    """File in `folder` that has the name of the scenario's folder, and the path of the scenario from there.
+
+    Settings that were laid over the scenario are part of the name: they make another result.
+    """
+    source = scenario_file(scenario)
+    if not source.is_file():
+        raise InputError([missing(source)])
+    source = source.resolve()
+    name = "_".join(filter(None, (source.parent.name, variant, *named(settings))))
     return folder / f"{name}{ending}", relative(str(source), folder)
+
+
+def named(settings: Sequence[str]) -> list[str]:
+    """Settings as parts of a file name, or one hash of them where their texts are none."""
+    plain = [re.sub(r"\s", "", setting) for setting in settings]
+    if all(map(PLAIN.fullmatch, plain)) and sum(map(len, plain)) <= LONGEST:
+        return plain
+    return [f"set-{sha256(repr(plain).encode()).hexdigest()[:12]}"]
 
 
 def refuse_other(file: Path, found: str, own: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import gapsense
+from gapsense.cosim.coarse import remarks
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.loop import language
@@ -52,8 +53,9 @@ class Subject:
     def run(self) -> Run:
         """What is run and how, but for seeds, files and what came of it."""
         scenario, experiment = self.scenario, self.scenario.experiment
+        said = [f"{name} = {value}" for name, value in scenario.settings.items()]
         return Run(
-            title=scenario.title,
+            title=scenario.title + (f" ({', '.join(said)})" if said else ""),
             scenario=scenario.name,
             variant=scenario.variant,
             method=experiment.method,
@@ -70,6 +72,8 @@ class Subject:
             source=str(scenario.path.resolve()),
             figure=scenario.figure,
             wires=tuple(map(str, scenario.connections)),
+            remarks=tuple(remarks(scenario, self.descriptions)),
+            settings=scenario.settings,
             direct=tuple(str(c) for c in scenario.connections if is_direct(c, self.descriptions)),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -17,8 +18,10 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from gapsense.cosim import Result, own_file, refuse_other, relative
+from gapsense.cosim.sidecar import ELSEWHERE
 from gapsense.cosim.signals import matching
 from gapsense.files import write_atomically
+from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError, suggest
 from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS
@@ -46,15 +49,22 @@ def check_file(path: Path) -> None:
         raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
 
 
-def figure_file(folder: Path, scenario: Path, variant: str | None) -> Path:
+def figure_file(folder: Path, scenario: Path, variant: str | None, settings: Sequence[str] = ()) -> Path:
     """PNG file for the figure of a scenario; an InputError if that of another one is there."""
-    file, own = own_file(folder, scenario, variant, ".png")
-    content = file.read_bytes() if file.is_file() else b""
+    file, own = own_file(folder, scenario, variant, ".png", settings)
+    refuse_foreign(file, own)
+    return file
+
+
+def refuse_foreign(file: Path, own: str) -> None:
+    """Raise an InputError if a file is there that is no figure of `own`, the path of a scenario."""
+    content = read_bytes(file) if os.path.lexists(file) else b""
     found = re.search(b"(....)tEXt" + SOURCE.encode() + b"\0", content, re.DOTALL)
+    if content and not found:
+        raise InputError([f"{file}: there is a file that is no figure of a run. Remove it, or {ELSEWHERE}."])
     if found:
         end = found.end() + int.from_bytes(found[1], "big") - len(SOURCE) - 1
         refuse_other(file, unquote(content[found.end() : end].decode("ascii")), own)
-    return file
 
 
 def save(figure: Figure, path: Path, source: str = "") -> Path:

@@ -109,5 +109,7 @@ def growths(found: Sequence[Growth]) -> Table:
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
-    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s"
-    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures)])
+    remark = f", {tested.remark}" if tested.remark else ""
+    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s{remark}"
+    coarse = tested.result.run.remarks if tested.result else ()
+    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures), *(f"  note: {r}" for r in coarse)])

@@ -128,6 +128,6 @@ def bound(column: Column) -> str:
 
 def text(*items: Table | str, width: int = WIDE) -> str:
     """Tables and sentences as plain text, without blanks at the ends of lines."""
-    console = Console(file=io.StringIO(), width=width, highlight=False)
+    console = Console(file=io.StringIO(), width=width, highlight=False, emoji=False)
     show(console, *items)
     return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())  # type: ignore[attr-defined]

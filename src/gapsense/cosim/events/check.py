@@ -9,7 +9,7 @@ from gapsense.cosim.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.events.event import ACTIONS, SECTION, Event, resolved
 from gapsense.cosim.events.grid import index_of, is_on_grid, neighbours
 from gapsense.cosim.rules import broken_rules
-from gapsense.cosim.scenario import Experiment, Port, Scenario
+from gapsense.cosim.scenario import MOST_STEPS, Experiment, Port, Scenario
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, is_number
 
@@ -122,11 +122,13 @@ def time_problems(event: Event, experiment: Experiment) -> Iterator[str]:
     after, lasting = (event.when.after, event.when.lasting or None) if event.when else (None, None)
     begins = {"at": event.at, "when.after": after}
     for key, time in {**begins, "until": event.until}.items():
-        if time is not None and not is_on_grid(time, experiment):
+        is_near = time is not None and abs(index_of(time, experiment)) <= MOST_STEPS
+        if time is not None and is_near and not is_on_grid(time, experiment):
             between = " and ".join(f"{t:.9g} s" for t in neighbours(time, experiment))
             yield f"{key}: {time:.9g} s is no base step but between {between}. Choose one of them."
-    for key, time in begins.items():
-        if time is not None and not 0 <= index_of(time, experiment) <= experiment.count:
+    last = {**dict.fromkeys(begins, experiment.count), "until": MOST_STEPS}
+    for key, time in {**begins, "until": event.until}.items():
+        if time is not None and not 0 <= index_of(time, experiment) <= last[key]:
             span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
             yield f"{key}: {time:.9g} s is outside of the run from {span}. Correct the time."
     lengths = {"over": event.over, "duration": event.duration, "when.for": lasting}

@@ -8,9 +8,17 @@ if TYPE_CHECKING:
     from gapsense.cosim.scenario import Experiment
 
 
+FAR = 2.0**53  # base steps, more than any run has: what is farther away is not told apart
+
+
+def nearest(steps: float) -> int:
+    """The whole number of base steps nearest to another one."""
+    return round(max(-FAR, min(steps, FAR)))
+
+
 def index_of(time: float, experiment: Experiment) -> int:
     """The base step nearest to a time [s]."""
-    return round((time - experiment.start) / experiment.base_step)
+    return nearest((time - experiment.start) / experiment.base_step)
 
 
 def is_on_grid(time: float, experiment: Experiment) -> bool:
@@ -21,7 +29,7 @@ def is_on_grid(time: float, experiment: Experiment) -> bool:
 
 def steps_of(length: float | None, experiment: Experiment) -> int:
     """A length of time [s] in base steps; 0 for none."""
-    return 0 if length is None else round(length / experiment.base_step)
+    return 0 if length is None else nearest(length / experiment.base_step)
 
 
 def neighbours(time: float, experiment: Experiment) -> tuple[float, float]:

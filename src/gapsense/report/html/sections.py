@@ -48,6 +48,7 @@ def verdict(shown: Shown, regression: Regression) -> Verdict:
     else:
         sentences.append("No metric has bounds.")
     sentences.append(of_baseline(regression))
+    sentences += [f"Note: {remark}" for remark in result.run.remarks]
     bad = result.failure or result.interrupted or outside or regression.problems
     return Verdict(not bad, tuple(sentences))
 

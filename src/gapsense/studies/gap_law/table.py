@@ -85,7 +85,7 @@ def column(sheet: Sheet, place: int, unit: str) -> Column | None:
 
 def missing(file: str, sheet: Sheet, positions: list[Column], inductances: list[Column]) -> list[str]:
     """What the heads leave open."""
-    found, told = f"there are {listing(sheet.names)}", []
+    found, told = f"there are {listing(sheet.known) or 'no columns of numbers'}", []
     for what, unit, made in (("gap", "m", positions), ("inductance", "H", inductances)):
         if not made:
             told.append(f"{file}, row 1: no column of the {what} in {unit} is found; {found}. Name it as in {EXAMPLE}.")

@@ -7,6 +7,7 @@ A file has a header with names and units, `time [s], voltage [V], current [A]`, 
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,14 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from gapsense.cosim.record import read_result
+from gapsense.cosim.sidecar import read_sidecar
+from gapsense.files import unread
 from gapsense.fmi.tables import HEADER
+from gapsense.plain_files import read_bytes
 from gapsense.problems import listing, suggest
-from gapsense.studies.records.heads import Line, from_heads, other_separator
+from gapsense.studies.records.heads import Line, from_heads, is_number, other_separator
 from gapsense.studies.records.of_result import columns_of
 from gapsense.studies.records.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
 from gapsense.units import factor
 
 DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken
+HEADS = "Write `time [s],voltage [V],current [A]` as the first row."
 KELVIN = 273.15  # of 0 degC
 
 
@@ -29,18 +34,20 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
     """Columns of a CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it."""
     if unknown := [name for name in how.names if name not in UNITS or name == "time"]:
         problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
-    if path.with_suffix(".json").is_file() and '"gapsense result' in path.with_suffix(".json").read_text("utf-8"):
+    if read_sidecar(path):
         return columns_of(path.name, read_result(path), how.names, problems)
     nothing = Columns(path.name, np.array([], dtype=int), {})
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, delimiter=how.separator)
-            lines = [Line(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
+        reader = csv.reader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""), delimiter=how.separator)
+        lines = [Line(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
     except (UnicodeDecodeError, csv.Error) as error:
-        problems.append(f"{path.name}: not a CSV file in UTF-8 ({error}). Save it as one.")
+        problems.append(f"{path.name}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
         return nothing
     if other := other_separator(lines, how.separator):
         problems.append(f"{path.name}, row 1: {other}")
+        return nothing
+    if not any(sum(is_number(cell, ",") for cell in line.cells) > 1 for line in lines):  # which no message tells
+        problems.append(f"{path.name}: no row has two numbers, so it is no record. {HEADS}")
         return nothing
     return _of_lines(path.name, from_heads(lines, how.decimal), how, problems)
 
@@ -89,7 +96,7 @@ def _twice(head: str, column: str, places: list[int]) -> list[str]:
 def _missing(head: str, name: str, column: str, found: list[str]) -> str:
     unit = "" if UNITS[name] == "1" else f" [{UNITS[name]}]"
     if not any(found):
-        return f"{head}: the header names no columns. Write `time [s],voltage [V],current [A]` as the first row."
+        return f"{head}: the header names no columns. {HEADS}"
     said = f"{head}: column `{column}` is missing; there are {listing(found)}. Add `{column}{unit}`"
     return f"{said}." if name == "time" else f"{said}, or name the column that holds it with `--column {name}=NAME`."
 
