@@ -76,6 +76,10 @@ Column = Annotated[
 Separator = Annotated[str, typer.Option(help="Between the cells of a CSV file")]
 Decimal = Annotated[str, typer.Option(help="Point of its numbers")]
 Clipped = Annotated[bool, typer.Option("--clipped", help="Take signals at the limits of their converter")]
+Assume = Annotated[
+    bool,
+    typer.Option("--assume", help="Assume what nobody has given, list it, and mark it in the file: relative answers"),
+]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 

@@ -9,6 +9,8 @@ import typer
 
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
 
+ASSUMED = "Assumed in the parameter file, not known: {}. What depends on them is as uncertain as they are."
+
 
 @command("estimate")
 def estimate(
@@ -43,7 +45,9 @@ def estimate(
     from gapsense.report import plot
     from gapsense.studies.estimation import judge, run
     from gapsense.studies.estimation.show import measured_and_estimated, tables
-    from gapsense.studies.identification.transfer import read_values, taken
+    from gapsense.studies.identification.assumptions import listed, meanings
+    from gapsense.studies.identification.transfer import read_sets, taken
+    from gapsense.studies.identification.valve.file import BY_NAME
     from gapsense.studies.identification.valve.show import about
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.thin import thinned
@@ -52,7 +56,7 @@ def estimate(
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
     record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
-    record, values = run.shifted(record, offset or []), read_values(parameters or [])
+    record, (values, assumed) = run.shifted(record, offset or []), read_sets(parameters or [])
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
     for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
         problem(text, "yellow")
@@ -60,6 +64,8 @@ def estimate(
     with bar("estimating") as progress:
         estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     show(*tables(estimates))
+    if assumed:
+        show(ASSUMED.format(listed(values, BY_NAME, assumed)), *meanings(assumed))
     if to is not None:
         written(run.save(to, record, estimates))
     written(plot.save(measured_and_estimated(record, estimates), picture))

@@ -12,6 +12,8 @@ from rich.table import Table
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
+from gapsense.studies.identification.assumptions import listed
+from gapsense.studies.identification.valve.file import BY_NAME
 from gapsense.studies.records.record import Record
 
 QUANTITIES = {"position": "m", "flux_linkage": "Wb", "resistance": "Ohm", "inductance": "H"}  # of estimators
@@ -28,6 +30,10 @@ def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
         rows.append([e.name, *(last.get(q, "") for q in QUANTITIES)])
         given = ", ".join(f"{name} = {value:.6g}" for name, value in e.values.items() if not isinstance(value, str))
         said.append(f"{e.name}: {given}")
+        if e.unset:
+            said.append(
+                f"{e.name}, not given and so the component's own start values: {listed(e.unset, BY_NAME, e.unset)}."
+            )
     return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
 
 
