@@ -38,6 +38,7 @@ PARAMETER_SET = Section(
             "Parameters whose values nobody knows: `identify --assume` marks them so, and later commands repeat it",
             '["coil.resistance"]',
             default=[],
+            is_other=True,
         ),
         Key("values", TABLE, "Parameters", required=True, section=VALUES),
     ),

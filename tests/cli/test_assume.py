@@ -155,6 +155,13 @@ def test_start_values_of_an_estimator_that_nobody_gave_are_listed(gapsense, fmus
     assert "Semera, not given" in said and "`noise.current`" in said
 
 
+def test_fmus_are_built_with_assumed_values_but_not_without_a_word(gapsense, monkeypatch, tmp_path):
+    known(assumed=["stop.upper"])
+    monkeypatch.chdir(Path(__file__).resolve().parents[2])
+    done = gapsense("build", "semera", "ekf", "--parameters", tmp_path / "known.toml", "--out", tmp_path / "built")
+    assert done.exit_code == 0 and "assumed in the parameter file, not known: `stop.upper`" in done.stderr
+
+
 def test_gap_law_asks_for_the_turns_and_marks_what_rests_on_assumed_ones(gapsense):
     table = Path(__file__).parents[1] / "studies" / "records" / "takaha-inductance.csv"
     done = gapsense("gap-law", table)

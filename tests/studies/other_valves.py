@@ -18,7 +18,7 @@ from gapsense.studies.identification.valve.scales import similar
 SCALES = ("stop_lower", "stop_upper", "spring_rest", "gap_slope")
 KNOWLEDGE = {"nothing": (), "all": SCALES, "no spring": ("stop_lower", "stop_upper", "gap_slope"),
              "no stops": ("gap_slope", "spring_rest"), "no gap law": SCALES[:3], "roughly": SCALES}  # fmt: skip
-ROUGH = 0.05  # error of what is known roughly
+ROUGH, WIDE = 0.05, 3.0**0.5  # standard error of what is known roughly; bounds of errors that have it
 
 
 class Case(NamedTuple):
@@ -61,7 +61,7 @@ def case(seed: int, knowledge: str) -> Case:
     """What is found of the valve of a seed by somebody who knows so much."""
     rng = np.random.default_rng(7000 + seed)
     truth, given = valve(rng), {*KNOWLEDGE[knowledge], "stop_restitution"}
-    off = {name: ROUGH * rng.standard_normal() if knowledge == "roughly" else 0.0 for name in SCALES}
+    off = {name: ROUGH * rng.uniform(-WIDE, WIDE) if knowledge == "roughly" else 0.0 for name in SCALES}
     accuracy = {name: ROUGH for name in SCALES[1:] if knowledge == "roughly"}
     told = {name: getattr(truth, name) * float(np.exp(off[name])) for name in SCALES if name in given}
     known = similar(VALVE._replace(**told), given)

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gapsense.cli.common import FAILED, Assume, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense import shipped
+from gapsense.cli.common import (
+    FAILED,
+    Assume,
+    Clipped,
+    Column,
+    Data,
+    Decimal,
+    Separator,
+    Validate,
+    bar,
+    command,
+    show,
+    written,
+)
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS
 
 if TYPE_CHECKING:
@@ -17,15 +31,16 @@ if TYPE_CHECKING:
 
 @command("commission")
 def commission(
-    data: Annotated[
-        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
+    data: Data,
+    parameters: Annotated[
+        Path,
+        typer.Option(
+            parser=shipped.record, metavar="FILE", help="What is believed of the device, for `Mhe`", show_default=False
+        ),
     ],
-    parameters: Annotated[Path, typer.Option(help="What is believed of the device, for `Mhe`", show_default=False)],
     assume: Assume = False,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("commissioned.toml"),
-    validate: Annotated[
-        list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
-    ] = None,
+    validate: Validate = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     column: Column = None,

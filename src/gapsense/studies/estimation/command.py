@@ -7,20 +7,32 @@ from typing import Annotated
 
 import typer
 
+from gapsense import shipped
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
-
-ASSUMED = "Assumed in the parameter file, not known: {}. What depends on them is as uncertain as they are."
 
 
 @command("estimate")
 def estimate(
-    data: Annotated[Path, typer.Argument(help="CSV file: time [s], voltage [V], current [A]", show_default=False)],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            parser=shipped.record,
+            metavar="FILE",
+            help="CSV file: time [s], voltage [V], current [A]; `sample_valve.csv` comes with Gapsense",
+            show_default=False,
+        ),
+    ],
     estimator: Annotated[
         str | None, typer.Option(help="Names, with commas", show_default="all that the record has the inputs of")
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(help="Parameter-set file; each estimator takes what it has", show_default=False),
+        typer.Option(
+            parser=shipped.record,
+            metavar="FILE",
+            help="Parameter-set file; each estimator takes what it has",
+            show_default=False,
+        ),
     ] = None,
     column: Column = None,
     separator: Separator = ",",
@@ -44,10 +56,8 @@ def estimate(
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
     from gapsense.studies.estimation import judge, run
-    from gapsense.studies.estimation.show import measured_and_estimated, tables
-    from gapsense.studies.identification.assumptions import listed, meanings
+    from gapsense.studies.estimation.show import measured_and_estimated, repeated, tables
     from gapsense.studies.identification.transfer import read_sets, taken
-    from gapsense.studies.identification.valve.file import BY_NAME
     from gapsense.studies.identification.valve.show import about
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.thin import thinned
@@ -63,9 +73,7 @@ def estimate(
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
         estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
-    show(*tables(estimates))
-    if assumed:
-        show(ASSUMED.format(listed(values, BY_NAME, assumed)), *meanings(assumed))
+    show(*tables(estimates), *repeated(values, assumed))
     if to is not None:
         written(run.save(to, record, estimates))
     written(plot.save(measured_and_estimated(record, estimates), picture))

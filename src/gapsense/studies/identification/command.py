@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from gapsense.cli.common import FAILED, Assume, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense import shipped
+from gapsense.cli.common import (
+    FAILED,
+    Assume,
+    Clipped,
+    Column,
+    Data,
+    Decimal,
+    Separator,
+    Validate,
+    bar,
+    command,
+    show,
+    written,
+)
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
@@ -19,9 +33,7 @@ MODELS = (AUTO, "coil", "solenoid_valve")
 
 @command("identify")
 def identify(
-    data: Annotated[
-        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
-    ],
+    data: Data,
     model: Annotated[str, typer.Option(help=f"What was measured: {', '.join(MODELS)}")] = AUTO,
     commission: Annotated[
         bool, typer.Option("--commission", help="All parameters of `Mhe`: the command `gapsense commission`")
@@ -30,13 +42,14 @@ def identify(
     parameters: Annotated[
         Path | None,
         typer.Option(
-            help="Parameter-set file: what is known, stops, gap law, spring; first guesses", show_default=False
+            parser=shipped.record,
+            metavar="FILE",
+            help="Parameter-set file: what is known, stops, gap law, spring; first guesses",
+            show_default=False,
         ),
     ] = None,
     assume: Assume = False,
-    validate: Annotated[
-        list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
-    ] = None,
+    validate: Validate = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
