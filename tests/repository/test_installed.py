@@ -62,7 +62,7 @@ def state(folder: Path) -> dict[Path, tuple[int, int]]:
 def test_wheel_holds_components_examples_and_the_same_fmus(archives, fmus):
     with zipfile.ZipFile(archives[1]) as wheel:
         names = {name.partition("_shipped/")[2]: name for name in wheel.namelist()}
-        folders = [ROOT / "fmus", ROOT / "scenarios"]
+        folders = [ROOT / "fmus", ROOT / "scenarios", ROOT / "records"]
         mine = {p for f in folders for p in f.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
         assert {p.relative_to(ROOT).as_posix() for p in mine} <= set(names)
         package = {p for p in (ROOT / "src" / "gapsense").rglob("*") if p.is_file() and p.suffix != ".pyc"}
