@@ -37,6 +37,8 @@ def test_page_and_schema_in_docs_are_current():
     """If not: `python -m gapsense.report.reference docs`."""
     page = (DOCS / reference.PAGE).read_text(encoding="utf-8")
     assert reference.rewritten(page, reference.keys()) == page
+    listed = (DOCS / reference.COMMANDS).read_text(encoding="utf-8")
+    assert reference.rewritten(listed, reference.commands()) == listed
     assert json.loads((DOCS / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
     studies = (DOCS / reference.STUDY_PAGE).read_text(encoding="utf-8")
     assert reference.rewritten(studies, reference.study_keys()) == studies
@@ -46,7 +48,7 @@ def test_page_and_schema_in_docs_are_current():
 
 
 def test_reference_is_written_again(tmp_path):
-    names = (reference.PAGE, reference.STUDY_PAGE)
+    names = (reference.PAGE, reference.STUDY_PAGE, reference.COMMANDS)
     for name in names:
         (tmp_path / name).write_text(f"head\n{reference.BEGIN}old\n{reference.END}tail\n", encoding="utf-8")
     reference.write(tmp_path)
