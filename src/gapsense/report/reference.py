@@ -1,5 +1,4 @@
-"""The reference of scenario and study files, as pages and as JSON schemas made from the tables of keys, and that of the
-commands, as a page made from the commands.
+"""The reference of scenario and study files, as pages and as JSON schemas; both are made from the tables of keys.
 
 `python -m gapsense.report.reference docs` writes them again.
 """
@@ -12,10 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from gapsense.campaign.keys import STUDY
-from gapsense.cli import app
 from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.keys import FILE, VARIANT
 from gapsense.cosim.metrics import KINDS
@@ -26,7 +22,6 @@ from gapsense.tables import TABLES, Key, Section
 BEGIN, END = "<!-- keys: made by gapsense.report.reference -->\n", "<!-- end of keys -->\n"
 PAGE, SCHEMA = "scenario-file.md", "scenario.schema.json"
 STUDY_PAGE, STUDY_SCHEMA = "campaigns.md", "study.schema.json"
-COMMANDS = "commands.md"
 DRAFT = "http://json-schema.org/draft-07/schema#"
 USES = {
     "required": "needed: signal, parameter or number",
@@ -214,50 +209,9 @@ def metrics() -> str:
     return "\n".join(["## Kinds of metrics\n", "| kind | what | reference |", "| --- | --- | --- |", *rows, ""])
 
 
-# Commands -------------------------------------------------------------------------------------------------------------
-
-
-def commands() -> str:
-    """A chapter for each command, and for each command of a group."""
-    return "\n".join(of_command(words, each) for words, each in sorted(named(typer.main.get_command(app))))
-
-
-def named(group: Any, words: str = "gapsense") -> Iterator[tuple[str, Any]]:
-    """Commands of a group by what is typed."""
-    for name, each in group.commands.items():
-        yield from named(each, f"{words} {name}") if hasattr(each, "commands") else [(f"{words} {name}", each)]
-
-
-def of_command(words: str, each: Any) -> str:
-    """What a command does, its arguments and options."""
-    rows = "".join(
-        f"| {typed(p)} | {(p.help or '-').replace('|', chr(92) + '|')} | {left_out(p)} |\n" for p in each.params
-    )
-    head = "| argument | what | without it |\n| --- | --- | --- |\n"
-    return f"## `{words}`\n\n{(each.help or '').replace('|', chr(92) + '|')}\n" + (f"\n{head}{rows}" if rows else "")
-
-
-def typed(parameter: Any) -> str:
-    """An argument or an option, with a word for its value."""
-    if parameter.param_type_name == "argument":
-        return f"`{parameter.name.upper()}`{', several' if parameter.nargs != 1 else ''}"
-    value = "" if parameter.is_flag else f" {parameter.metavar or parameter.name.upper()}"
-    return ", ".join(f"`{option}{value}`" for option in (*parameter.opts, *parameter.secondary_opts))
-
-
-def left_out(parameter: Any) -> str:
-    """What holds where an argument or option is not given."""
-    if parameter.required:
-        return "must be there"
-    if isinstance(parameter.show_default, str):
-        return str(parameter.show_default)
-    default = parameter.default
-    return "-" if default is None or callable(default) or default in (False, [], ()) else f"`{default}`"
-
-
 def write(folder: Path) -> None:
-    """Write all of them again."""
-    pages = {PAGE: keys(), STUDY_PAGE: study_keys(), COMMANDS: commands()}
+    """Write both again."""
+    pages = {PAGE: keys(), STUDY_PAGE: study_keys()}
     texts = {name: rewritten((folder / name).read_text(encoding="utf-8"), made) for name, made in pages.items()}
     schemas = {SCHEMA: schema(), STUDY_SCHEMA: study_schema()}
     texts |= {name: f"{json.dumps(made, indent=2)}\n" for name, made in schemas.items()}
