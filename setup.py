@@ -28,7 +28,7 @@ def ship(to: Path) -> None:
     from gapsense.fmi import package
     from gapsense.fmi.components import find_components
 
-    for name in ("fmus", "scenarios"):
+    for name in ("fmus", "scenarios", "records"):
         shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__", "results", "build"))
     for folder in find_components(ROOT / "fmus"):
         package.build(folder, to / "build" / "fmus")

@@ -1,4 +1,4 @@
-"""What the site has beside the pages in this folder: the README as its front page, and the page of each component."""
+"""What the site has beside the pages in this folder: README as front page, CONTRIBUTING, and a page per component."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from gapsense.fmi.page import html
 
 ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")  # a link to a file of the repository that the site has not
+OF_COMPONENT = re.compile(r"\]\((?:\.\./)?fmus/(\w+)/page\.md\)")
 EVERY = "components/*.md"  # stands for the pages of all components
 
 
@@ -43,12 +44,20 @@ def on_config(config: Any) -> Any:
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made of files elsewhere."""
-    front = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
-    for name, text in {"index.md": front, **components()}.items():
+    own = {"index.md": in_site(ROOT / "README.md"), "contributing.md": in_site(ROOT / "CONTRIBUTING.md")}
+    for name, text in {**own, **components()}.items():
         files.append(File.generated(config, name, content=text))
     return files
 
 
+def in_site(file: Path) -> str:
+    """A page of the repository's root, with its links as they are in the site."""
+    return file.read_text(encoding="utf-8").replace("](docs/", "](").replace("](CONTRIBUTING.md", "](contributing.md")
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Name the files of the repository to which pages link, where the site cannot link to them."""
+    """Link to pages of components; name the other files of the repository, to which the site cannot link."""
+    markdown = OF_COMPONENT.sub(
+        lambda found: f"](components/{load_component(ROOT / 'fmus' / found[1]).name}.md)", markdown
+    )
     return ELSEWHERE.sub(r"\1 (`\2`)", markdown)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from gapsense.tables import SCALAR, TABLE, TEXT, Key, Section, Table, Value, read_toml
+from gapsense.problems import suggest
+from gapsense.tables import SCALAR, TABLE, TEXT, TEXTS, Key, Section, Table, Value, read_toml
 
 
 def is_file(name: str, value: Value) -> bool:
@@ -30,21 +32,45 @@ PARAMETER_SET = Section(
     (
         Key("description", TEXT, "What it describes", '"The valve on my desk"', default=""),
         Key("source", TEXT, "Where the values are from", '"data sheet"', default=""),
+        Key(
+            "assumed",
+            TEXTS,
+            "Parameters whose values nobody knows: `identify --assume` marks them so, and later commands repeat it",
+            '["coil.resistance"]',
+            default=[],
+            is_other=True,
+        ),
         Key("values", TABLE, "Parameters", required=True, section=VALUES),
     ),
 )
 
 
+class ParameterSet(NamedTuple):
+    """Content of a parameter-set file."""
+
+    values: dict[str, Value]  # by variable name
+    assumed: tuple[str, ...] = ()  # names of those that nobody knows
+
+
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:
     """Values of a parameter-set file by variable name; files named in it are relative to it."""
+    return read_set(path, problems).values
+
+
+def read_set(path: Path, problems: list[str]) -> ParameterSet:
+    """Values of a parameter-set file, and which of them are assumed."""
     data = read_toml(path, problems)
     if data is None:
-        return {}
+        return ParameterSet({})
     table = Table(data, path.name, "", problems)
-    table.read(PARAMETER_SET)
+    marked = table.read(PARAMETER_SET)["assumed"]
     if "values" not in data:
         table.note("values", "missing; a table of parameter values is expected. Add `[values]`.")
-    return located_values(table.table("values"), path.parent)
+    values = located_values(table.table("values"), path.parent)
+    for name in marked:
+        if name not in values:
+            table.note("assumed", f"`{name}` has no value in `[values]`. {suggest(name, values)} Correct or remove it.")
+    return ParameterSet(values, tuple(marked))
 
 
 def located_values(table: Table, folder: Path) -> dict[str, Value]:

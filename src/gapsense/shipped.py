@@ -1,4 +1,4 @@
-"""What comes with the package, in a checkout beside it and in an installed one inside: components, FMUs, examples."""
+"""What comes with the package: components, FMUs, examples, records; in a checkout beside it, when installed inside."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ PACKAGE = Path(__file__).resolve().parent
 INSTALLED = PACKAGE / "_shipped"  # which setup.py makes in the wheel, laid out like a checkout
 ROOT = INSTALLED if INSTALLED.is_dir() else PACKAGE.parents[1]
 FMU_FOLDER, NATIVE_FOLDER = Path("build", "fmus"), Path("build", "native")
-COMPONENTS, FMUS, SCENARIOS = ROOT / "fmus", ROOT / FMU_FOLDER, ROOT / "scenarios"
+COMPONENTS, FMUS, SCENARIOS, RECORDS = ROOT / "fmus", ROOT / FMU_FOLDER, ROOT / "scenarios", ROOT / "records"
 
 
 def example(name: str | Path) -> Path | None:
@@ -20,6 +20,13 @@ def example(name: str | Path) -> Path | None:
 def examples() -> list[str]:
     """Names of the example scenarios."""
     return sorted(file.parent.name for file in SCENARIOS.glob("*/scenario.toml"))
+
+
+def record(file: str | Path) -> Path:
+    """The file, or where there is none the sample of that name, a record or its parameter set."""
+    path, sample = Path(file), RECORDS / Path(file).name
+    is_sample = str(file) == path.name and sample.suffix in (".csv", ".toml") and sample.is_file()
+    return sample if is_sample and not path.exists() else path
 
 
 def is_installed(path: Path) -> bool:

@@ -30,6 +30,6 @@ def test_command_writes_a_set_that_the_valve_takes(gapsense, tmp_path, monkeypat
 
 def test_command_refuses_in_words_and_writes_nothing(gapsense, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = gapsense("gap-law", TABLE, "--column", "inductance=L_1kHz_mH")
+    done = gapsense("gap-law", TABLE, "--turns", "900", "--column", "inductance=L_1kHz_mH")
     assert done.exit_code == 2 and "eddy currents keep the flux out of the iron" in done.stderr
     assert not list(tmp_path.iterdir())

@@ -22,7 +22,8 @@ from gapsense.studies.records.checks import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
 DT, REST, PERIODS, SAMPLES, ON = 50e-6, 10, 2, 320, 100
-KNOWN = '[values]\n"coil.turns" = 1180\n"mover.mass" = 1.7e-3\n'
+SCALES = '"stop.lower" = 0.0\n"stop.upper" = 0.9e-3\n"spring.rest" = 22.5e-3\n"gap.slope" = 2.7e10\n'
+KNOWN = '[values]\n"coil.turns" = 1180\n"mover.mass" = 1.7e-3\n' + SCALES
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,7 @@ def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, 
     assert found["coil.turns"] == pytest.approx(1200.0, rel=5e-3)
     assert found["mover.mass"] == pytest.approx(1.6e-3, rel=0.06)
     assert found["coil.resistance"] == pytest.approx(76.0, rel=1e-3)
+    assert 'assumed = ["stop.restitution"]' in file.read_text("utf-8") and "Assumed, neither given nor told" in printed
     for words in ("standard error", "Correlations", "Validation", "other", "`damping` is not identified", "1 of 1"):
         assert words in printed, printed
     assert (data / "fit.png").read_bytes().startswith(b"\x89PNG")
@@ -139,7 +141,7 @@ WRONG = {
     "odd column": (["identify", "fit.csv", "--column", "u1"], ["--column", "QUANTITY=NAME"]),
     "odd quantity": (["identify", "fit.csv", "--column", "volts=u1"], ["volts", "`voltage`"]),
     "another device": (
-        ["identify", RECORDS / "tube-150-raw.csv", "--model", "solenoid_valve"],
+        ["identify", RECORDS / "tube-150-raw.csv", "--model", "solenoid_valve", "--parameters", "known.toml"],
         ["tube-150-raw: its inductance is about 332.3 uH, that of the first guess", "`--parameters`"],
     ),
     "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),

@@ -54,5 +54,8 @@ def test_odd_offset_is_refused(tmp_path, gapsense, offset):
 
 
 def test_coil_is_fitted_on_request_only_where_a_valve_is_named(tmp_path, gapsense):
-    done = gapsense("identify", EMPTY, "--model", "solenoid_valve", "--out", tmp_path / "v.toml")
+    known = '[values]\n"stop.lower" = 0.0\n"stop.upper" = 1e-3\n"spring.rest" = 20e-3\n"gap.slope" = 2.7e10\n'
+    (tmp_path / "known.toml").write_text(known, encoding="utf-8")
+    options = ["--parameters", tmp_path / "known.toml", "--out", tmp_path / "v.toml"]
+    done = gapsense("identify", EMPTY, "--model", "solenoid_valve", *options)
     assert done.exit_code == 2 and "another device" in done.stderr and "coil without motion" not in done.stderr

@@ -21,11 +21,14 @@ def hot_and_cold(tmp_path, monkeypatch):
     for k, T in enumerate((20.0, 60.0)):
         par = VALVE._replace(coil_resistance=76.0 * (1.0 + 3.93e-3 * (T - 20.0)))
         write(tmp_path / f"at{T:g}.csv", par=par, periods=1, seed=k)
+    known = '[values]\n"stop.lower" = 0.0\n"stop.upper" = 0.9e-3\n"spring.rest" = 22.5e-3\n"gap.slope" = 2.7e10\n'
+    (tmp_path / "known.toml").write_text(known, encoding="utf-8")
     return tmp_path
 
 
 def test_command_tells_the_coefficient_and_notes_it_in_the_set(gapsense, hot_and_cold):
-    done = gapsense("identify", "at20.csv", "at60.csv", "--temperature", "20,60", "--starts", "1")
+    options = ["--temperature", "20,60", "--parameters", "known.toml", "--starts", "1"]
+    done = gapsense("identify", "at20.csv", "at60.csv", *options)
     assert done.exit_code == 0, done.output
     said = " ".join(done.stdout.split())
     alpha, error = map(float, re.search(r"temperature coefficient is ([\d.]+) \+- ([\d.e-]+) 1/K", said).groups())

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from board import BOARDS, Cost, cost
 from host import ROOT
-from records import in_scenario
 
 from gapsense.embedded.design import Design, designed
+from records import in_scenario
 
 PAGE = ROOT / "docs" / "microcontrollers.md"
 BEGIN, END = "<!-- measured by benchmarks/mcu.py -->\n", "<!-- end -->\n"

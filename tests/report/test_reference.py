@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft7Validator
 
+from gapsense.cli import _reference as of_commands
 from gapsense.cosim.load import read_draft
 from gapsense.report import reference
 
@@ -37,6 +38,8 @@ def test_page_and_schema_in_docs_are_current():
     """If not: `python -m gapsense.report.reference docs`."""
     page = (DOCS / reference.PAGE).read_text(encoding="utf-8")
     assert reference.rewritten(page, reference.keys()) == page
+    listed = (DOCS / of_commands.PAGE).read_text(encoding="utf-8")
+    assert reference.rewritten(listed, of_commands.commands()) == listed
     assert json.loads((DOCS / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
     studies = (DOCS / reference.STUDY_PAGE).read_text(encoding="utf-8")
     assert reference.rewritten(studies, reference.study_keys()) == studies
@@ -46,10 +49,11 @@ def test_page_and_schema_in_docs_are_current():
 
 
 def test_reference_is_written_again(tmp_path):
-    names = (reference.PAGE, reference.STUDY_PAGE)
+    names = (reference.PAGE, reference.STUDY_PAGE, of_commands.PAGE)
     for name in names:
         (tmp_path / name).write_text(f"head\n{reference.BEGIN}old\n{reference.END}tail\n", encoding="utf-8")
     reference.write(tmp_path)
+    of_commands.write(tmp_path)
     for name in names:
         page = (tmp_path / name).read_text(encoding="utf-8")
         assert page.startswith("head\n") and page.endswith("tail\n") and "old\n" not in page

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -62,7 +64,7 @@ def state(folder: Path) -> dict[Path, tuple[int, int]]:
 def test_wheel_holds_components_examples_and_the_same_fmus(archives, fmus):
     with zipfile.ZipFile(archives[1]) as wheel:
         names = {name.partition("_shipped/")[2]: name for name in wheel.namelist()}
-        folders = [ROOT / "fmus", ROOT / "scenarios"]
+        folders = [ROOT / "fmus", ROOT / "scenarios", ROOT / "records"]
         mine = {p for f in folders for p in f.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
         assert {p.relative_to(ROOT).as_posix() for p in mine} <= set(names)
         package = {p for p in (ROOT / "src" / "gapsense").rglob("*") if p.is_file() and p.suffix != ".pyc"}
@@ -94,6 +96,26 @@ def test_everything_works_in_any_folder(gapsense):
     assert "linear (33)-(35)" in run("study", "observability")
     assert "Table II" in run("study", "reduced-fit")
     assert {p.name for p in work.iterdir()} == {"my_valve", "results"}
+
+
+@pytest.mark.parametrize("where", ["an empty folder", "a checkout"])
+def test_blocks_of_the_readme_run(gapsense, where, tmp_path):
+    """All but those that set up a checkout, by the installed package."""
+    python = gapsense[2]
+    text = re.sub(r"<!-- in: checkout -->\n```.*?```\n", "", (ROOT / "README.md").read_text("utf-8"), flags=re.DOTALL)
+    page = tmp_path / "README.md"
+    page.write_text(text, encoding="utf-8")
+    folder = tmp_path / "work"
+    folder.mkdir()
+    if where == "a checkout":
+        for name in ("fmus", "scenarios", "records"):
+            shutil.copytree(ROOT / name, folder / name)
+    reader = "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path; from pages import blocks, read"
+    code = (
+        f"{reader}; import gapsense; page = Path(sys.argv[2]); read(page); print(gapsense.__file__, len(blocks(page)))"
+    )
+    printed = call(python, "-c", code, ROOT / "tests" / "repository", page, cwd=folder).split()
+    assert Path(printed[0]).is_relative_to(python.parents[1]) and int(printed[1]) >= 4
 
 
 def test_built_fmus_of_the_working_folder_come_first(gapsense, fmus):

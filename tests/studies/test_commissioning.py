@@ -16,10 +16,11 @@ from gapsense.files import read_columns, write_columns
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.studies.commissioning import file, fit, problem
 from gapsense.studies.commissioning.drive import drive
+from gapsense.studies.commissioning.needed import doubts, missing
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators import commissioned
 from gapsense.studies.estimators.parameters import CORE, blind, wrong
-from gapsense.studies.identification.transfer import parameters_of, read_values, taken
+from gapsense.studies.identification.transfer import parameters_of, read_sets, read_values, taken
 from gapsense.studies.records.record import Columns, to_record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -165,6 +166,54 @@ def test_a_record_that_begins_with_current_is_refused(tmp_path):
     saved(tmp_path / "record.csv", {name: x[300:] for name, x in columns().items()})
     done = commission(tmp_path)
     assert done.exit_code == 2 and "record from rest" in done.output
+
+
+def other(stroke, turns):
+    """A device with as many times the stroke, and other turns, that has nearly the currents of the true one."""
+    square = (turns / TRUE.coil_turns) ** 2
+    shares = {"stop_lower": 1, "stop_upper": 1, "spring_rest": 1, "gap_window": 1, "gap_slope": -1, "gap_fringing": -1}
+    changes = {name: getattr(TRUE, name) * stroke**power for name, power in shares.items()}
+    changes |= {name: getattr(TRUE, name) / stroke**2 for name in ("mover_mass", "spring_stiffness", "damping")}
+    for name in ("gap_slope", "gap_reluctance", "core_reluctance", "core_bend"):
+        changes[name] = changes.get(name, getattr(TRUE, name)) * square
+    return TRUE._replace(**changes, coil_turns=turns)
+
+
+@pytest.mark.parametrize(("stroke", "turns"), [(1.25, 1200.0), (0.8, 900.0)])
+@pytest.mark.parametrize(
+    "names", [("stop.lower", "stop.upper"), ("coil.turns",), ("spring.rest", "mover.mass"), missing(TRUE, ())]
+)
+def test_what_is_assumed_makes_all_that_goes_with_it_uncertain(stroke, turns, names):
+    """With the start values of `Mhe` in place of the true ones; the stated errors hold the truth."""
+    true, shipped = other(stroke, turns), parameters_of("mhe", None)
+    fields = [name.replace(".", "_") for name in names]
+    known = true._replace(**{field: getattr(shipped, field) for field in fields})
+    result = fit.commission([record(par=true)], known, doubts=doubts(names))
+    right = fit.bent(true)._replace(gap_factor=true.gap_slope / known.gap_slope)
+    off = [np.log(getattr(result.parameters, n) / getattr(right, n)) / error for n, error in result.errors.items()]
+    assert result.is_explained and np.abs(off).max() < 3.0, dict(zip(result.names, off))
+    if "stop.upper" in names:
+        assert fit.position_error(result) > 20e-6
+
+
+def test_what_a_set_leaves_out_is_asked_for_by_name_or_assumed_and_marked(tmp_path):
+    saved(tmp_path / "record.csv", columns(samples=1100))
+    text = (SETS / "mhe.toml").read_text(encoding="utf-8")
+    few = "".join(line for line in text.splitlines(True) if not line.startswith(('"stop.upper"', '"coil.turns"')))
+    (tmp_path / "few.toml").write_text(few, encoding="utf-8")
+    command = ["commission", str(tmp_path / "record.csv"), "--parameters", str(tmp_path / "few.toml")]
+    refused = CliRunner().invoke(app, command)
+    assert (
+        refused.exit_code == 2 and "few.toml: `stop.upper` (" in refused.stderr and "`coil.turns` (" in refused.stderr
+    )
+    assert "`mover.mass` (" not in refused.stderr and "--assume" in refused.stderr
+    for start in (command, ["identify", "--commission", *command[1:]]):
+        done = CliRunner().invoke(app, [*start, "--assume", "--out", str(tmp_path / "mine.toml")])
+        assert done.exit_code == 0 and "Assumed, and not given: `stop.upper` = 1.4 mm" in done.stdout, done.output
+        assert read_sets([tmp_path / "mine.toml"]).assumed == ("stop.upper", "coil.turns")
+    command[-1] = str(tmp_path / "mine.toml")
+    again = CliRunner().invoke(app, command)
+    assert again.exit_code == 2 and "mine.toml: `stop.upper` (" in again.stderr
 
 
 def test_identify_takes_the_option_and_says_what_it_has_not(tmp_path):

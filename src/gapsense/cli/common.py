@@ -21,7 +21,7 @@ from rich.table import Table
 from gapsense import cosim, interrupts
 from gapsense.problems import InputError
 from gapsense.report import table
-from gapsense.shipped import NATIVE_FOLDER
+from gapsense.shipped import NATIVE_FOLDER, record
 
 ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
@@ -100,6 +100,19 @@ def folder(path: Path) -> Path:
 Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
+Data = Annotated[
+    list[Path],
+    typer.Argument(
+        parser=record,
+        metavar="FILE",
+        help="CSV files: time [s], voltage [V], current [A]; `sample_valve.csv` comes with Gapsense",
+        show_default=False,
+    ),
+]
+Validate = Annotated[
+    list[Path] | None,
+    typer.Option(parser=record, metavar="FILE", help="Record that is kept for the validation", show_default=False),
+]
 Column = Annotated[
     list[str] | None,
     typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
@@ -107,6 +120,10 @@ Column = Annotated[
 Separator = Annotated[str, typer.Option(help="Between the cells of a CSV file")]
 Decimal = Annotated[str, typer.Option(help="Point of its numbers")]
 Clipped = Annotated[bool, typer.Option("--clipped", help="Take signals at the limits of their converter")]
+Assume = Annotated[
+    bool,
+    typer.Option("--assume", help="Assume what nobody has given, list it, and mark it in the file: relative answers"),
+]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import FAILED, command, problem, show
+from gapsense.cli.common import FAILED, command, notice, problem, show
 from gapsense.problems import InputError
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
@@ -44,11 +44,13 @@ def build(
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
-    from gapsense.studies.identification.transfer import taken
+    from gapsense.studies.identification.transfer import read_sets, taken
 
     every = components_folder(root)
     folders = find_components(every, names or ())
     values = taken(folders, parameters, find_components(every)) if parameters else {}
+    if assumed := ", ".join(f"`{name}`" for name in read_sets(parameters or []).assumed):
+        notice(f"assumed in the parameter file, not known: {assumed}. The FMUs start with these values all the same.")
     to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if native else FMU_FOLDER)
     paths = natives(folders, to, values, platforms) if native or platforms else fmus(folders, to, values)
     failures = 0

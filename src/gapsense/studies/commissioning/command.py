@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense import shipped
+from gapsense.cli.common import (
+    FAILED,
+    Assume,
+    Clipped,
+    Column,
+    Data,
+    Decimal,
+    Separator,
+    Validate,
+    bar,
+    command,
+    show,
+    written,
+)
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS
 
 if TYPE_CHECKING:
@@ -17,14 +31,16 @@ if TYPE_CHECKING:
 
 @command("commission")
 def commission(
-    data: Annotated[
-        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
+    data: Data,
+    parameters: Annotated[
+        Path,
+        typer.Option(
+            parser=shipped.record, metavar="FILE", help="What is believed of the device, for `Mhe`", show_default=False
+        ),
     ],
-    parameters: Annotated[Path, typer.Option(help="What is believed of the device, for `Mhe`", show_default=False)],
+    assume: Assume = False,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("commissioned.toml"),
-    validate: Annotated[
-        list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
-    ] = None,
+    validate: Validate = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     column: Column = None,
@@ -34,35 +50,46 @@ def commission(
 ) -> None:
     """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
 
-    Known are the stops and, within a few percent, the gap law, the spring, the mass and the core. Prints values and
-    standard errors; exit code 1 where the model does not explain the records.
+    Known are stops and turns and, within a few percent, the gap law, the spring, the mass and the core. Prints values
+    and standard errors; exit code 1 where the model does not explain the records.
     """
     from gapsense.studies.records.checks import reading
 
     how = reading(column, voltage, separator, decimal, clipped)
-    commissioned(data, how, parameters, to, validate or [], figure)
+    commissioned(data, how, parameters, to, validate or [], figure, assume)
 
 
 def commissioned(
-    data: Sequence[Path], how: Reading, parameters: Path, to: Path, validate: Sequence[Path], figure: Path | None
+    data: Sequence[Path],
+    how: Reading,
+    parameters: Path,
+    to: Path,
+    validate: Sequence[Path],
+    figure: Path | None,
+    assume: bool = False,
 ) -> None:
     """Read, fit, write and show; ends the command."""
     from gapsense.report import plot
     from gapsense.studies.commissioning import file, fit, validation
     from gapsense.studies.commissioning import show as shown
-    from gapsense.studies.identification.transfer import parameters_of, read_values
+    from gapsense.studies.commissioning.needed import doubts, missing
+    from gapsense.studies.identification.assumptions import ask
+    from gapsense.studies.identification.transfer import parameters_of, read_sets
     from gapsense.studies.records.checks import read_records
 
     if figure is not None:
         plot.check_file(figure)
-    known, given = parameters_of("mhe", parameters), read_values([parameters])
+    known, (given, marked) = parameters_of("mhe", parameters), read_sets([parameters])
+    lacking = missing(known, {*given} - {*marked})
+    if not assume:
+        ask(lacking, {port.name: port for port in file.PORTS.values()}, parameters.name, "the component `Mhe`")
     records, kept = (read_records(files, how, needs="rest") for files in (data, validate))
     with bar("commissioning") as progress:
-        result = fit.commission(records, known, progress)
+        result = fit.commission(records, known, progress, doubts(lacking))
     names = " ".join(path.name for path in data)
-    file.write(to, result, given, f"gapsense commission {names} --parameters {parameters.name}")
+    file.write(to, result, given, f"gapsense commission {names} --parameters {parameters.name}", lacking)
     checks = validation.validated(result.parameters, kept)
-    show(*shown.tables(result, known, checks))
+    show(*shown.tables(result, known, checks, lacking))
     written(to)
     if figure is not None:
         written(plot.save(shown.figure(result, checks), figure))

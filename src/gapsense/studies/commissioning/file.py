@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from gapsense.fmi.components import load_component, own
 from gapsense.parameters import is_file
 from gapsense.studies.commissioning.fit import Commissioned
 from gapsense.studies.commissioning.problem import Matrix
+from gapsense.studies.identification.assumptions import marks
 from gapsense.studies.identification.noise import LEAST as LEAST_NOISE
 from gapsense.studies.identification.noise import noises
 from gapsense.tables import Value
@@ -78,17 +79,21 @@ def device(par: Parameters) -> dict[str, Value]:
     return {**values, "gap.law": law.name}
 
 
-def write(file: Path, result: Commissioned, given: Mapping[str, Value], origin: str) -> Path:
+def write(
+    file: Path, result: Commissioned, given: Mapping[str, Value], origin: str, assumed: Sequence[str] = ()
+) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
     names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
     errors = {PORTS[names.get(field, field)].name: error for field, error in result.errors.items()}
     file.parent.mkdir(parents=True, exist_ok=True)
+    values = complete(result, given)
     lines = [
         'description = "Reluctance actuator, commissioned"',
         f"source = {json.dumps(origin)}",
+        *marks([name for name in assumed if name in values]),
         "",
         "[values]",
-        *(line(name, value, file, errors.get(name)) for name, value in complete(result, given).items()),
+        *(line(name, value, file, errors.get(name)) for name, value in values.items()),
     ]
     write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
     return file

@@ -7,7 +7,7 @@ whole of it: far from the minimum a long record is wrong by whole motions, and s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +42,7 @@ class Commissioned(NamedTuple):
     places: Sequence[Vector]  # of the edges of each record, in sampling periods after the middle
     models: Sequence[Trajectory]
     residuals: Sequence[Residual]  # of the currents that count
+    believed: Mapping[str, float]  # how wrong what was believed may have been, by field
 
     @property
     def errors(self) -> dict[str, float]:
@@ -60,21 +61,29 @@ class Commissioned(NamedTuple):
 
 
 def commission(
-    records: Sequence[Record], known: Parameters, progress: Progress = lambda done, total: None
+    records: Sequence[Record],
+    known: Parameters,
+    progress: Progress = lambda done, total: None,
+    doubts: Mapping[str, float] | None = None,
 ) -> Commissioned:
-    """Parameters that explain records, near those that are known."""
+    """Parameters that explain records, near those that are known.
+
+    `doubts` are the deviations of fields that were assumed: they are sought with all else, for what is as uncertain
+    makes all that goes with it uncertain.
+    """
     drives = [drive(record, known) for record in records]
-    par = bent(known)
-    names = [name for name in DEVIATIONS if is_fitted(par, name)]
-    x = np.zeros(Problem(par, names, drives).deviations.size)
+    par, doubts = bent(known), doubts or {}
+    names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
+    every = Problem(par, names, drives, doubts=doubts)
+    x = np.zeros(every.deviations.size)
     for k, share in enumerate(SHARES):
         progress(k, len(SHARES) + 1)
         free = [j for j, name in enumerate(names) if k or name in ELECTRIC]
-        part = Problem(par, [names[j] for j in free], [d.shortened(share) for d in drives])
+        part = every._replace(names=[names[j] for j in free], drives=[d.shortened(share) for d in drives])
         at = np.array([*free, *sought(drives, part.drives, len(names))])
         x[at] = minimised(part, x[at])
     progress(len(SHARES), len(SHARES) + 1)
-    return concluded(*in_step(Problem(par, names, drives), x))
+    return concluded(*in_step(every, x))
 
 
 def in_step(p: Problem, x: Vector) -> tuple[Problem, Vector]:
@@ -115,7 +124,7 @@ def concluded(p: Problem, x: Vector) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found, *of_record) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
-    return Commissioned(found, p.names, covariance, misfit, p.drives, places, models, residuals)
+    return Commissioned(found, p.names, covariance, misfit, p.drives, places, models, residuals, p.believed)
 
 
 def position_error(result: Commissioned) -> float:

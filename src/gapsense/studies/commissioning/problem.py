@@ -6,7 +6,7 @@ places of the edges: sum w^2 (i - i_model)^2 + sum (log factor / deviation)^2 + 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,14 +51,20 @@ class Problem(NamedTuple):
     names: list[str]
     drives: Sequence[Drive]
     is_alike: bool = False  # all edges of a record lie alike in their periods
+    doubts: Mapping[str, float] = {}  # deviations of what was assumed, in place of the usual ones
 
     @property
     def deviations(self) -> Vector:
         """How wrong what is sought may be: factors, then by record its offset, what its edges share, and each."""
-        parts, one = [deviations(self.names)], ALIKE if self.is_alike else ANYWHERE
+        parts, one = [np.array([*self.believed.values()])], ALIKE if self.is_alike else ANYWHERE
         for drive in self.drives:
             parts += [np.array([drive.doubt, ANYWHERE]), np.full(drive.edges.size, one)]
         return np.concatenate(parts)
+
+    @property
+    def believed(self) -> dict[str, float]:
+        """How wrong what is believed may be, by field."""
+        return {name: self.doubts[name] if name in self.doubts else DEVIATIONS[name] for name in self.names}
 
     def places(self, x: Vector) -> list[Vector]:
         """Those of the edges of each record."""
@@ -111,11 +117,6 @@ def slopes(pars: Sequence[Parameters], drive: Drive, places: Vector) -> tuple[Ma
 def finite(x: Matrix) -> Matrix:
     """Values far from any device give large numbers instead of NaN."""
     return np.nan_to_num(x, nan=1e3, posinf=1e3, neginf=-1e3)
-
-
-def deviations(names: Collection[str]) -> Vector:
-    """How wrong what is believed may be."""
-    return np.array([DEVIATIONS[name] for name in names])
 
 
 def changed(p: Problem, x: Vector) -> Parameters:

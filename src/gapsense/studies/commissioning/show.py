@@ -10,15 +10,18 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.estimators.mhe import Parameters
+from gapsense.fmi.ports import Port
 from gapsense.report.table import quantity, table
 from gapsense.studies.commissioning.drive import SLOWEST
 from gapsense.studies.commissioning.file import PORTS
 from gapsense.studies.commissioning.fit import Commissioned, bent, position_error
 from gapsense.studies.commissioning.problem import DEVIATIONS
 from gapsense.studies.commissioning.verdict import CAUSES
+from gapsense.studies.identification.assumptions import listed, meanings
 from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.show import about, measured_and_model, validation
 from gapsense.studies.identification.valve.validation import Validation
+from gapsense.tables import Value
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
 FAR = 3.0  # of the same deviations from what was believed
@@ -26,20 +29,36 @@ MOVES = 0.01  # of the stroke
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
-def tables(result: Commissioned, known: Parameters, checks: Sequence[Validation] = ()) -> list[Table | str]:
+def tables(
+    result: Commissioned, known: Parameters, checks: Sequence[Validation] = (), assumed: Sequence[str] = ()
+) -> list[Table | str]:
     """Values and standard errors, then what the residuals and the misfit say."""
     before, rows = bent(known), []
     for field, error in result.errors.items():
-        port, note = PORTS[field], "as it was believed" if error >= BELIEVED * DEVIATIONS[field] else ""
+        port, note = PORTS[field], "as it was believed" if error >= BELIEVED * result.believed[field] else ""
+        note = "assumed" if port.name in assumed else note
         values = (quantity(float(getattr(par, field)), port.unit) for par in (before, result.parameters))
         rows.append((port.name, *values, f"{100.0 * error:.2g} %", note))
     records = [*(drive.record for drive in result.drives), *(check.record for check in checks)]
     return [
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
+        *assumptions(known, assumed),
         *remarks(result, before),
         *(text for record in records for text in about(record)),
     ]
+
+
+def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
+    """What nobody has given, and what that means."""
+    ports = {port.name: port for port in PORTS.values()}
+    values = {name: known_value(known, ports[name]) for name in names}
+    return [f"Assumed, and not given: {listed(values, ports, names)}.", *meanings(names)] if names else []
+
+
+def known_value(known: Parameters, port: Port) -> Value:
+    """Value of a parameter, or where a table is from."""
+    return "as shipped" if port.columns else float(getattr(known, port.field))
 
 
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
@@ -63,7 +82,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         said.append(f"Held, for they are 0 or in a file: {', '.join(held)}.")
     for name in result.names:
         factor = float(getattr(result.parameters, name) / getattr(before, name))
-        if abs(math.log(factor)) > FAR * DEVIATIONS[name]:
+        if abs(math.log(factor)) > FAR * result.believed[name]:
             said.append(
                 f"`{PORTS[name].name}` is {factor:.2g} times what was believed, much farther off than it should be:"
                 " check what was given, or the voltage."

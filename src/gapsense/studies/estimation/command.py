@@ -7,18 +7,32 @@ from typing import Annotated
 
 import typer
 
+from gapsense import shipped
 from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
 
 
 @command("estimate")
 def estimate(
-    data: Annotated[Path, typer.Argument(help="CSV file: time [s], voltage [V], current [A]", show_default=False)],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            parser=shipped.record,
+            metavar="FILE",
+            help="CSV file: time [s], voltage [V], current [A]; `sample_valve.csv` comes with Gapsense",
+            show_default=False,
+        ),
+    ],
     estimator: Annotated[
         str | None, typer.Option(help="Names, with commas", show_default="all that the record has the inputs of")
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(help="Parameter-set file; each estimator takes what it has", show_default=False),
+        typer.Option(
+            parser=shipped.record,
+            metavar="FILE",
+            help="Parameter-set file; each estimator takes what it has",
+            show_default=False,
+        ),
     ] = None,
     column: Column = None,
     separator: Separator = ",",
@@ -42,8 +56,8 @@ def estimate(
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.report import plot
     from gapsense.studies.estimation import judge, run
-    from gapsense.studies.estimation.show import measured_and_estimated, tables
-    from gapsense.studies.identification.transfer import read_values, taken
+    from gapsense.studies.estimation.show import measured_and_estimated, repeated, tables
+    from gapsense.studies.identification.transfer import read_sets, taken
     from gapsense.studies.identification.valve.show import about
     from gapsense.studies.records.checks import read_records, reading
     from gapsense.studies.records.thin import thinned
@@ -52,14 +66,14 @@ def estimate(
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
     record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
-    record, values = run.shifted(record, offset or []), read_values(parameters or [])
+    record, (values, assumed) = run.shifted(record, offset or []), read_sets(parameters or [])
     names, left_out = run.chosen(estimator, run.estimators(every), record, values)
     for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
         problem(text, "yellow")
     taken(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
         estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
-    show(*tables(estimates))
+    show(*tables(estimates), *repeated(values, assumed))
     if to is not None:
         written(run.save(to, record, estimates))
     written(plot.save(measured_and_estimated(record, estimates), picture))

@@ -12,6 +12,7 @@ from gapsense.files import write_atomically, write_columns
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
+from gapsense.studies.identification.assumptions import is_device
 from gapsense.studies.identification.transfer import values_for
 from gapsense.studies.records.record import UNITS, Record, Vector
 from gapsense.tables import Value
@@ -31,6 +32,7 @@ class Estimate(NamedTuple):
     values: Mapping[str, Value]
     units: Mapping[str, str]  # of the outputs; empty where the FMU states none
     resistance: float | None = None  # that its model has, given or not [Ohm]
+    unset: Mapping[str, Value] = {}  # start values that describe the device or the noise, and that nobody gave
 
 
 def offered(record: Record) -> dict[str, Vector]:
@@ -144,7 +146,20 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     coil = description.variables.get("coil.resistance")
     resistance = None if coil is None else float(own.get("coil.resistance", coil.start or 0.0))
     units = {n: description.variables[n].unit or "" for n in outputs}
-    return Estimate(fmu.stem, outputs, own, units, resistance)
+    starts = {v.name: v.start for v in description.of("parameter") if v.start is not None}
+    return Estimate(fmu.stem, outputs, own, units, resistance, unset(starts, own))
+
+
+def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:
+    """Start values for the device and the noise that an estimator uses because nobody gave others."""
+    laws = {"gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "gap.area"}
+    values = {**starts, **given}
+    law = values.get("gap.law")
+    idle = {"table": laws, "linear": laws - {"gap.slope"} | {"gap.file"}}.get(str(law), {"gap.file"} if law else set())
+    idle = idle | ({"gap.window"} if values.get("gap.fringing") == 0.0 else set())
+    priors = ("prior.resistance", "prior.inductance") if "prior.inductance" in starts else ()
+    names = [name for name in starts if is_device(name) or name.startswith("noise.") or name in priors]
+    return {name: starts[name] for name in names if name not in given and name not in idle}
 
 
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,14 @@ from rich.table import Table
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.studies.estimation.run import Estimate
+from gapsense.studies.identification.assumptions import listed, meanings
+from gapsense.studies.identification.valve.file import BY_NAME
 from gapsense.studies.records.record import Record
+from gapsense.tables import Value
 
 QUANTITIES = {"position": "m", "flux_linkage": "Wb", "resistance": "Ohm", "inductance": "H"}  # of estimators
 COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")
+ASSUMED = "Assumed in the parameter file, not known: {}. What depends on them is as uncertain as they are."
 THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide are all seen
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
@@ -28,7 +32,16 @@ def tables(estimates: Sequence[Estimate]) -> list[Table | str]:
         rows.append([e.name, *(last.get(q, "") for q in QUANTITIES)])
         given = ", ".join(f"{name} = {value:.6g}" for name, value in e.values.items() if not isinstance(value, str))
         said.append(f"{e.name}: {given}")
+        if e.unset:
+            said.append(
+                f"{e.name}, not given and so the component's own start values: {listed(e.unset, BY_NAME, e.unset)}."
+            )
     return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
+
+
+def repeated(values: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:
+    """What the parameter files mark as assumed, and what that means for the estimates."""
+    return [ASSUMED.format(listed(values, BY_NAME, assumed)), *meanings(assumed)] if assumed else []
 
 
 def measured_and_estimated(record: Record, estimates: Sequence[Estimate]) -> Figure:

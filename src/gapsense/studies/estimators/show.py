@@ -135,7 +135,7 @@ def misses(found: Sequence[Runs], contender: Contender) -> str:
 
 
 def summary(found: Found) -> list[list[str]]:
-    """The table of the README: medians (worst) of the runs; latency of the plain scenario, least cost of all runs."""
+    """Errors and costs: medians (worst) of the runs; latency of the plain scenario, least cost of all runs."""
     if not found:
         return []
     titles = [title for title, _, variant, _, _ in SUMMED_UP if variant in found]

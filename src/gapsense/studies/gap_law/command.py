@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Column, command, show, written
+from gapsense.cli.common import Assume, Column, command, show, written
 
 
 @command("gap-law")
@@ -20,9 +20,8 @@ def gap_law(
     turns: Annotated[
         float | None, typer.Option(help="Turns of the coil", show_default="of --parameters", min=1e-9)
     ] = None,
-    parameters: Annotated[
-        Path | None, typer.Option(help="What else is known of the valve", show_default="[SEMERA] Table I")
-    ] = None,
+    parameters: Annotated[Path | None, typer.Option(help="What else is known of the valve", show_default=False)] = None,
+    assume: Assume = False,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     column: Column = None,
 ) -> None:
@@ -36,18 +35,28 @@ def gap_law(
     from gapsense.studies.gap_law.choice import best, candidates
     from gapsense.studies.gap_law.show import figure_of, tables
     from gapsense.studies.gap_law.table import names_of, read_inductances
-    from gapsense.studies.identification.transfer import parameters_of, read_values
+    from gapsense.studies.identification.asked import TABLE_I
+    from gapsense.studies.identification.assumptions import ask, listed, meanings
+    from gapsense.studies.identification.transfer import parameters_of, read_sets
+    from gapsense.studies.identification.valve.file import BY_NAME
 
     if figure is not None:
         plot.check_file(figure)
+    given, marked = read_sets([parameters] if parameters else [])
     par = parameters_of("solenoid_valve", parameters)
+    if (is_assumed := turns is None and ("coil.turns" not in given or "coil.turns" in marked)) and not assume:
+        ask(["coil.turns"], BY_NAME, "--turns", TABLE_I, ", or as `--turns`")
     turns = turns or float(par.coil_turns)
     measured = read_inductances(data, names_of(column))
     found = candidates(measured.gap, turns**2 / measured.inductance)
-    taken, upper = best(found), max(float(par.stop_upper), float(measured.gap[-1]))
-    given = read_values([parameters] if parameters else [])
-    files = file.write(to, taken.law, turns, upper, given, f"gapsense gap-law {data.name}")
+    upper = float(measured.gap[-1])
+    taken, upper = best(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
+    replaced = ("coil.turns", "core.reluctance", "gap.")
+    assumed = [*["coil.turns"] * is_assumed, *(name for name in marked if not name.startswith(replaced))]
+    files = file.write(to, taken.law, turns, upper, given, f"gapsense gap-law {data.name}", assumed)
     show(*tables(measured, turns, found, taken))
+    if assumed:
+        show(f"Assumed: {listed({**given, 'coil.turns': turns}, BY_NAME, assumed)}.", *meanings(assumed))
     written(*files)
     if figure is not None:
         written(plot.save(figure_of(measured, turns, taken), figure))

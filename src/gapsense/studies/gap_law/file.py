@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.files import write_atomically, write_columns
 from gapsense.studies.commissioning.file import line
 from gapsense.studies.gap_law.laws import Law, rows
+from gapsense.studies.identification.assumptions import marks
 from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS
 from gapsense.tables import Value
 
@@ -30,7 +31,15 @@ def values(law: Law, turns: float) -> dict[str, Value]:
     return {"coil.turns": turns, "core.reluctance": law.offset, "gap.law": kind, **numbers}
 
 
-def write(file: Path, law: Law, turns: float, upper: float, given: Mapping[str, Value], origin: str) -> list[Path]:
+def write(
+    file: Path,
+    law: Law,
+    turns: float,
+    upper: float,
+    given: Mapping[str, Value],
+    origin: str,
+    assumed: Sequence[str] = (),
+) -> list[Path]:
     """Write a parameter set, what was given and the law in its place, and the table that it needs; the files."""
     found, table = values(law, turns), file.with_name(f"{file.stem}_law.csv")
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -39,9 +48,12 @@ def write(file: Path, law: Law, turns: float, upper: float, given: Mapping[str, 
         found["gap.file"] = str(table.resolve())
     laws = {name for names in GAPS.values() for name in names}
     kept = {name: value for name, value in given.items() if name not in laws}
+    if "coil.turns" in assumed:  # the law rests on them
+        assumed = [*assumed, *(name for name in found if name in laws)]
     lines = [
         'description = "Gap law from measured inductances"',
         f'source = "{origin}"',
+        *marks([*dict.fromkeys(assumed)]),
         "",
         "[values]",
         *(line(name, value, file, None) for name, value in {**kept, **found}.items()),

@@ -6,15 +6,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.report import plot
+from gapsense.studies.gap_law.laws import Law
 from gapsense.studies.identification import temperature
+from gapsense.studies.identification.assumptions import ask
 from gapsense.studies.identification.options import sought
 from gapsense.studies.identification.valve.drive import Drive, drive_of
-from gapsense.studies.identification.valve.file import Known, read_known
-from gapsense.studies.identification.valve.forms import Sought
+from gapsense.studies.identification.valve.file import BY_NAME, PORTS, Known, read_known
+from gapsense.studies.identification.valve.forms import Sought, plain
+from gapsense.studies.identification.valve.gap.start import TURNS
+from gapsense.studies.identification.valve.scales import missing
 from gapsense.studies.records.checks import read_records
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS
 from gapsense.studies.records.record import Reading, Record
+
+TABLE_I = "[SEMERA] Table I"
+HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
+LAW = Law("sought", 0.0, ())
 
 
 class Asked(NamedTuple):
@@ -26,6 +35,7 @@ class Asked(NamedTuple):
     validate: Sequence[Path]
     figure: Path | None
     parameters: Path | None
+    assume: bool
     model: str
     period: float | None
     temperatures: str | None
@@ -45,6 +55,25 @@ class Given(NamedTuple):
     records: list[Record]
     kept: list[Record]  # for the validation
     conventions: Sequence[str]  # of the voltage between samples, that are left to the fit
+    asked: Asked
+
+    def ask(self) -> None:
+        """Ask for what a valve needs that the user has not given, before anything is fitted."""
+        is_law_known = bool({"gap_law", "gap_slope", "gap_area"} & self.known.given)
+        has_position = any(record.position is not None for record in self.records)
+        is_told = self.asked.inductance is not None or (has_position and not is_law_known)
+        sought = self.sought._replace(held=(*self.sought.held, TURNS), gap=()) if is_told else self.sought
+        self.ask_for(self.known.parameters, sought)
+
+    def ask_for(self, parameters: Parameters, sought: Sought) -> None:
+        """The same, with what is sought of the gap."""
+        form = plain(parameters, sought)
+        names = missing(form if sought.gap is None else form._replace(law=LAW), self.known.given)
+        if not self.asked.assume:
+            file = self.asked.parameters
+            where = file.name if file else "--parameters"
+            more = HOLD if "gap_slope" in names else ""
+            ask([PORTS[name].name for name in names], BY_NAME, where, TABLE_I, more)
 
     @property
     def driven(self) -> list[Record]:
@@ -57,7 +86,7 @@ def read(asked: Asked) -> Given:
     if asked.figure is not None:
         plot.check_file(asked.figure)
     known, drive = read_known(asked.parameters), drive_of(asked.driver, asked.accuracy)
-    seeking = sought(asked.forms, asked.hold, known)
+    seeking = sought(asked.forms, asked.hold, known, drive.accuracy)
     records = temperature.given(asked.temperatures, read_records(asked.data, asked.how, asked.period))
     is_open = asked.how.convention == AUTO and not all(record.is_mean for record in records)
     return Given(
@@ -67,4 +96,5 @@ def read(asked: Asked) -> Given:
         records=[record._replace(drive=drive.values) for record in records],
         kept=read_records(asked.validate, asked.how, needs="rest"),
         conventions=CONVENTIONS if is_open else (),
+        asked=asked,
     )

@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Separator, bar, command, show, written
+from gapsense import shipped
+from gapsense.cli.common import (
+    FAILED,
+    Assume,
+    Clipped,
+    Column,
+    Data,
+    Decimal,
+    Separator,
+    Validate,
+    bar,
+    command,
+    show,
+    written,
+)
 from gapsense.studies.records.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
@@ -19,20 +33,23 @@ MODELS = (AUTO, "coil", "solenoid_valve")
 
 @command("identify")
 def identify(
-    data: Annotated[
-        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
-    ],
+    data: Data,
     model: Annotated[str, typer.Option(help=f"What was measured: {', '.join(MODELS)}")] = AUTO,
     commission: Annotated[
         bool, typer.Option("--commission", help="All parameters of `Mhe`: the command `gapsense commission`")
     ] = False,
     to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("valve.toml"),
     parameters: Annotated[
-        Path | None, typer.Option(help="Known parameters and first guesses", show_default="[SEMERA] Table I")
+        Path | None,
+        typer.Option(
+            parser=shipped.record,
+            metavar="FILE",
+            help="Parameter-set file: what is known, stops, gap law, spring; first guesses",
+            show_default=False,
+        ),
     ] = None,
-    validate: Annotated[
-        list[Path] | None, typer.Option(help="Record that is kept for the validation", show_default=False)
-    ] = None,
+    assume: Assume = False,
+    validate: Validate = None,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
@@ -57,7 +74,8 @@ def identify(
     accuracy: Annotated[
         str | None,
         typer.Option(
-            help="Of the scales, in percent, for the standard errors: voltage=0.5,current=1", show_default=False
+            help="In percent, for the standard errors: voltage=0.5,current=1, or of what is known: stop.upper=2",
+            show_default=False,
         ),
     ] = None,
     column: Column = None,
@@ -70,9 +88,9 @@ def identify(
     """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 
     Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
-    relaxed spring are taken as known; inductances or a recorded position give the gap law too, and core losses and
-    fringes are found where the evidence is for them. Prints values, standard errors and correlations, and names what
-    the records do not identify.
+    relaxed spring have to be known, for no record tells them; inductances or a recorded position give the gap law too,
+    and core losses and fringes are found where the evidence is for them. Prints values, standard errors and
+    correlations, names what the records do not identify, and with --assume all that was assumed.
     """
     from gapsense.studies.commissioning.command import commissioned
     from gapsense.studies.identification import finished
@@ -87,14 +105,18 @@ def identify(
     how = reading(column, voltage, separator, decimal, clipped)
     others = (model, period, temperatures, forms, hold or [], inductance, driver, accuracy)
     if commission:
-        commissioned(data, how, believed(parameters, others), to, validate or [], figure)
-    asked = Asked(data, how, to, validate or [], figure, parameters, *others)
+        commissioned(data, how, believed(parameters, others), to, validate or [], figure, assume)
+    asked = Asked(data, how, to, validate or [], figure, parameters, assume, *others)
     given = read(asked)
+    if model == "solenoid_valve":
+        given.ask()
     with bar("looking for motion") as progress:
         coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
     if coil is not None:
         end(asked, finished.coil(asked, given, coil), told)
+    given.ask()
     start = known_gap.known(given.known.parameters, given.records, given.sought, inductance, given.conventions, period)
+    given.ask_for(start.parameters, start.sought)
     with bar("identifying") as progress:
         result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
     end(asked, finished.valve(asked, given, start, result), told)

@@ -54,7 +54,7 @@ def coil(asked: Asked, given: Given, result: Coil) -> Finished:
     """A coil, written."""
     kept = [without_causes(record, result.convention) for record in given.driven]
     checks = [coil_validation.validate(result, record) for record in kept]
-    turns = given.known.parameters.coil_turns if asked.parameters else 0.0
+    turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
     coil_file.write(asked.to, result, turns, asked.data)
     return Finished(
         shown=coil_show.tables(result, turns, checks),

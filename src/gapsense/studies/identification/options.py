@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gapsense.studies.identification.valve.file import PORTS, Known
@@ -23,7 +23,7 @@ NOT_COMMISSIONED = (
 )
 
 
-def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:
+def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str, float]) -> Sought:
     """From the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
     tried = {AUTO: FORMS, PLAIN: ()}.get(forms, tuple(split([forms])))
     names = {PORTS[field].name: field for field in FIELDS}
@@ -37,7 +37,9 @@ def sought(forms: str, hold: Sequence[str], known: Known) -> Sought:
             raise ValueError(f"--hold: `{name}` found, one of {', '.join(names)} expected.{because}")
         if names[name] in LOSSES and names[name] not in known.losses:
             raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
-    return Sought(tried, frozenset(names[name] for name in held), known.losses)
+    errors = {field: accuracy[port.name] for field, port in PORTS.items() if port.name in accuracy}
+    fields = frozenset(names[name] for name in held)
+    return Sought(tried, fields, known.losses, given=known.given, accuracy=errors)
 
 
 def believed(parameters: Path | None, others: Sequence[object]) -> Path:

@@ -21,7 +21,7 @@ from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.files import read_columns, write_atomically, write_columns
 from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.values import ValuesError, fields, unknown
-from gapsense.parameters import read_parameters
+from gapsense.parameters import ParameterSet, read_set
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
@@ -35,11 +35,21 @@ AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve a
 
 def read_values(files: Sequence[Path]) -> dict[str, Value]:
     """Values of parameter-set files; what a later file says wins.  An InputError tells all that is wrong."""
+    return read_sets(files).values
+
+
+def read_sets(files: Sequence[Path]) -> ParameterSet:
+    """The same, with the names of the values that are assumed."""
     problems: list[str] = []
-    values = {name: value for file in files for name, value in read_parameters(file, problems).items()}
+    values: dict[str, Value] = {}
+    assumed: dict[str, None] = {}  # an ordered set
+    for file in files:
+        found = read_set(file, problems)
+        values |= found.values
+        assumed = {n: None for n in assumed if n not in found.values} | dict.fromkeys(found.assumed)
     if problems:
         raise InputError(problems)
-    return values
+    return ParameterSet(values, tuple(assumed))
 
 
 def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()) -> dict[Path, dict[str, Value]]:
@@ -65,11 +75,12 @@ def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] 
     return made
 
 
-def parameters_of(name: str, file: Path | None) -> Any:
+def parameters_of(name: str, file: Path | None, defaults: Mapping[str, Value] | None = None) -> Any:
     """Parameters of the kernel of the component in folder `name`: its own, or those of a parameter set."""
     folder = own(name)
     try:
-        return kernel_parameters(folder, without_others(folder, read_values([file])) if file else {})
+        values = without_others(folder, read_values([file])) if file else {}
+        return kernel_parameters(folder, {**(defaults or {}), **values})
     except ValuesError as error:
         raise InputError([f"{file.name if file else name}: {problem}" for problem in error.problems]) from None
 

@@ -7,14 +7,12 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Decimal, Separator, command, show, written
+from gapsense.cli.common import Clipped, Column, Data, Decimal, Separator, command, show, written
 
 
 @command("inspect")
 def inspect(
-    data: Annotated[
-        list[Path], typer.Argument(help="CSV files: time [s], voltage [V], current [A]", show_default=False)
-    ],
+    data: Data,
     figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     resistance: Annotated[

@@ -22,18 +22,34 @@ def reduced_fit(
     ] = None,
     parameters: Annotated[
         Path | None,
-        typer.Option(help="Parameter set of Ekf: coil, stops and gap law of the device", show_default="[RTS] Table I"),
+        typer.Option(
+            help="Parameter set of Ekf: coil, stops and gap law of the device",
+            show_default="[RTS] Table I for its own cycle",
+        ),
     ] = None,
     held: Annotated[
         bool, typer.Option(help="The recorded voltage holds from sample to sample, instead of straight lines")
     ] = False,
 ) -> None:
     """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
-    from gapsense.studies.identification.transfer import parameters_of
+    from gapsense.estimators.reduced_model import GapLaw
+    from gapsense.fmi.components import load_component, own
+    from gapsense.studies.commissioning.needed import GAPS
+    from gapsense.studies.identification.assumptions import ask
+    from gapsense.studies.identification.transfer import parameters_of, read_sets
     from gapsense.studies.reduced_fit.fit import of_record, of_reference_cycle
     from gapsense.studies.reduced_fit.show import cores
 
     par = parameters_of("ekf", parameters)
+    if record is not None:
+        given, assumed = read_sets([parameters] if parameters else [])
+        needed = ("coil.resistance", "coil.turns", "stop.lower", "stop.upper", *GAPS[GapLaw(int(par.gap_law))])
+        names = [name for name in needed if name not in given or name in assumed]
+        ask(
+            names,
+            {port.name: port for port in load_component(own("ekf")).of("parameter")},
+            parameters.name if parameters else "--parameters",
+        )
     with bar("fitting") as progress:
         fits = of_record(record, par, held) if record else of_reference_cycle(par, progress)
     show(*cores(fits, is_reference=record is None))

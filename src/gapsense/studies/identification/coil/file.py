@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.files import write_atomically
+from gapsense.studies.identification.assumptions import marks
 from gapsense.studies.identification.coil.fit import POOR, Coil
 from gapsense.studies.identification.noise import noises
 
@@ -40,9 +41,11 @@ PORTS = {
 def write(file: Path, result: Coil, turns: float, sources: Sequence[Path]) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`; 0 turns are not known."""
     note = "" if turns else "  # not known: reluctances are over the turns squared"
+    unknown = [] if turns else ["coil.turns"]
     lines = [
         'description = "Coil without motion, identified"',
         f"source = {json.dumps('gapsense identify ' + ' '.join(source.name for source in sources))}",
+        *marks(unknown),
         "",
         "[values]",
         *(line(PORTS[name].name, value, told(result, name)) for name, value in values(result, turns).items()),

@@ -23,6 +23,9 @@ from gapsense.studies.records.record import Record
 
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
 HIDES = 0.05  # of the largest current: in noise of 6 % the valve of 30 V moves unseen
+ONE_TURN = (
+    "`coil.turns` is assumed to be 1, for no record tells it: with other turns all reluctances go with their square."
+)
 SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
 
@@ -30,7 +33,8 @@ def tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Tab
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     told = [text for record in (*result.records, *(c.record for c in checks)) for text in about(record)]
     after: list[Table | str] = [validation(checks), *warmth(result, checks)] if checks else []
-    return [forms(result), parameters(result, turns), residuals(result), *after, *remarks(result), *told]
+    unknown = [] if turns else [ONE_TURN]
+    return [forms(result), parameters(result, turns), residuals(result), *after, *remarks(result), *unknown, *told]
 
 
 def forms(result: Coil) -> Table:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.report.table import quantity
+from gapsense.studies.identification.assumptions import SCALES
 from gapsense.studies.identification.valve.evidence import ENOUGH, Trial, chosen, evidence, is_quiet, relative
 from gapsense.studies.identification.valve.forms import Sought
 from gapsense.studies.identification.valve.linear import left_at, linear, scales
@@ -21,7 +22,7 @@ from gapsense.studies.identification.valve.prepared import Prepared
 from gapsense.studies.records.record import Record, Vector
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
-PERCENT = {"voltage": "PERCENT", "current": "PERCENT"}
+PERCENT = dict.fromkeys(("voltage", "current", *(name for name in SCALES if name != "stop.restitution")), "PERCENT")
 WARMEST, COPPER = 0.3, 3.9e-3  # of the resistance, relative to the one that is known; its change by degree
 ROUNDS = 6
 CLOSE = 0.05  # standard errors of a step that ends the search
@@ -35,7 +36,9 @@ class Drive(NamedTuple):
 
     values: Mapping[str, float] = {}
     fitted: tuple[str, ...] = ()
-    accuracy: Mapping[str, float] = {}  # relative standard errors of the scales of voltage and current
+    accuracy: Mapping[
+        str, float
+    ] = {}  # relative standard errors of the scales of voltage and current, or of a parameter
 
     def of(self, records: Sequence[Record]) -> list[Record]:
         """The records, of which what is known is to be taken out."""

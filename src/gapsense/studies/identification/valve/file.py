@@ -18,17 +18,20 @@ from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.fmi.values import ValuesError, fields
 from gapsense.problems import InputError
-from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, parameters_of, read_values
+from gapsense.studies.identification.assumptions import marks, stated
+from gapsense.studies.identification.transfer import GAPS, TABLE_UNITS, parameters_of, read_sets
 from gapsense.studies.identification.valve import lossy_valve
 from gapsense.studies.identification.valve.device import value
 from gapsense.studies.identification.valve.form import TABLE
 from gapsense.studies.identification.valve.forms import LOSSES
 from gapsense.studies.identification.valve.identified import Identified
+from gapsense.studies.identification.valve.scales import similar
 from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
 PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
 PORTS[TABLE[0]] = Port("gap.file", "parameter", "1", "Factor on the table of the gap law")
+BY_NAME = {port.name: port for port in PORTS.values()}
 
 
 class Known(NamedTuple):
@@ -38,15 +41,30 @@ class Known(NamedTuple):
     table: Path | None = None
     losses: Mapping[str, float] = {}
     resistance: float | None = None  # of the coil, where the file has it [Ohm]
+    given: frozenset[str] = frozenset()  # fields whose values are known, or were guessed by the user
 
 
 def read_known(file: Path | None) -> Known:
-    """Known parameters and first guesses from a parameter-set file; what it leaves out is as in [SEMERA] Table I."""
-    parameters, values = parameters_of("solenoid_valve", file), read_values([file] if file else [])
+    """Known parameters and first guesses from a parameter-set file.
+
+    What it leaves out is that of a valve that is electrically like the one of [SEMERA] Table I.
+    """
+    values, assumed = read_sets([file] if file else [])
     law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
     if law == "table" and table is None:
         raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
-    return Known(parameters, Path(str(table)) if law == "table" else None, _losses(values, file), _R(values))
+    defaults: dict[str, Value] = {}
+    if isinstance(lower := values.get("stop.lower"), float):
+        defaults = {"stop.upper": lower + PORTS["stop_upper"].start}
+    fields_of = {port.name: field for field, port in PORTS.items()}
+    there, known = ({fields_of[n] for n in names if n in fields_of} for names in (values, {*values} - {*assumed}))
+    return Known(
+        parameters=similar(parameters_of("solenoid_valve", file, defaults), there),
+        table=Path(str(table)) if law == "table" else None,
+        losses=_losses(values, file),
+        resistance=_R(values),
+        given=frozenset(known),
+    )
 
 
 def _R(values: Mapping[str, Value]) -> float | None:
@@ -76,6 +94,7 @@ def write_identified(
     lines = [
         'description = "Solenoid valve, identified"',
         f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
+        *marks([PORTS[name].name for name in result.assumed]),
         *(f"# {note}" for note in notes),
         "",
         "[values]",
@@ -127,6 +146,8 @@ def _line(name: str, result: Identified) -> str:
     note = (
         "" if error is None else f"  # +- {100.0 * error:.2g} %" + (", not identified" if name in result.poor else "")
     )
+    if name in result.assumed:
+        note = f"  # assumed, not known: {stated(port.name, result.assumed[name])}"
     note = "  # not identified, held" if name in result.held else note
     key = f'"{port.name}"' if "." in port.name else port.name
     return f"{key} = {found(result, name)!r}{note}"

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense.studies.identification.assumptions import scale
 from gapsense.studies.identification.residual import residual
 from gapsense.studies.identification.valve import model
 from gapsense.studies.identification.valve.beginning import Beginning, Method, begun, course_of
 from gapsense.studies.identification.valve.device import Device, changed
+from gapsense.studies.identification.valve.doubt import Minimum, doubted
 from gapsense.studies.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction
 from gapsense.studies.identification.valve.errors import doubts, uncertainty
 from gapsense.studies.identification.valve.form import FACTOR, Form
@@ -25,6 +27,7 @@ from gapsense.studies.identification.valve.identified import Identified
 from gapsense.studies.identification.valve.minimise import Fit
 from gapsense.studies.identification.valve.model import Experiment
 from gapsense.studies.identification.valve.prepared import Prepared, prepare
+from gapsense.studies.identification.valve.scales import BOUNCE, needed
 from gapsense.studies.identification.valve.search import search
 from gapsense.studies.records.record import Record, Vector
 from gapsense.workers import Progress
@@ -88,10 +91,21 @@ def identify(
     result = _identified(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
-    if not held:
-        return result
-    at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
-    return _identified(fit, at, beginning, drive.accuracy).with_held(held, result)
+    if held:
+        at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
+        result = _identified(fit, at, beginning, drive.accuracy).with_held(held, result)
+    return _with_assumed(result, at, sought)
+
+
+def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
+    """The result with what was neither given nor found, and with the doubt about all that was held."""
+    known = (*needed(at.form), BOUNCE)
+    assumed = [] if sought.given is None else [name for name in known if name not in sought.given]
+    doubts = {name: scale(name.replace("_", ".")).doubt for name in assumed}
+    doubts |= {name: error for name, error in sought.accuracy.items() if name in known}
+    tied = {"spring_rest"} & {*assumed}
+    found = doubted(Minimum(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
+    return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:

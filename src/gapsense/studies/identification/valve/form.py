@@ -33,7 +33,7 @@ class Form(NamedTuple):
     def at(self, ratios: Vector) -> Device:
         """The fitted parameters multiplied by e^ratio, so that they stay positive; the others as they are known."""
         factors = zip(self.fitted, np.exp(ratios).tolist())
-        made = changed(self.known, **{n: x for name, f in factors for n, x in _multiplied(self.known, name, f)})
+        made = changed(self.known, **{n: x for name, f in factors for n, x in multiplied(self.known, name, f)})
         return made if self.law is None else changed(made, **_table(self.law_at(ratios), made))
 
     def law_at(self, ratios: Vector) -> Law:
@@ -98,7 +98,7 @@ def _table(law: Law, par: Device) -> dict[str, Any]:
     return {f"gap_file_{name}": column.tolist() for name, column in made.items()}
 
 
-def _multiplied(par: Device, name: str, factor: float) -> list[tuple[str, Any]]:
+def multiplied(par: Device, name: str, factor: float) -> list[tuple[str, Any]]:
     """A parameter times a factor; of the table of a gap law, both columns."""
     if name.startswith(SHAPE):
         return []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
@@ -27,6 +27,8 @@ class Sought(NamedTuple):
     gap: tuple[str, ...] | None = None  # of the gap law, where records or inductances tell it; the turns are held then
     law: Law | None = None  # see `Form`
     total: float | None = None  # likewise
+    given: Set[str] | None = None  # fields whose values are known; nothing: all that are held
+    accuracy: Mapping[str, float] = {}  # relative standard errors of held fields
 
 
 EVERYTHING = Sought()

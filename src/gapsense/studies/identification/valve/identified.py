@@ -38,6 +38,7 @@ class Identified(NamedTuple):
     trials: list[Trial]  # forms that were tried
     drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
+    assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
 
     @property
     def names(self) -> tuple[str, ...]:

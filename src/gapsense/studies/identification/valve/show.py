@@ -11,6 +11,7 @@ from rich.table import Table
 
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
+from gapsense.studies.identification.assumptions import meanings, stated
 from gapsense.studies.identification.causes import CAUSES
 from gapsense.studies.identification.residual import verdict
 from gapsense.studies.identification.valve.drive import TAKEN
@@ -32,7 +33,20 @@ def tables(result: Identified, records: Sequence[Record], checks: Sequence[Valid
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
     told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
-    return [*shown, *([validation(checks)] if checks else []), *remarks(result), *told]
+    return [*shown, *assumed(result), *([validation(checks)] if checks else []), *remarks(result), *told]
+
+
+def assumed(result: Identified) -> list[Table | str]:
+    """What was neither given nor found, how far its values may be off, and what that means."""
+    names = {PORTS[name].name: name for name in result.assumed}
+    if not names:
+        return []
+    rows = [
+        (name, quantity(found(result, field), PORTS[field].unit), stated(name, result.assumed[field]))
+        for name, field in names.items()
+    ]
+    heads = ("parameter", "assumed", "standard error")
+    return [table("Assumed, neither given nor told by the records", heads, rows), *meanings(names)]
 
 
 def about(record: Record) -> list[str]:
@@ -51,7 +65,7 @@ def parameters(result: Identified) -> Table:
     rows = []
     for name, error in zip(result.names, result.uncertainty.relative.tolist()):
         unit, value = PORTS[name].unit, found(result, name)
-        interval = (quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
+        interval = (quantity(value * float(np.exp(side * TWO_SIDED * error)), unit) for side in (-1.0, 1.0))
         note = "not identified" if name in result.poor else ""
         rows.append((PORTS[name].name, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
     for name in result.held:

@@ -16,6 +16,7 @@ from gapsense.studies.gap_law.laws import Law, Vector
 from gapsense.studies.identification.valve.form import shape
 from gapsense.studies.identification.valve.forms import Sought
 from gapsense.studies.identification.valve.gap.start import TURNS, Gap, noises
+from gapsense.studies.identification.valve.scales import LAWS
 from gapsense.studies.records.flux import estimate
 from gapsense.studies.records.operations import operations
 from gapsense.studies.records.record import Record, between
@@ -39,7 +40,8 @@ def of_positions(
     If they only confirm the form of the law that is known, it stays, and the turns are sought.
     """
     readings = [[between(record, name) for record in records] for name in conventions] or [[*records]]
-    laws = [_laws(par, reading, TURNS not in sought.held, period) for reading in readings]
+    is_known = TURNS not in sought.held and (sought.given is None or not sought.given.isdisjoint(LAWS[par.gap_law]))
+    laws = [_laws(par, reading, is_known, period) for reading in readings]
     left = [min(motion.square(trial.left) for trial in trials) for trials in laws]
     k = left.index(min(left))
     best = motion.best(laws[k])
