@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 RECORDS, PERIODS, AIM = 6, 25.8, 60.0
 KNOWN = '[values]\n"coil.turns" = 1130.0\n"mover.mass" = 1.8e-3\n"damping" = 0.5\n"core.saturation" = 0.026\n'
+KNOWN += '"stop.lower" = 0.0\n"stop.upper" = 0.9e-3\n"gap.slope" = 2.7e10\n"spring.rest" = 22.5e-3\n'
 
 
 def main() -> None:

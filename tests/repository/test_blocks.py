@@ -110,7 +110,9 @@ def records(**volts: float) -> None:
         columns = np.loadtxt(f"{name}.csv", delimiter=",", skiprows=1, usecols=(0, 1, 2))
         head = "time [s],voltage [V],current [A]"
         np.savetxt(f"{name}.csv", columns, "%.9g", delimiter=",", header=head, comments="")
-    Path("known.toml").write_text('[values]\n"stop.upper" = 0.9e-3\n', encoding="utf-8")
+    Path("known.toml").write_text(
+        next(block.text for block in blocks(DOCS / "identification.md") if block.kind == "toml")
+    )
 
 
 def address() -> None:

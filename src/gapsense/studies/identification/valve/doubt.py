@@ -7,7 +7,7 @@ tell no stroke from another one, but something of the relaxed gap of a spring, s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,18 @@ SHOWN = 10.0  # standard errors by one record that a value may be off; then the 
 ALLOWED, TRIALS = 0.1, 5  # part by which the cost may grow, and times that a smaller change is tried
 OPEN = 1.02  # least relaxed gap, in upper stops, of a spring that opens the valve
 TINY = 1e-300
+ALIKE: Mapping[str, Mapping[str, float]] = {  # powers by which fitted values go with held ones, about
+    "stop_upper": {
+        "coil_turns": 0.5,
+        "core_reluctance": 1.0,
+        "mover_mass": -2.0,
+        "spring_stiffness": -2.0,
+        "damping": -2.0,
+    },
+    "spring_rest": {"spring_stiffness": -1.0},
+    "gap_slope": {"coil_turns": 0.5, "core_reluctance": 1.0},
+    "gap_area": {"coil_turns": -0.5, "core_reluctance": -1.0},
+}
 
 
 class Minimum(NamedTuple):
@@ -75,12 +87,11 @@ def moved(at: Minimum, name: str, doubt: float, tied: Collection[str]) -> list[V
     J, r, step = jacobian(form, at.ratios, at.experiments), residuals(0.0), doubt if one_sided else STEP
     B = (residuals(step) - (r if one_sided else residuals(-step))) / (step if one_sided else 2.0 * step)
     slope = -np.linalg.pinv(J) @ B
-    if one_sided:
-        most = min(doubt, bound(B + J @ slope, r))
-        return [refitted(at, change, most, slope, cost(r))]
-    if doubt <= LINEAR:
+    if not one_sided and doubt <= LINEAR:
         return [doubt * slope]
-    return [refitted(at, change, side * doubt, slope, cost(r)) for side in (-1.0, 1.0)]
+    alike = np.array([ALIKE.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
+    sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
+    return [refitted(at, change, by, (slope, alike), cost(r)) for by in sides]
 
 
 def bound(left: Vector, r: Vector) -> float:
@@ -89,19 +100,27 @@ def bound(left: Vector, r: Vector) -> float:
     return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
 
 
-def refitted(at: Minimum, change: Callable[[float], Device], by: float, slope: Vector, before: float) -> Vector:
-    """The same by a fit; where the records do not allow a change, by a smaller one."""
+def refitted(
+    at: Minimum, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float
+) -> Vector:
+    """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
     for _ in range(TRIALS):
-        start = at.ratios + by * slope
-        moved_form = at.form._replace(known=change(by))
-        law = None if moved_form.law is None else moved_form.law_at(start)
-        fit = Fit(moved_form._replace(known=moved_form.at(start), law=law))  # its bounds are around the start
-        ratios = fit.least_squares(fit.form.start, at.experiments)
-        grown = fit.cost(ratios, at.experiments) / max(before, TINY) - 1.0
+        form = at.form._replace(known=change(by))
+        ends = [_end(form, at.ratios + by * slope, at.experiments) for slope in slopes]
+        ratios, least = min(ends, key=lambda end: end[1])
+        grown = least / max(before, TINY) - 1.0
         if grown <= ALLOWED:
             break
         by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
-    return np.asarray(by * slope + ratios)
+    return np.asarray(ratios - at.ratios)
+
+
+def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vector, float]:
+    """The minimum next to a start, around which its bounds are, and the cost there."""
+    law = None if form.law is None else form.law_at(start)
+    fit = Fit(form._replace(known=form.at(start), law=law))
+    ratios = fit.least_squares(fit.form.start, experiments)
+    return start + ratios, fit.cost(ratios, experiments)
 
 
 def widened(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
