@@ -156,3 +156,15 @@ def test_opening_begins_with_the_flux_linkage_of_an_estimator_in_its_senses(misf
 def test_estimator_that_says_nothing_is_told_and_cycles_stay_ordinary():
     rows, _ = run(CYCLE * 6, PAR._replace(law=1.0), voltage=10.0, current=0.2, mode=landing)
     assert rows[-1].warnings >= 8.0 and {row.state for row in rows} == {LEARNING}
+
+
+@pytest.mark.parametrize(("leaves", "lands"), [(1500, 1600), (100, 1500), (1023, 1024), (1022, 1023)])
+def test_motions_after_the_samples_that_are_kept_teach_nothing(leaves, lands):
+    """They would be looked for behind the end of the memory."""
+
+    def mode(k):
+        return 3.0 if k <= leaves else 2.0 if k <= lands else 1.0
+
+    rows, state = run([1.0] * 2000 + [0.0] * 300, voltage=10.0, current=0.2, mode=mode)
+    assert state.heard.takeoff == 0.0 and state.course.last < 1024
+    assert all(math.isfinite(x) for row in rows for x in row)

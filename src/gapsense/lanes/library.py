@@ -2,8 +2,8 @@
 
 Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
 
-What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has a
-hash of its content: what was cut, changed or exchanged is compiled anew.
+What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has
+a hash of its content: what was cut, changed or exchanged is compiled anew.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def distrusted(folder: Path) -> str:
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             return f"`{folder}` is in `{parent}`, which everybody can write."
     with suppress(OSError):
-        if all(name.startswith(PREFIX) for name in os.listdir(real)):
+        if all(entry.name.startswith(PREFIX) for entry in real.iterdir()):
             real.chmod(PRIVATE)
     return ""
 
