@@ -9,8 +9,26 @@ from __future__ import annotations
 import json
 import sys
 from ctypes import (
-    CDLL, CFUNCTYPE, POINTER, Structure, byref, c_bool, c_char_p, c_double, c_int, c_int8, c_int16, c_int32, c_int64,
-    c_float, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64, c_void_p, create_string_buffer,
+    CDLL,
+    CFUNCTYPE,
+    Structure,
+    byref,
+    c_bool,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int,
+    c_int8,
+    c_int16,
+    c_int32,
+    c_int64,
+    c_size_t,
+    c_uint8,
+    c_uint16,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+    create_string_buffer,
 )  # fmt: skip
 from typing import Any
 
@@ -107,17 +125,18 @@ class Host:
             self.call("both", name, self.one, None, c_size_t(1), None, *count)
             self.call("nobody", name, None, references, c_size_t(1), room, *count)
         if kind == "String":
-            text = next(k for k in range(10000) if self.is_text(k))
-            references[0] = text
-            self.call("a text", "SetString", self.one, references, c_size_t(1), (c_char_p * 1)(None), *count)
+            text = next((k for k in range(200) if self.is_text(k)), None)
+            if text is not None:
+                references[0] = text
+                self.call("a text", "SetString", self.one, references, c_size_t(1), (c_char_p * 1)(None), *count)
 
     def is_text(self, reference: int) -> bool:
-        """Whether there is such a String; the last number tried stands for one where there is none."""
+        """Whether there is such a String."""
         references, room = (c_uint32 * 1)(reference), (c_char_p * 1)(b"x")
         count = (c_size_t(1),) if self.fmi == 3 else ()
         done = getattr(self.library, f"{self.prefix}SetString")(self.one, references, c_size_t(1), room, *count)
         getattr(self.library, f"{self.prefix}Reset")(self.one)
-        return done == 0 or reference == 9999
+        return int(done) == 0
 
     def states(self) -> None:
         get, free = (getattr(self.library, f"{self.prefix}{verb}{self.state}") for verb in ("Get", "Free"))

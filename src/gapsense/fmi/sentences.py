@@ -79,6 +79,7 @@ SENTENCES = {
     "decreases": "row %d: `%s` decreases from %g to %g",
     "does_not_rise": "row %d: `%s` does not rise from %g to %g",
     "no_number": "row %d: `%s` is `%s`, not a finite number",
+    "and_more": "and %u more",
     # Arrays of FMI 3.0.
     "value_count": "%s: these variables have %u values, but there is room for %u. Read their dimensions first.",
     "both_tables": "both the file and the arrays are others than at the start. Change only one of them.",
