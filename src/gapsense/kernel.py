@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.emit import C, Graph, Numpy, Python, namespace, split
+from gapsense.emit import C, Graph, Numpy, Python, indexing, namespace, split
 from gapsense.records import fields, flat, leaves, names, record, zeros
 from gapsense.trace import Expr, Tape, TraceError, memory_of
 
@@ -69,6 +69,16 @@ def _check_memory(name: str, result: Any) -> None:
         raise TraceError(f"`{name}`: array memory must be returned in the field that it came from.")
 
 
+class Wholes(NamedTuple):
+    """Whole numbers of a state, of which indices are made: `first` of an entry, and each `every` after it in memory."""
+
+    entry: int
+    first: int
+    every: int
+    least: int
+    most: int
+
+
 @dataclass(frozen=True)
 class Kernel:
     """The functions and records of one kernel module."""
@@ -84,6 +94,25 @@ class Kernel:
     def graphs(self) -> tuple[Graph, Graph]:
         """Traced `initial` and `step`."""
         return self.traced()
+
+    @cached_property
+    def wholes(self) -> list[Wholes]:
+        """What a saved state must hold, for all indices to be right ones.
+
+        Raises
+        ------
+        TraceError
+            If indices are made of an entry of the state that does not say what it may be.
+        """
+        layout = fields(self.module.State)
+        spans = {name: field.spans for name, field in layout.items() if any(field.spans)}
+        for name in sorted(indexing(self.graphs[1]) - spans.keys()):
+            raise TraceError(
+                f"`{self.name}`: indices are made of `{name}` of the state. Say what it may be: `Whole(0, n)`."
+            )
+        entries = {name: k for k, name in enumerate(names(self.module.State))}
+        found = ((entries[name], k, len(own), span) for name, own in spans.items() for k, span in enumerate(own))
+        return [Wholes(entry, k, every, *span) for entry, k, every, span in found if span]
 
     def traced(self, values: Mapping[str, Any] | None = None, with_places: bool = False) -> tuple[Graph, Graph]:
         """Traced `initial` and `step`; with `values` of all parameters these are numbers in them, but for tables.

@@ -20,13 +20,30 @@ Scalar: TypeAlias = Any  # float, or a traced scalar
 Array: TypeAlias = Any  # object array of scalars, list, or traced memory
 
 
+Span: TypeAlias = "tuple[int, int] | None"  # least and greatest value of a whole number; None: any number
+
+
 class Field(NamedTuple):
-    """How one field of a record is laid out; `size` is its dimension, or the length of its memory."""
+    """How one field of a record is laid out; `size` is its dimension, or the length of its memory.
+
+    `spans` say which numbers of a state are whole, because indices are made of them: a saved state with others is
+    refused.  Those of a memory are of its first numbers, then again of the next ones, and so on.
+    """
 
     kind: str = "scalar"
     size: int = 1
+    spans: tuple[Span, ...] = (None,)
 
 
+COUNT = (0, 2**40)  # of samples or operations: more than any run has
+
+
+def Whole(least: int, most: int) -> Field:
+    """Layout of a scalar that is a whole number of this span."""
+    return Field(spans=((least, most),))
+
+
+Count = Whole(*COUNT)
 Vector = partial(Field, "vector")  # (n,)
 Covariance = partial(Field, "covariance")  # (n, n), symmetric
 Memory = partial(Field, "memory")  # n values, zero at the start, that `load` and `store` reach by index

@@ -56,3 +56,10 @@ def one(subject: Subject) -> Iterator[Instance]:
     instance = subject.new()
     yield instance
     instance.do("free")
+
+
+@pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
+def native3(request: Any, natives: Path, tmp_path: Path) -> Subject:
+    """Each native FMU of FMI 3.0 in turn."""
+    component = load_component(request.param)
+    return Subject(component, "native", natives / "fmi3" / f"{component.name}.fmu", tmp_path)

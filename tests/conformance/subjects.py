@@ -39,7 +39,8 @@ class Subject:
         self.component, self.kind, self.folder = component, kind, folder
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folder)
-            self.guid = ElementTree.fromstring(archive.read("modelDescription.xml")).attrib["guid"]
+            about = ElementTree.fromstring(archive.read("modelDescription.xml")).attrib
+            self.guid = about.get("guid") or about["instantiationToken"]
         self.resources = (folder / "resources").as_uri()
         self.step = self._step()
         self.process: subprocess.Popen[str] | None = None

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from stimuli import rows
 from subjects import ERROR, OK, Instance, Subject, refused
 
+from gapsense.fmi.components import kernel_of
 from gapsense.fmi.sentences import SENTENCES, say
 
 FUZZ = settings(max_examples=30, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -160,6 +161,12 @@ FORGED: dict[str, Callable[[dict[str, Any]], Any]] = {
 }
 
 
+def with_number(entries: list[Any], entry: int, first: int, number: float) -> None:
+    """Change a number of the kernel's state, in the memory of that entry if it is one."""
+    where, place = (entries[entry], first) if isinstance(entries[entry], list) else (entries, entry)
+    where[place] = number
+
+
 def test_made_up_states_are_refused(subject: Subject, one: Instance) -> None:
     if subject.kind != "python":
         pytest.skip("only the bytes of Python FMUs can be read here")
@@ -169,5 +176,10 @@ def test_made_up_states_are_refused(subject: Subject, one: Instance) -> None:
         answer = one.do("DeSerializeFMUstate", made_up(data, change), 1)
         assert answer.status == ERROR and len(answer.log) == 1, case
         assert is_said_of_states(answer.log[0][3]) and "Traceback" not in answer.log[0][3], case
+    for entry, first, _, least, most in kernel_of(subject.component).wholes:
+        for number in (least - 1.0, most + 1.0, least + 0.5, 1e300, -2.1e9, math.nan, math.inf):
+            forged = made_up(data, lambda state, at=(entry, first), x=number: with_number(state["state"], *at, x))
+            answer = one.do("DeSerializeFMUstate", forged, 1)
+            assert answer.status == ERROR and "damaged: its values cannot be right" in answer.log[0][3]
     assert (one.values(), one.outputs()) == (values, outputs)
     one.all(("DeSerializeFMUstate", made_up(data, lambda state: None), 1), ("SetFMUstate", 1), ("FreeFMUstate", 1))

@@ -241,3 +241,15 @@ def test_voltage_that_is_left_without_one_is_its_zero_and_told():
 
     rows, state = run(CYCLE * 3, voltage=voltage, current=lambda k: 0.2 * (voltage(k) > 1.0), mode=landing)
     assert state.coil.voltage_zero == pytest.approx(0.4, abs=1e-3) and rows[-1].warnings >= 32.0
+
+
+@pytest.mark.parametrize(("leaves", "lands"), [(1500, 1600), (100, 1500), (1023, 1024), (1022, 1023)])
+def test_motions_after_the_samples_that_are_kept_teach_nothing(leaves, lands):
+    """They would be looked for behind the end of the memory."""
+
+    def mode(k):
+        return 3.0 if k <= leaves else 2.0 if k <= lands else 1.0
+
+    rows, state = run([1.0] * 2000 + [0.0] * 300, voltage=10.0, current=0.2, mode=mode)
+    assert state.heard.takeoff == 0.0 and state.course.last < 1024
+    assert all(math.isfinite(x) for row in rows for x in row)

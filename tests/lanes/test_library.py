@@ -89,14 +89,158 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, compiler):
     assert done.stdout.strip() == f"{FOUND} True", done.stderr
 
 
-def test_a_library_that_does_not_load_is_told(fresh, compiler):
-    file = library.built(text())
-    file.write_bytes(b"torn")
+def test_a_library_that_does_not_load_is_told(fresh, compiler, monkeypatch):
+    monkeypatch.setattr(library, "SHARED", ("-c",))  # an object file, which is no library
     with pytest.warns(UserWarning, match="Python computes instead"):
         assert library.loaded(text()) is None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert library.loaded(text()) is None
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:4096])
+
+
+def flipped(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+def emptied(file: Path) -> None:
+    file.write_bytes(b"")
+
+
+def made_folder(file: Path) -> None:
+    file.unlink()
+    file.mkdir()
+    (file / "inside").touch()
+
+
+def made_link(file: Path) -> None:
+    other = file.with_name("elsewhere")
+    file.rename(other)
+    file.symlink_to(other)
+
+
+def made_pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+def given_away(file: Path) -> None:
+    os.chown(file, 12345, -1)
+
+
+def opened(file: Path) -> None:
+    file.chmod(0o722)
+
+
+@pytest.mark.parametrize(
+    "harm", [cut, flipped, emptied, made_folder, made_link, made_pipe, opened, given_away], ids=lambda f: f.__name__
+)
+def test_what_is_not_as_it_was_compiled_is_compiled_anew(harm, tmp_path, compiler):
+    needs_root(harm is given_away)
+    cache = {library.CACHE: str(tmp_path / "cache")}
+    assert child(**cache).stdout.strip() == f"{FOUND} True"
+    (file,) = (tmp_path / "cache").iterdir()
+    content = file.read_bytes()
+    harm(file)
+    for _ in range(2):
+        done = child(**cache)
+        assert done.stdout.strip() == f"{FOUND} True", done.stderr
+    assert file.lstat().st_mode & 0o170777 == 0o100700 and file.lstat().st_uid == os.geteuid()
+    assert file.read_bytes() == content and "anew" not in done.stderr
+
+
+def needs_root(is_needed: bool) -> None:
+    if os.name != "posix" or (is_needed and os.geteuid() != 0):
+        pytest.skip("only root can give a file away")
+
+
+def test_a_library_under_the_name_of_another_is_not_loaded(fresh, compiler):
+    first, other = library.built(text()), library.built(text(3.0))
+    good = first.read_bytes()
+    first.write_bytes(other.read_bytes())
+    assert library.built(text()) == first and first.read_bytes() == good
+    forged = other.with_name(first.name[: -len(library.ENDING) - 32] + other.name[-len(library.ENDING) - 32 :])
+    other.rename(forged)
+    first.unlink()
+    assert library.built(text()) == first
+
+
+def test_cache_is_for_its_owner_alone(fresh, compiler):
+    fresh.mkdir(mode=0o755)
+    assert library.built(text()).parent == fresh
+    assert fresh.stat().st_mode & 0o777 == 0o700
+
+
+def test_folder_with_files_of_others_keeps_its_mode(fresh, compiler):
+    fresh.mkdir(mode=0o755)
+    (fresh / "thesis.txt").touch()
+    assert library.built(text()).parent == fresh
+    assert fresh.stat().st_mode & 0o777 == 0o755
+
+
+def of_another_user(folder: Path) -> None:
+    folder.mkdir(mode=0o700)
+    os.chown(folder, 12345, -1)
+
+
+def writable_by_a_group(folder: Path) -> None:
+    folder.mkdir()
+    folder.chmod(0o770)
+
+
+def writable_by_all(folder: Path) -> None:
+    folder.mkdir()
+    folder.chmod(0o777)
+
+
+def in_a_writable_folder(folder: Path) -> None:
+    folder.mkdir()
+    folder.parent.chmod(0o777)
+
+
+def link_to_another_user(folder: Path) -> None:
+    of_another_user(folder.with_name("theirs"))
+    folder.symlink_to(folder.with_name("theirs"))
+
+
+def link_of_another_user(folder: Path) -> None:
+    folder.with_name("own").mkdir(mode=0o700)
+    folder.symlink_to(folder.with_name("own"))
+    os.chown(folder, 12345, -1, follow_symlinks=False)
+
+
+REFUSED = {
+    of_another_user: "belongs to another user",
+    writable_by_a_group: "can be written by other users",
+    writable_by_all: "can be written by other users",
+    in_a_writable_folder: "which everybody can write",
+    link_to_another_user: "belongs to another user",
+    link_of_another_user: "belongs to another user",
+}
+
+
+@pytest.mark.parametrize("harm", REFUSED, ids=lambda f: f.__name__)
+def test_folder_in_which_others_can_write_is_not_used(harm, tmp_path, compiler):
+    needs_root("another" in harm.__name__)
+    folder = tmp_path / "there" / "cache"
+    folder.parent.mkdir()
+    harm(folder)
+    done = child(**{library.CACHE: str(folder)})
+    assert done.stdout.strip() == f"{FOUND} True", done.stderr
+    assert REFUSED[harm] in done.stderr and done.stderr.count("Nothing is kept there") == 1
+    assert not [*folder.iterdir()]
+
+
+def test_link_to_a_folder_of_ones_own_is_followed(fresh, compiler):
+    own = fresh.with_name("own")
+    own.mkdir(mode=0o700)
+    fresh.symlink_to(own)
+    assert library.built(text()).resolve().parent == own
 
 
 def test_what_was_not_used_for_long_is_removed(fresh, compiler):

@@ -117,7 +117,7 @@ def test_bits_do_not_depend_on_the_width_of_vectors(options, compiler, tmp_path)
     flags, about = tuned(compiler)
     if "__x86_64__" not in about:
         pytest.skip("another processor than x86-64, whose options these are")
-    narrow = compiled(source([code]), (*compiler, *flags, *options), tmp_path / "narrow.so")
+    narrow = compiled(source([code]), (*compiler, *flags, *options), tmp_path, "narrow")
     made.__dict__["library"] = ctypes.CDLL(str(narrow))
     assert made.library.width() == (2 if "-mno-avx" in options or "__AVX__" not in about else 4)
     np.testing.assert_array_equal(bits(made.run(columns.shape[1], given=columns)), bits(expected))

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import random
+import socket
 import struct
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -160,3 +164,51 @@ def test_missing_files_and_files_of_another_kind_are_not_read(core: Core, tmp_pa
     reference = next(k for k, port in enumerate(drive.ports) if port.columns)
     for file in (other, tmp_path / "none.csv", tmp_path / "folder.csv", tmp_path / ".csv"):
         assert core.tables(reference, file) == judged(drive, DRIVE, drive.ports[reference].name, file)
+
+
+def made_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def made_device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def made_socket(path: Path) -> None:
+    place = socket.socket(socket.AF_UNIX)
+    os.chdir(path.parent)  # names of sockets must be short
+    place.bind(path.name)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes in folders")
+@pytest.mark.parametrize("make", [made_pipe, made_device, made_socket, Path.mkdir], ids=lambda f: f.__name__)
+def test_what_is_no_file_is_refused_at_once(
+    tables: tuple[Core, Component, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[Path], None]
+) -> None:
+    core, component, reference = tables
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "own.csv"
+    make(file)
+    found = core.tables(reference, file)
+    assert found == judged(component, core.folder, component.ports[reference].name, file)
+    assert f"`{file}` is not a file." in str(found)
+
+
+def test_messages_about_tables_have_a_bound(tables: tuple[Core, Component, int], tmp_path: Path) -> None:
+    core, component, reference = tables
+    port, file = component.ports[reference], tmp_path / "own.csv"
+    head = ",".join(column.rpartition(":")[2] for column in port.columns[:2])
+    for content in (
+        head + "\n" + "0,x\n" * 100_000,
+        head + "\n" + "\n".join(f"{-k},1" for k in range(100_000)),
+        head + "\n0," + "ä" * 100_000 + "\n",
+        f"{head}\n" + "0,1\n" * 11,
+        ",".join(["time"] * 9 + ["ö" * 999] * 999) + "\n0,1\n",
+        f"{head.partition(',')[0]} [{'x' * 9999}],{head}\n0,1\n",
+        head.replace("[", f"[{'k' * 999}") + "\n0,1\n",
+        ",".join([head] * 9999) + "\n",
+    ):
+        file.write_text(content)
+        found = core.tables(reference, file)
+        assert found == judged(component, core.folder, port.name, file)
+        assert isinstance(found, str) and len(found) < 2000

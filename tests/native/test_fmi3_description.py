@@ -16,6 +16,7 @@ from native3 import FOLDERS, Fmu, Instance, built, fmu, placed  # noqa: F401
 
 from gapsense.fmi import references
 from gapsense.fmi.fmi3.terminals import ICON, NAME, terminals
+from gapsense.fmi.native import package
 from gapsense.fmi.native.compile import fat, thin, timeless
 from gapsense.fmi.native.package3 import libraries
 from gapsense.fmi.tables import heads, read_table
@@ -154,3 +155,18 @@ def test_library_for_windows_has_no_time() -> None:
     library = b"MZ".ljust(60, b"x") + (64).to_bytes(4, "little") + b"PE\0\0....TIMErest"
     assert timeless(library) == library.replace(b"TIME", bytes(4))
     assert timeless(b"\x7fELF") == b"\x7fELF"
+
+
+def test_scalars_alone_are_the_ports_and_the_time(folder: Path) -> None:
+    """For hosts that read every output into one number."""
+    parts, whole = (package.gather(folder, {}, with_arrays=flag) for flag in (False, True))
+    assert [v.name for v in parts.variables] == [*(port.name for port in parts.component.ports), "time"]
+    assert not any(v.shape or v.rows is not None for v in parts.variables)
+    assert parts.variables == whole.variables[: len(parts.variables)]
+    assert parts.guid != whole.guid
+
+
+def test_sources_name_the_library_that_they_are_linked_with(own: Fmu) -> None:
+    root = ElementTree.fromstring(member(own, "sources/buildDescription.xml"))
+    assert [library.get("name") for library in root.iter("Library")] == ["m"]
+    assert "-lm" in member(own, "documentation/index.html").decode()

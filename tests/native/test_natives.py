@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import zipfile
 from pathlib import Path
@@ -10,9 +11,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import pytest
+from drivers import ROOT
 from fmpy.validation import validate_fmu
 from parts import FOLDERS, Part
 from unpacked_native import STRICT, Unpacked, bits, expected, outputs
+
+from gapsense.fmi.components import kernel_of, load_component
 
 LARGEST = 300e3  # bytes of an FMU for two platforms; here is one
 
@@ -82,3 +86,16 @@ def test_variables_are_those_of_the_python_fmu(part: Part, fmus: Path) -> None:
 def on_python(part: Part, fmus: Path) -> Part:
     """The same with the Python FMU."""
     return part._replace(path=fmus / part.path.name)
+
+
+def test_page_says_which_functions_of_the_c_library_components_call() -> None:
+    """By the C that is emitted: the same for all platforms."""
+    calls: dict[str, set[str]] = {"exp": set(), "log": set(), "tanh": set(), "sin": set(), "cos": set(), "none": set()}
+    for folder in FOLDERS:
+        component = load_component(folder)
+        found = set(re.findall(r"F\((exp|log|tanh|sin|cos)\)", kernel_of(component).c()))
+        for name in found or {"none"}:
+            calls[name].add(component.name)
+    page = (ROOT / "docs" / "native.md").read_text(encoding="utf-8")
+    rows = re.findall(r"\| (?:`(\w+)`|(none) of these) \| ([\w, ]+) \|", page)
+    assert {a or b: {*names.split(", ")} for a, b, names in rows} == {k: v for k, v in calls.items() if v}

@@ -41,6 +41,9 @@ def build(
             show_default="all with ziglang, else this machine's",
         ),
     ] = None,
+    scalars: Annotated[
+        bool, typer.Option("--scalars", help="Native FMUs whose FMI 3.0 has no arrays, for hosts without them")
+    ] = False,
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
@@ -51,10 +54,11 @@ def build(
     values = taken(folders, parameters, find_components(every)) if parameters else {}
     if assumed := ", ".join(f"`{name}`" for name in read_sets(parameters or []).assumed):
         notice(f"assumed in the parameter file, not known: {assumed}. The FMUs start with these values all the same.")
-    to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if native else FMU_FOLDER)
-    paths = natives(folders, to, values, platforms) if native or platforms else fmus(folders, to, values)
+    is_native = bool(native or platforms or scalars)
+    to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if is_native else FMU_FOLDER)
+    made = natives(folders, to, values, platforms, with_arrays=not scalars) if is_native else fmus(folders, to, values)
     failures = 0
-    for path, given in paths:
+    for path, given in made:
         failures += not is_valid(path, f", {len(given)} start values given" if parameters else "")
     raise typer.Exit(FAILED if failures else 0)
 
@@ -72,7 +76,7 @@ def fmus(folders: list[Path], to: Path, values: Values) -> Built:
         yield package.build(folder, to, given), given
 
 
-def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] | None) -> Built:
+def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] | None, *, with_arrays: bool) -> Built:
     """Build the native FMUs."""
     from gapsense.fmi.native import package
     from gapsense.fmi.native.platforms import chosen
@@ -80,7 +84,7 @@ def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] 
 
     names = [name for text in platforms or () for name in text.replace(",", " ").split()]
     try:
-        for folder, path in package.build(folders, to, chosen(names), values):
+        for folder, path in package.build(folders, to, chosen(names), values, with_arrays=with_arrays):
             yield path, values.get(folder, {})
     except NativeError as error:
         raise InputError([str(error)]) from error

@@ -70,13 +70,14 @@ def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
 
 
 def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: Parameters) -> State:
-    """A pass over the operation that has ended; none, if the mover did not leave its stop."""
+    """A pass over the operation that has ended; none, if the mover did not leave its stop while samples were kept."""
     contact, law = state.heard, laws.read(state.laws, half)
-    has_left = (contact.began > 0.0) & (contact.takeoff > 0.0)
-    has_landed = has_left & (contact.landing > contact.takeoff)
+    has_left = (contact.began > 0.0) & (contact.takeoff > 0.0) & (contact.takeoff < LONGEST)
+    has_landed = has_left & (contact.landing > contact.takeoff) & (contact.landing < LONGEST)
     z0, _ = stops(half > 0.0, make_mover(par))
     last = where(has_landed, contact.landing, contact.takeoff)
-    span = (contact.takeoff, contact.takeoff, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
+    first = where(has_left, contact.takeoff, 0.0)
+    span = (first, first, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
     course = Pass(half, *span, correction, impact, _entries(started(z0)))
     is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0) & (law.was_followed > 0.0)
     a = law.mean[0] + where(is_stuck, where(half > 0.0, STUCK, -STUCK), 0.0)

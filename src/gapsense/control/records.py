@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.records import Array, Choice, Memory, Scalar, Table, Vector
+from gapsense.records import COUNT, Array, Choice, Count, Memory, Scalar, Table, Vector, Whole
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
 LAW = 19  # numbers of a `Law`
+LAW_SPANS = (*[None] * 16, COUNT, None, None)  # its `length` is a count
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -114,8 +115,8 @@ class Law(NamedTuple):
 class Running(NamedTuple):
     """The operation that is under way."""
 
-    command: Scalar
-    age: Scalar  # samples since the command
+    command: Annotated[Scalar, Whole(0, 1)]
+    age: Annotated[Scalar, Count]  # samples since the command
     is_plain: Scalar  # ordinary voltages
     start_flux: Scalar  # where the profile begins [Wb]
     speed: Scalar
@@ -136,8 +137,8 @@ class Heard(NamedTuple):
 
     last_mode: Scalar
     began: Scalar  # 1: with the mover on the stop where it begins
-    takeoff: Scalar  # last sample with which it left that before it landed, or 0
-    landing: Scalar  # first one with which it landed, or 0
+    takeoff: Annotated[Scalar, Count]  # last sample with which it left that before it landed, or 0
+    landing: Annotated[Scalar, Count]  # first one with which it landed, or 0
 
 
 class Coil(NamedTuple):
@@ -168,10 +169,10 @@ class Coil(NamedTuple):
 class Pass(NamedTuple):
     """The motion without stops that is compared with the contact."""
 
-    half: Scalar  # operation whose samples it takes
-    left: Scalar  # first sample of the motion
-    at: Scalar  # sample that is next
-    last: Scalar  # sample of the landing; before `at`: nothing is to be done
+    half: Annotated[Scalar, Whole(0, 1)]  # operation whose samples it takes
+    left: Annotated[Scalar, Whole(0, LONGEST)]  # first sample of the motion
+    at: Annotated[Scalar, Whole(0, LONGEST)]  # sample that is next
+    last: Annotated[Scalar, Whole(-1, LONGEST - 1)]  # sample of the landing; before `at`: nothing is to be done
     landed: Scalar  # 1: there was one
     correction: Scalar  # of the resistance with which the samples were integrated [ohm]
     impact: Scalar  # impact speed that somebody has measured, or 0
@@ -200,7 +201,7 @@ class State(NamedTuple):
     heard: Heard
     course: Pass
     noted: Noted
-    laws: Annotated[Array, Memory(2 * LAW)]
+    laws: Annotated[Array, Memory(2 * LAW, LAW_SPANS)]
     fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop; law model: what the profile wanted, or 0 [Wb]
     charges: Annotated[Array, Memory(2 * LONGEST)]  # [A s]
     errors: Annotated[Array, Memory(2 * LONGEST)]  # of the loop's flux linkage [Wb]

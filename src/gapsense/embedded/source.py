@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import gapsense
 from gapsense.embedded.code import Function, constant_table, number
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.emit import LOCATE, Graph
+from gapsense.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
 
 WIDTH = 110
+HELPERS = {
+    "locate": ("The place in a rising table after which a value lies; both ends reach on.", LOCATE),
+    "whole": ("A whole number; -1 for what is none, or too large.", WHOLE_NUMBER),
+    "within": ("An index that an array has; 0 in place of others.", WITHIN),
+}
 FUNCTIONS = {  # what they take and change, and what is said of them
     "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
     "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
@@ -111,7 +116,7 @@ def source(design: Design) -> str:
         comment(f"Outputs: {published}. {reading}"),
         f'#include "{design.name}.h"\n\n#include <math.h>',
         *_tables(design),
-        *_locate(design),
+        *_helpers(design),
         *([_defaults(design)] if "par" in members(design) else []),
         *(_function(design, graph) for graph in graphs(design)),
     ]
@@ -127,12 +132,12 @@ def _tables(design: Design) -> Iterator[str]:
         yield f"enum {{ {', '.join(f'{size} = {length}' for size, length in lengths.items())} }};"
 
 
-def _locate(design: Design) -> Iterable[str]:
-    is_used = any("locate(" in line for graph in graphs(design) for line in _body(design, graph))
-    text = LOCATE.replace("{real}", design.real).strip()
-    return (
-        [f"/* The place in a rising table after which a value lies; both ends reach on. */\n{text}"] if is_used else []
-    )
+def _helpers(design: Design) -> Iterator[str]:
+    """Functions of indices that are used."""
+    lines = [line for graph in graphs(design) for line in _body(design, graph)]
+    for name, (about, text) in HELPERS.items():
+        if any(f"{name}(" in line for line in lines):
+            yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
 
 
 def _defaults(design: Design) -> str:

@@ -7,7 +7,7 @@ from itertools import count
 from typing import Any
 
 from gapsense.emit.printer import Graph, Loop, Printer
-from gapsense.records import ARRAYS, names
+from gapsense.records import ARRAYS, fields, names
 from gapsense.trace import BOOLEAN, Expr, Region, memory_of
 
 WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
@@ -21,6 +21,11 @@ LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
     low -= 1;
     return low < 0 ? 0 : low > size - 2 ? size - 2 : low;
 }
+"""
+# Array memory is reached through these: no number, whoever restored it, reads or writes anything else.
+WHOLE_NUMBER = """static inline int whole({real} x) { return x >= 0 && x < 1000000000 ? (int)x : -1; }
+"""
+WITHIN = """static inline int within(int k, int size) { return k >= 0 && k < size ? k : 0; }
 """
 
 
@@ -38,7 +43,7 @@ class C(Printer):
         "or": "({a[0]} || {a[1]})",
         "where": "({a[0]} ? {a[1]} : {a[2]})",
         "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
-        "whole": "(int)({0})",
+        "whole": "whole({0})",
     }
     head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
    constant and calls exp, log, sin, cos or tanh, with -fno-builtin-exp and so on: folded at compile time, these are
@@ -54,11 +59,17 @@ typedef double real;
 #define F(name) name
 #endif
 
-""" + LOCATE.replace("{real}", "real")
+""" + (LOCATE + WHOLE_NUMBER + WITHIN).replace("{real}", "real")
 
     def __init__(self, graph: Graph) -> None:
         super().__init__(graph)
         self.whole: set[int] = set()  # variables of loops that are whole numbers
+        self.memory_sizes = {
+            symbol.id: fields(cls)[entry].size
+            for _, cls, symbols in graph.arguments
+            for entry, symbol in zip(names(cls), symbols)
+            if symbol.extra == "memory"
+        }
 
     def _number(self, value: Any) -> str:
         if isinstance(value, bool):
@@ -71,6 +82,13 @@ typedef double real;
         name = self.fresh()
         self.write(f"const {self.truth if self.is_index(node) else self.type_of(node)} {name} = {text};")
         return name
+
+    def element(self, node: Expr) -> str:
+        """Text of the element that a `load` or `store` means; of array memory one that there is."""
+        text, memory = super().element(node), memory_of(node.args[0])
+        if memory is None or not isinstance(node.args[1], Expr):
+            return text
+        return f"within({text}, {self.memory_sizes[memory.id]})"
 
     def type_of(self, value: Any) -> str:
         """Type of a value: truth values and places in tables are whole numbers, also where they are chosen from."""

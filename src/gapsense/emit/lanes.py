@@ -11,7 +11,7 @@ from itertools import count
 from typing import Any
 
 from gapsense.emit.c import C
-from gapsense.emit.printer import Graph, Loop
+from gapsense.emit.printer import Graph, Loop, Printer
 from gapsense.records import ARRAYS, names
 from gapsense.trace import BOOLEAN, Expr, Region, memory_of
 
@@ -35,9 +35,9 @@ class Lanes(C):
         "where": "choose({b[0]}, {b[1]}, {b[2]})",
         "locate": "located({a[0]}, {b[1]}, block)",
         "whole": "whole({0})",
-        "table": "element({a[0]}, {i}{shift}, block)",
-        "load": "element({a[0]}, {i}{shift}, block)",
-        "store": "put({a[0]}, {i}{shift}, {b[2]}, taken, block)",
+        "table": "element({a[0]}, {i}, block)",
+        "load": "element({a[0]}, {i}, block)",
+        "store": "put({a[0]}, {i}, {b[2]}, taken, block)",
     }
     condition_uses = 2
 
@@ -60,6 +60,8 @@ class Lanes(C):
             return f"(({c} & {a}) | (~{c} & {b}))"
         text = super().expression(node)
         return f"numbers({text})" if node.op == "locate" and not self.is_index(node) else text
+
+    element = Printer.element  # the header keeps them inside
 
     def _index(self, value: Any) -> str:
         is_whole = isinstance(value, Expr) and self.is_index(value)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
+from gapsense.records import names
 from gapsense.trace import UNARY, Expr, Region, Tape, TraceError, memory_of
 
 LONGEST_INLINE = 90  # characters; a longer expression gets a name even if it is used once
@@ -59,15 +60,48 @@ def _bare(text: str) -> str:
     return text
 
 
+def indexing(graph: Graph) -> set[str]:
+    """Entries of the state of which indices are made: numbers, and memories that hold some."""
+    nodes, pending, seen = [*_nodes(graph.tape.root)], [], set()
+    loops = {variable.id: (node, k) for node in nodes if node.op == "loop" for k, variable in enumerate(node.extra[1])}
+    pending = [node.args[1] for node in nodes if node.op in ("load", "store")]
+    while pending:
+        value = pending.pop()
+        if isinstance(value, Expr) and value.id not in seen:
+            seen.add(value.id)
+            pending += _made_of(value, loops)
+    state = (argument for argument in graph.arguments if argument[0] == "state")
+    return {entry for _, cls, symbols in state for entry, s in zip(names(cls), symbols) if s.id in seen}
+
+
+def _nodes(region: Region) -> Iterator[Expr]:
+    for node in region.nodes:
+        yield node
+        for inner in regions(node):
+            yield from _nodes(inner)
+
+
+def _made_of(value: Expr, loops: dict[int, tuple[Expr, int]]) -> Sequence[Any]:
+    """What a value is made of, but for conditions."""
+    if value.op == "where":
+        return value.args[1:]
+    if value.op in ("load", "locate"):
+        return [memory_of(value.args[0])] if value.op == "load" else []
+    if value.op not in ("get", "var"):
+        return value.args
+    holder, k = (value.args[0], value.extra) if value.op == "get" else loops[value.id]
+    return [*holder.extra[2].values()][k] if holder.op == "if" else [holder.args[k], holder.extra[2][k]]
+
+
 class Printer(ABC):
     """Walks the live nodes in order; subclasses say how the statements and expressions of one language look."""
 
     forms: ClassVar[dict[str, str]] = {  # text of an operation with operands `a`, or `b` without outer parentheses
         "unary": "{op}({b[0]})",
         "neg": "(-{a[0]})",
-        "table": "{a[0]}[{i}{shift}]",
-        "load": "{a[0]}[{i}{shift}]",
-        "store": "{a[0]}[{i}{shift}] = {b[2]}",
+        "table": "{a[0]}[{i}]",
+        "load": "{a[0]}[{i}]",
+        "store": "{a[0]}[{i}] = {b[2]}",
     }
     condition_uses = 1  # how often the text of a condition is printed
     end = ""  # of a statement
@@ -214,9 +248,8 @@ class Printer(ABC):
         a = [self.ref(arg) for arg in node.args]
         op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
         form = self.form(op)
-        index = self._index(node.args[1]) if node.op in ("load", "store") else ""
-        shift = f" + {node.extra}" if node.extra else ""
-        text = form.format(op=op, a=a, b=[*map(_bare, a)], i=index, shift=shift)
+        element = self.element(node) if node.op in ("load", "store") else ""
+        text = form.format(op=op, a=a, b=[*map(_bare, a)], i=element)
         return self.forms["whole"].format(_bare(text)) if self.is_index(node) and node.op != "locate" else text
 
     def form(self, op: str) -> str:
@@ -226,6 +259,10 @@ class Printer(ABC):
     def is_index(self, node: Expr) -> bool:
         """Whether the value is used as an index only."""
         return node.id in self.indices and node.id not in self.numbers
+
+    def element(self, node: Expr) -> str:
+        """Text of the element that a `load` or `store` means."""
+        return f"{self._index(node.args[1])} + {node.extra}" if node.extra else self._index(node.args[1])
 
     def _index(self, value: Any) -> str:
         if not isinstance(value, Expr):

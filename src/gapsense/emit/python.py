@@ -111,9 +111,9 @@ def row(array, index):
         "where": "where({b[0]}, {b[1]}, {b[2]})",
         "locate": "locate({a[0]}, {b[1]})",
         "whole": "asarray({0}).astype(int)",
-        "table": "{a[0]}[row({a[0]}, {i}{shift})]",
-        "load": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)]",
-        "store": "{a[0]}[row({a[0]}, {i}{shift}), arange(runs)] = {b[2]}",
+        "table": "{a[0]}[row({a[0]}, {i})]",
+        "load": "{a[0]}[row({a[0]}, {i}), arange(runs)]",
+        "store": "{a[0]}[row({a[0]}, {i}), arange(runs)] = {b[2]}",
     }
     extra_argument = ", runs"
     condition_uses = 2

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.readings import LOST, Health, can_be_read, health, most_current
-from gapsense.records import Array, Memory, Scalar, zeros
+from gapsense.records import Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.trace import fabs, load, not_, sqrt, store, where
 
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
@@ -39,15 +39,15 @@ class State(NamedTuple):
     resistance: Scalar  # mean resistance in use [ohm]
     voltage_sum: Scalar  # S_u [V]
     current_sum: Scalar  # S_iota [A]
-    count: Scalar  # samples in the running operation
+    count: Annotated[Scalar, Count]  # samples in the running operation
     current: Scalar  # previous current measurement that was not lost [A]
     voltage: Scalar  # previous voltage measurement that was not lost [V]
     is_lost: Scalar  # 1 if a reading of the previous sample was lost
     losses: Scalar  # samples with lost readings in the running operation
     kept: Scalar  # how many operations in a row had some, and left the resistance as it was
     start: Scalar  # time of the sample before the running operation [s]
-    half: Scalar  # half of the memory that is written: 0 or 1
-    last_count: Scalar  # samples of the operation being replayed
+    half: Annotated[Scalar, Whole(0, 1)]  # half of the memory that is written: 0 or 1
+    last_count: Annotated[Scalar, Whole(0, LENGTH)]  # samples of the operation being replayed
     last_start: Scalar  # time of the sample before it [s]
     before: Scalar  # current of the sample before the running operation [A]
     last_before: Scalar  # current of the sample before the one being replayed [A]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Point
 from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Memory, Scalar, Vector, triangle, zeros
+from gapsense.records import Array, Memory, Scalar, Vector, Whole, triangle, zeros
 from gapsense.trace import load, store, where
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ AT_START = 0.004  # deviation of the flux linkage at the start of a window, in l
 class Samples(NamedTuple):
     """What was measured."""
 
-    newest: Scalar  # place of the newest sample in the memory
+    newest: Annotated[Scalar, Whole(0, RING - 1)]  # place of the newest sample in the memory
     voltages: Annotated[Array, Memory(RING)]
     currents: Annotated[Array, Memory(RING)]
     weights: Annotated[Array, Memory(RING)]  # w^2 of the currents; 0 where they do not count
@@ -36,7 +36,7 @@ class Samples(NamedTuple):
 class Walk(NamedTuple):
     """A pass of the model through the window; samples are counted from its start."""
 
-    done: Scalar
+    done: Annotated[Scalar, Whole(0, RING)]
     at: Annotated[Array, Vector(10)]  # a `Point`
     mean: Scalar  # voltage of the last sampling period
     still: Scalar  # samples on a stop
@@ -82,8 +82,8 @@ class Work(NamedTuple):
     begins: Scalar = 2.0  # 1: a pass is to begin; 2: the very first one
     over: Scalar = 0.0  # 1: the pass is at the end of the window
     turn: Scalar = 0.0  # pivots done
-    age: Scalar = 0.0  # samples since its start
-    end: Scalar = 0.0  # its last sample, or 0
+    age: Annotated[Scalar, Whole(0, RING)] = 0.0  # samples since its start
+    end: Annotated[Scalar, Whole(0, RING)] = 0.0  # its last sample, or 0
     least: Scalar = 1.0  # shortest length
     has_jumped: Scalar = 0.0  # 1: it began again with the resistance of a held voltage
     has_grown: Scalar = 0.0  # 1: it was made longer
@@ -97,8 +97,8 @@ class Work(NamedTuple):
     promised: Scalar = 0.0  # cost after a whole step, if all were linear
     follows: Scalar = 0.0  # 1: the causal estimate has the device too
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
-    ready: Scalar = 0.0  # smoothed samples that are not published yet
-    shown: Scalar = 0.0  # place of the last one that was
+    ready: Annotated[Scalar, Whole(0, RING)] = 0.0  # smoothed samples that are not published yet
+    shown: Annotated[Scalar, Whole(0, RING - 1)] = 0.0  # place of the last one that was
 
 
 def first_work(at: Point, time: Scalar, par: Parameters) -> Work:

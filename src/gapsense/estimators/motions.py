@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import is_moving, limit
-from gapsense.records import Array, Memory, Scalar, zeros
+from gapsense.records import COUNT, Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.trace import cond, floor, load, not_, store, where
 
 LENGTH = 1024  # samples of a motion that are kept, the last ones
@@ -37,8 +37,10 @@ class Contact(NamedTuple):
 class Motion(NamedTuple):
     """The motion that is recorded, or was last."""
 
-    place: Scalar  # of its first sample; those after it count on, also beyond the end of the memory
-    count: Scalar  # its samples so far; 0: the mover was not seen to take off
+    place: Annotated[
+        Scalar, Whole(0, RING - 1)
+    ]  # of its first sample; those after it count on, also beyond the end of the memory
+    count: Annotated[Scalar, Count]  # its samples so far; 0: the mover was not seen to take off
     start: Scalar  # time of the last sample before it [s]
     stop: Scalar  # that it left: 0 the lower, 1 the upper
 
@@ -54,12 +56,12 @@ class Followed(NamedTuple):
 class Queue(NamedTuple):
     """Motions that have landed, numbered from 0 on."""
 
-    landed: Scalar  # how many have landed
-    smoothed: Scalar  # how many of these are smoothed
-    samples_smoothed: Scalar  # of the next one; its last sample was with its landing
-    shown: Scalar  # how many are published
-    samples_shown: Scalar  # of the next one
-    waiting: Annotated[Array, Memory(QUEUE * ENTRY)]
+    landed: Annotated[Scalar, Count]  # how many have landed
+    smoothed: Annotated[Scalar, Count]  # how many of these are smoothed
+    samples_smoothed: Annotated[Scalar, Whole(0, LENGTH)]  # of the next one; its last sample was with its landing
+    shown: Annotated[Scalar, Count]  # how many are published
+    samples_shown: Annotated[Scalar, Whole(0, LENGTH)]  # of the next one
+    waiting: Annotated[Array, Memory(QUEUE * ENTRY, (COUNT, (0, LENGTH), None))]
 
 
 class Turn(NamedTuple):

@@ -159,6 +159,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     constants = {n.upper(): tuple(fields(getattr(kernel.module, n))) for n in ("Inputs", "Parameters")}
     sizes = {name: field.size for name, field in fields(kernel.module.State).items() if field.kind == "memory"}
     constants["STATE"] = tuple(sizes.get(name, 0) for name in names(kernel.module.State))  # 0 for a number
+    constants["WHOLES"] = tuple(map(tuple, kernel.wholes))
     given = "".join(f"{name} = {value!r}\n" for name, value in constants.items())
     ports = "".join(f"        {port!r},\n" for port in component.ports)
     table = (

@@ -44,10 +44,11 @@ SENTENCES = {
     "other_build": "the saved state is of build %s, this is %s. Save it with this FMU.",
     "damaged_state": "the saved state is damaged: its %s cannot be right. Save it again with this FMU.",
     "small_buffer": "the saved state has %u bytes, the buffer only %u. Ask for the size first.",
-    # Only in C: memory, files, and handles can be missing there.
+    # Only in C: memory, files, handles and addresses can be missing there.
     "no_memory": "there is not enough memory. Close other instances, or take a machine with more of it.",
     "no_resources": "its file `%s` cannot be read (the tool gave the location `%s`). Unpack the FMU again, all of it.",
     "no_state": "no saved state was given. Save one first.",
+    "no_address": "%s was called with NULL for its %s. Give the address of what it is to read or write.",
     # Values of parameters and inputs: name, value, what is expected.
     "is_wrong": "`%s` is %s; expected %s.",
     "number": "a number",
@@ -78,6 +79,7 @@ SENTENCES = {
     "decreases": "row %d: `%s` decreases from %g to %g",
     "does_not_rise": "row %d: `%s` does not rise from %g to %g",
     "no_number": "row %d: `%s` is `%s`, not a finite number",
+    "and_more": "and %u more",
     # Arrays of FMI 3.0.
     "value_count": "%s: these variables have %u values, but there is room for %u. Read their dimensions first.",
     "both_tables": "both the file and the arrays are others than at the start. Change only one of them.",

@@ -68,6 +68,8 @@ def _parts(state: dict[str, Any], component: Component, kernel: Any) -> Iterator
     pairs = [(entry if size else [entry], size or 1) for entry, size in zip(entries, sizes)]
     yield "values", all(_are_numbers(entry, size) for entry, size in pairs)
     yield "values", component.survives or all(math.isfinite(x) for entry, _ in pairs for x in entry)
+    wholes = ((pairs[entry][0][first::every], least, most) for entry, first, every, least, most in kernel.WHOLES)
+    yield "values", all(least <= x <= most and x % 1.0 == 0.0 for xs, least, most in wholes for x in xs)
 
 
 def _are_numbers(values: Any, count: int) -> bool:
@@ -75,7 +77,8 @@ def _are_numbers(values: Any, count: int) -> bool:
 
 
 def _is_typed(kind: str, value: Any) -> bool:
-    return type(value) is {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind]
+    is_typed = type(value) is {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind]
+    return is_typed and (kind != "Integer" or -(2**31) <= value < 2**31)
 
 
 def _is_par(par: Any, component: Component, kernel: Any, given: dict[str, Any]) -> bool:

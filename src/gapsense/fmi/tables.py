@@ -14,6 +14,8 @@ from pathlib import Path
 from .sentences import say
 
 SPLINE_ROWS = 4  # a cubic spline needs them
+MOST_TOLD = 10  # problems of rows
+LONGEST_CELL, LONGEST_LIST = 40, 200  # characters of a cell, and of a list of them, that messages show
 HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")  # name and unit, `time [s]` or `time (s)`
 
 
@@ -38,29 +40,34 @@ def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = 
 def _columns(content: bytes, name: str, columns: tuple[str, ...]) -> list[list[float]]:
     """Columns of a CSV file with this content."""
     try:
-        rows = _rows(content)
+        lines, (header, *rows) = _rows(content)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(say("no_csv", name, error)) from error
     problems: list[str] = []
-    places = _places(rows[0][1] if rows else [], heads(columns), problems)
+    places = _places(header, heads(columns), problems)
     if len(places) < len(heads(columns)):
         raise ValueError(say("wrong_file", name, "; ".join(problems)))
-    lines = [n for n, _ in rows[1:]]
-    data = {c: [_number(row, k, c, n, problems) for n, row in rows[1:]] for c, k in places.items()}
-    problems += _faults(data, lines, columns)
-    if problems:
+    faults: list[str] = []
+    data = {c: _numbers(rows, k, c, lines, faults) for c, k in places.items()}
+    if problems := [*problems, *_faults(data, lines, columns, faults)]:
         raise ValueError(say("wrong_file", name, "; ".join(problems)))
     xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
     return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
 
 
-def _rows(content: bytes) -> list[tuple[int, list[str]]]:
-    """Rows that are not empty, with their lines."""
+def _rows(content: bytes) -> tuple[list[int], list[list[str]]]:
+    """Lines of the rows that are not empty, but for the header, and all these rows: at least a header."""
     text = content.decode("utf-8-sig")
     if "\0" in text:  # some versions of the reader take it
         raise csv.Error("line contains NUL")
     reader = csv.reader(io.StringIO(text, newline=""))
-    return [(reader.line_num, row) for row in reader if row]
+    header = next(filter(None, reader), [])
+    rows, lines = [header], []
+    for row in reader:
+        if row:
+            rows.append(row)
+            lines.append(reader.line_num)
+    return lines, rows
 
 
 def heads(columns: tuple[str, ...]) -> list[str]:
@@ -93,20 +100,27 @@ def _places(header: list[str], wanted: list[str], problems: list[str]) -> dict[s
         at = [k for k, other in enumerate(names) if other == name]
         places |= {name: at[0]} if at else {}
         if len(at) > 1:
-            problems.append(say("columns_twice", " and ".join(str(k + 1) for k in at), name))
+            problems.append(say("columns_twice", _cut(" and ".join(str(k + 1) for k in at), LONGEST_LIST), name))
         elif at and unit and found[at[0]][1] not in ("", unit):
-            problems.append(say("column_unit", name, found[at[0]][1], unit))
+            problems.append(say("column_unit", name, _cut(found[at[0]][1], LONGEST_CELL), unit))
     if missing := [head for head in wanted if _parts(head)[1] not in places]:
-        has = ", ".join(map(str.strip, header)) or say("no_header")
+        has = _cut(", ".join(map(str.strip, header)), LONGEST_LIST) or say("no_header")
         problems.append(say("column_missing", ", ".join(missing), has))
     return places
 
 
-def _faults(data: dict[str, list[float]], lines: list[int], columns: tuple[str, ...]) -> list[str]:
-    """Rows out of order, and too few of them."""
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def _faults(data: dict[str, list[float]], lines: list[int], columns: tuple[str, ...], faults: list[str]) -> list[str]:
+    """The first `faults` of numbers, and of rows out of order; then whether there are too few rows."""
     first = next(iter(data))
     rising = {name for kind, name, _ in map(_parts, columns) if kind == "rising"}
-    problems = [p for c, xs in data.items() if c in rising or c == first for p in _disorder(c, xs, lines, c in rising)]
+    faults += [p for c, xs in data.items() if c in rising or c == first for p in _disorder(c, xs, lines, c in rising)]
+    problems = faults[:MOST_TOLD]
+    if len(faults) > MOST_TOLD:
+        problems.append(say("and_more", len(faults) - MOST_TOLD))
     fewest = SPLINE_ROWS if any(kind == "spline" for kind, _, _ in map(_parts, columns)) else 2
     xs = data[first]
     if len(xs) < fewest or xs[-1] <= xs[0]:
@@ -123,7 +137,19 @@ def _disorder(name: str, values: list[float], lines: list[int], is_rising: bool)
     ]
 
 
-def _number(row: list[str], index: int, column: str, line: int, problems: list[str]) -> float:
+def _numbers(rows: list[list[str]], index: int, column: str, lines: list[int], faults: list[str]) -> list[float]:
+    """A column; usually all of it can be read at once."""
+    try:
+        texts = [row[index] for row in rows]
+        values = [*map(float, texts)] if "".join(texts).isascii() else [math.nan]
+    except (IndexError, ValueError):
+        values = [math.nan]
+    if all(map(math.isfinite, values)):
+        return values
+    return [_number(row, index, column, line, faults) for line, row in zip(lines, rows)]
+
+
+def _number(row: list[str], index: int, column: str, line: int, faults: list[str]) -> float:
     text = row[index] if index < len(row) else ""
     digits = text.strip()
     try:
@@ -131,7 +157,7 @@ def _number(row: list[str], index: int, column: str, line: int, problems: list[s
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        problems.append(say("no_number", line, column, text))
+        faults.append(say("no_number", line, column, _cut(text, LONGEST_CELL)))
         return math.nan
     return value
 
@@ -158,7 +184,7 @@ def _spline(xs: list[float], ys: list[float]) -> list[float]:
         right[k] -= factor * right[k - 1]
     inner = [right[-1] / main[-1]]
     for k in range(len(main) - 2, -1, -1):
-        inner.insert(0, (right[k] - upper[k] * inner[0]) / main[k])
-    first = inner[0] + (inner[0] - inner[1]) * h[0] / h[1]
-    last = inner[-1] + (inner[-1] - inner[-2]) * h[-1] / h[-2]
-    return [first, *inner, last]
+        inner.append((right[k] - upper[k] * inner[-1]) / main[k])
+    first = inner[-1] + (inner[-1] - inner[-2]) * h[0] / h[1]
+    last = inner[0] + (inner[0] - inner[1]) * h[-1] / h[-2]
+    return [first, *reversed(inner), last]

@@ -1,6 +1,9 @@
 """C of functions over runs: compiled for the processor of this machine once, and kept for the next time.
 
 Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
+
+What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has
+a hash of its content: what was cut, changed or exchanged is compiled anew.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ import ctypes
 import hashlib
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -31,6 +35,9 @@ PREFIX = "lanes-"  # of all that is ours in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
 CACHE = "GAPSENSE_CACHE"  # the folder, for who wants another
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
+PRIVATE = 0o700  # mode of what is ours
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+ELSEWHERE = f"Nothing is kept there; each process compiles anew. `{CACHE}` can name another folder."
 INSTEAD = "Python computes instead, several times slower; the logarithms of numpy may differ in the last bit."
 
 
@@ -65,16 +72,13 @@ def built(text: str) -> Path:
         raise NativeError("No C compiler is found: neither what `CC` names, nor `cc`, `gcc` or `clang`.")
     flags, about = tuned(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
-    name = f"{PREFIX}{digest}{ENDING}"
-    kept = cache_folder() / name
-    try:
-        if kept.is_file():
-            os.utime(kept)
-        else:
-            compiled(text, (*compiler, *flags), kept)
-    except OSError:
-        kept = kept if kept.is_file() else compiled(text, (*compiler, *flags), own_folder() / name)
-    return kept
+    with suppress(OSError):
+        folder = cache_folder()
+        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        if not (why := distrusted(folder)):
+            return intact(folder, digest) or compiled(text, (*compiler, *flags), folder, digest)
+        _tell(f"{why} {ELSEWHERE}")
+    return intact(own_folder(), digest) or compiled(text, (*compiler, *flags), own_folder(), digest)
 
 
 @cache
@@ -86,16 +90,73 @@ def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     raise NativeError(f"`{' '.join(compiler)}` is no compiler like gcc.")
 
 
-def compiled(text: str, command: Sequence[str], file: Path) -> Path:
-    """Compile a source into a file, which is complete or absent."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    tidy(file.parent)
-    with tempfile.TemporaryDirectory(dir=file.parent, prefix=PREFIX) as folder:
-        part = Path(folder) / file.name
+def distrusted(folder: Path) -> str:
+    """Why others could put a library of theirs into a folder, in a sentence; nothing if they cannot.
+
+    A folder that has nothing but libraries of ours becomes one that only its owner can read.
+    """
+    if os.name != "posix":
+        return ""
+    if folder.lstat().st_uid not in trusted():
+        return f"`{folder}` belongs to another user."
+    real, found = folder.resolve(), folder.stat()
+    if found.st_uid not in trusted():
+        return f"`{folder}` belongs to another user."
+    if found.st_mode & OTHERS_WRITE:
+        return f"`{folder}` can be written by other users: run `chmod 700` on it."
+    for parent in real.parents:
+        mode = parent.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return f"`{folder}` is in `{parent}`, which everybody can write."
+    with suppress(OSError):
+        if all(entry.name.startswith(PREFIX) for entry in real.iterdir()):
+            real.chmod(PRIVATE)
+    return ""
+
+
+def trusted() -> tuple[int, ...]:
+    """Users whose files may be loaded: one's own, and the one who can do everything anyway."""
+    return os.geteuid(), 0
+
+
+def intact(folder: Path, digest: str) -> Path | None:
+    """The file of a library, if there is one as it was compiled."""
+    for file in sorted(folder.glob(f"{PREFIX}{digest}*{ENDING}")):
+        if file.name == named(digest, content_of(file)):
+            with suppress(OSError):
+                os.utime(file)
+            return file
+    return None
+
+
+def content_of(file: Path) -> bytes:
+    """What is in a file; nothing if it is none, or others can change it."""
+    found = file.lstat()
+    if not stat.S_ISREG(found.st_mode):
+        return b""
+    if os.name == "posix" and (found.st_uid not in trusted() or found.st_mode & OTHERS_WRITE):
+        _tell(f"`{file}` is of other users, or they can write it: it is not loaded, but compiled anew.")
+        return b""
+    return file.read_bytes()
+
+
+def named(digest: str, content: bytes) -> str:
+    """Name of the file of a library."""
+    return f"{PREFIX}{digest}-{hashlib.sha256(digest.encode() + content).hexdigest()[:32]}{ENDING}"
+
+
+def compiled(text: str, command: Sequence[str], folder: Path, digest: str) -> Path:
+    """Compile a source into a file of a folder, which is complete or absent."""
+    tidy(folder)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as work:
+        part = Path(work) / f"{PREFIX}{digest}{ENDING}"
         part.with_suffix(".c").write_text(text, encoding="utf-8")
         run((*command, *SHARED, str(part.with_suffix(".c")), "-o", str(part), *(() if ENDING == ".dll" else ("-lm",))))
-        part.replace(file)
-    return file
+        part.chmod(PRIVATE)
+        file = folder / named(digest, part.read_bytes())
+        if file.is_dir() and not file.is_symlink():
+            shutil.rmtree(file)
+        return part.replace(file)
 
 
 def run(command: Sequence[str]) -> str:

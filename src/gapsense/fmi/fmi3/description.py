@@ -43,10 +43,12 @@ def model_description(component: Component, variables: Sequence[Variable], token
 def build_description(name: str, sources: Sequence[str]) -> bytes:
     """How to compile the sources, for whoever has no binary for his machine."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
-    files = SubElement(SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet")
+    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    files = SubElement(configuration, "SourceFileSet")
     files.attrib.update(language=LANGUAGE, compilerOptions=OPTIONS)
     for source in sources:
         SubElement(files, "SourceFile", name=source)
+    SubElement(configuration, "Library", name="m", description="Mathematics of the C library", external="true")
     return describe.text(root)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from gapsense.fmi.native.headers import literal
@@ -31,6 +31,7 @@ const Model model = {{
     .survives = {survives}, .clock = {clock}, .sample_time = {sample_time},
     .par_count = {par_count}, .state_count = {state_count}, .table_count = {table_count},
     .memory_sizes = {memory_sizes}, .memory_count = {memory_count},
+    .wholes = {wholes}, .whole_count = {whole_count},
     .initial = {kernel}_initial, .step = {kernel}_step,
 }};
 """
@@ -45,6 +46,7 @@ def source(component: Component, kernel: Kernel, guid: str, build: str) -> str:
         "limits": component.limits,
         "resources": component.resources,
         "memory_sizes": memory,
+        "wholes": kernel.wholes,
     }
     return MODEL.format(
         description=component.description,
@@ -74,6 +76,7 @@ def _counts(component: Component, kernel: Kernel, memory_count: int) -> dict[str
         "state_count": len(names(module.State)) - memory_count,
         "table_count": len(tables),
         "memory_count": memory_count,
+        "whole_count": len(kernel.wholes),
     }
 
 
@@ -91,7 +94,20 @@ def _arrays(component: Component, kernel: Kernel, memory: list[int]) -> list[str
         *_rules(component, {port.name: k for k, port in enumerate(ports)}),
         _array("char *const", "resources", map(literal, component.resources)),
         _array("int", "memory_sizes", map(str, memory)),
+        _array("Wholes", "wholes", _wholes(kernel)),
     ]
+
+
+def _wholes(kernel: Kernel) -> Iterator[str]:
+    """Those among the numbers of the state, then memory by memory."""
+    layout = fields(kernel.module.State)
+    memory = [name for name, field in layout.items() if field.kind == "memory"]
+    entries = names(kernel.module.State)
+    numbers = [name for name in entries if name not in memory]
+    for entry, first, every, least, most in kernel.wholes:
+        name = entries[entry]
+        place = (memory.index(name), first, every) if name in memory else (-1, numbers.index(name), 0)
+        yield f"{{{', '.join(map(str, place))}, {_number(least)}, {_number(most)}}}"
 
 
 def _array(kind: str, name: str, items: Iterable[str]) -> str:

@@ -31,7 +31,7 @@ RUN = """## How to run
 This is the native FMU: a compiled library, which needs nothing else on the machine, for {platforms}.
 Take it in Simulink, in Modelica tools, and wherever Python is not. The Python FMU of the same name computes the same
 bits, and shows its arithmetic as Python source. The folder `sources` holds all C files, for other platforms: compile
-them together, with `-std=c99 -ffp-contract=off`.
+them together, with `-std=c99 -ffp-contract=off`, and link with `-lm`.
 A good communication step is {{step:g}} s. Inputs are held during a step, outputs are valid at its end.
 
 Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise all its state.
@@ -56,16 +56,20 @@ class Parts(NamedTuple):
         return {f"sources/{n}": text.encode() for n, text in self.files.items() if not n.startswith(other)}
 
 
-def gather(folder: Path, values: Mapping[str, Any]) -> Parts:
-    """Parts of the component in a folder, with these start values of its parameters."""
+def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True) -> Parts:
+    """Parts of the component in a folder, with these start values of its parameters.
+
+    `with_arrays` says whether FMI 3.0 lists variables that are arrays; there are hosts that take all for scalars.
+    """
     component, kernel, paths = package.prepared(folder, values)
     resources = {path.name: path.read_bytes() for path in paths}
     tables = shipped(component, {path.name: path for path in paths})
     files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
     flags = (FLAGS, SMALL, NO_FOLDING, sorted(PLATFORMS.items()))
-    content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags)
+    content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags, with_arrays)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
     found = variables(component, tables, shapes(kernel))
+    found = found if with_arrays else found[: len(component.ports) + 1]  # those of FMI 2.0, and the time
     parts = Parts(component, values, f"{{{UUID(identity)}}}", found, files, resources, folder)
     return with_identity(parts, kernel, identity)
 
@@ -90,11 +94,16 @@ def common() -> dict[str, str]:
 
 
 def build(
-    folders: Sequence[Path], destination: Path, platforms: Sequence[str], values: Mapping[Path, Mapping[str, Any]]
+    folders: Sequence[Path],
+    destination: Path,
+    platforms: Sequence[str],
+    values: Mapping[Path, Mapping[str, Any]],
+    *,
+    with_arrays: bool = True,
 ) -> Iterator[tuple[Path, Path]]:
     """Build the FMUs of the components in `folders`, and tell of each its component's folder and its file.
 
-    Those of platforms that need one of their own are in a folder of `destination`.
+    Those of platforms that need one of their own are in a folder of `destination`; `with_arrays` is as in `gather`.
 
     Raises
     ------
@@ -105,7 +114,7 @@ def build(
     with tempfile.TemporaryDirectory() as temporary, ThreadPoolExecutor(COMPILERS_AT_ONCE) as pool:
         work, files = Path(temporary), common()
         list(pool.map(lambda c: compile_common(files, c, work), [c for own in used.values() for c in own]))
-        parts = [gather(folder, values.get(folder, {})) for folder in folders]
+        parts = [gather(folder, values.get(folder, {}), with_arrays=with_arrays) for folder in folders]
         made = {
             (part.component.name, name): pool.submit(binary, part.files, part.component.name, own, work)
             for part in parts

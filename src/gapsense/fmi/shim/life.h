@@ -165,6 +165,9 @@ FMI2_Export fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
+    const char *what = n && !categories ? "categories" : lacking_text(n, categories);
+    if (what)
+        return REFUSE(&call, "no_address", "ss", __func__, what);
     set_wanted(call.instance, on, n, categories);
     return leave(&call, fmi2OK);
 }

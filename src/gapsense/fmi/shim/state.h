@@ -23,6 +23,8 @@ FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *handle)
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
+    if (!handle)
+        return REFUSE(&call, "no_address", "ss", __func__, "state");
     return leave_with_state(&call, handle, py.PyObject_CallMethod(call.instance->slave, "_get_fmu_state", NULL));
 }
 
@@ -32,6 +34,10 @@ FMI2_Export fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte b
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
+    if (!bytes)
+        return REFUSE(&call, "no_address", "ss", __func__, "bytes");
+    if (!handle)
+        return REFUSE(&call, "no_address", "ss", __func__, "state");
     PyObject *copy = py.PyBytes_FromStringAndSize(bytes, (ssize_t)size);
     return leave_with_state(&call, handle,
                             py.PyObject_CallMethod(call.instance->slave, "_fmu_state_from_bytes", "(N)", copy));
@@ -45,7 +51,7 @@ FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate handle)
     PyObject *saved = handle ? ((State *)handle)->saved : NULL;
     call.instance->lent.declined = 0.0;
     if (!saved)
-        return REFUSE(&call, "damaged_state", "s", "handle");
+        return REFUSE(&call, "no_state", "", NULL);
     return leave_with(&call, py.PyObject_CallMethod(call.instance->slave, "_set_fmu_state", "(O)", saved));
 }
 
@@ -73,7 +79,9 @@ FMI2_Export fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate 
     if (!enter(&call, c))
         return fmi2Fatal;
     if (!handle)
-        return REFUSE(&call, "damaged_state", "s", "handle");
+        return REFUSE(&call, "no_state", "", NULL);
+    if (!size)
+        return REFUSE(&call, "no_address", "ss", __func__, "size");
     PyObject *bytes = serialized(&call, handle);
     *size = bytes ? (size_t)py.PyBytes_Size(bytes) : 0;
     return leave_with(&call, bytes);
@@ -85,7 +93,9 @@ FMI2_Export fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate handl
     if (!enter(&call, c))
         return fmi2Fatal;
     if (!handle)
-        return REFUSE(&call, "damaged_state", "s", "handle");
+        return REFUSE(&call, "no_state", "", NULL);
+    if (!bytes)
+        return REFUSE(&call, "no_address", "ss", __func__, "bytes");
     PyObject *saved = serialized(&call, handle);
     const char *from = saved ? py.PyBytes_AsString(saved) : NULL;
     size_t needed = from ? (size_t)py.PyBytes_Size(saved) : 0;

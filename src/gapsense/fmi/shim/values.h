@@ -34,8 +34,7 @@ static PyObject *boxed_boolean(const void *values, size_t k)
 
 static PyObject *boxed_string(const void *values, size_t k)
 {
-    fmi2String value = ((const fmi2String *)values)[k];
-    return decoded(value ? value : "");
+    return decoded(((const fmi2String *)values)[k]);
 }
 
 static int unboxed_real(PyObject *object, void *values, size_t k)
@@ -77,11 +76,30 @@ static PyObject *boxed_reference(const void *vr, size_t k)
     return py.PyLong_FromUnsignedLong(((const fmi2ValueReference *)vr)[k]);
 }
 
-static fmi2Status set(REFERENCES, Kind *kind, const void *values)
+/* What a call for variables lacks that must have an address, or NULL. */
+static const char *lacking(const fmi2ValueReference vr[], size_t nvr, const void *values)
+{
+    return !nvr || (vr && values) ? NULL : vr ? "values" : "value references";
+}
+
+static const char *lacking_text(size_t n, const fmi2String texts[])
+{
+    for (size_t k = 0; k < n; k++)
+        if (!texts[k])
+            return "texts";
+    return NULL;
+}
+
+static fmi2Status set(REFERENCES, Kind *kind, const char *function, const void *values)
 {
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
+    const char *what = lacking(vr, nvr, values);
+    if (!what && kind == &STRING)
+        what = lacking_text(nvr, values);
+    if (what)
+        return REFUSE(&call, "no_address", "ss", function, what);
     return leave_with(&call, call_slave(call.instance, &kind->set, list_of(nvr, vr, boxed_reference),
                                         list_of(nvr, values, kind->boxed)));
 }
@@ -98,11 +116,14 @@ static PyObject *gotten(Instance *instance, Kind *kind, const fmi2ValueReference
     return texts;
 }
 
-static fmi2Status get(REFERENCES, Kind *kind, void *values)
+static fmi2Status get(REFERENCES, Kind *kind, const char *function, void *values)
 {
     Call call;
     if (!enter(&call, c))
         return fmi2Fatal;
+    const char *what = lacking(vr, nvr, values);
+    if (what)
+        return REFUSE(&call, "no_address", "ss", function, what);
     PyObject *found = gotten(call.instance, kind, vr, nvr);
     for (size_t k = 0; found && k < nvr; k++) {
         PyObject *object = py.PyList_GetItem(found, (ssize_t)k);
@@ -115,51 +136,51 @@ static fmi2Status get(REFERENCES, Kind *kind, void *values)
 FMI2_Export fmi2Status fmi2GetReal(REFERENCES, fmi2Real value[])
 {
     const Lent *lent = lent_by(c);
-    if (lent && are_below(vr, nvr, lent->inputs + lent->outputs)) {
+    if (lent && !lacking(vr, nvr, value) && are_below(vr, nvr, lent->inputs + lent->outputs)) {
         for (size_t k = 0; k < nvr; k++)
             value[k] = lent->signals[vr[k]];
         return fmi2OK;
     }
-    return get(c, vr, nvr, &REAL, value);
+    return get(c, vr, nvr, &REAL, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2GetInteger(REFERENCES, fmi2Integer value[])
 {
-    return get(c, vr, nvr, &INTEGER, value);
+    return get(c, vr, nvr, &INTEGER, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2GetBoolean(REFERENCES, fmi2Boolean value[])
 {
-    return get(c, vr, nvr, &BOOLEAN, value);
+    return get(c, vr, nvr, &BOOLEAN, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2GetString(REFERENCES, fmi2String value[])
 {
-    return get(c, vr, nvr, &STRING, value);
+    return get(c, vr, nvr, &STRING, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2SetReal(REFERENCES, const fmi2Real value[])
 {
     const Lent *lent = lent_by(c);
-    if (lent && are_below(vr, nvr, lent->inputs)) {
+    if (lent && !lacking(vr, nvr, value) && are_below(vr, nvr, lent->inputs)) {
         for (size_t k = 0; k < nvr; k++)
             lent->signals[vr[k]] = value[k];
         return fmi2OK;
     }
-    return set(c, vr, nvr, &REAL, value);
+    return set(c, vr, nvr, &REAL, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2SetInteger(REFERENCES, const fmi2Integer value[])
 {
-    return set(c, vr, nvr, &INTEGER, value);
+    return set(c, vr, nvr, &INTEGER, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2SetBoolean(REFERENCES, const fmi2Boolean value[])
 {
-    return set(c, vr, nvr, &BOOLEAN, value);
+    return set(c, vr, nvr, &BOOLEAN, __func__, value);
 }
 
 FMI2_Export fmi2Status fmi2SetString(REFERENCES, const fmi2String value[])
 {
-    return set(c, vr, nvr, &STRING, value);
+    return set(c, vr, nvr, &STRING, __func__, value);
 }

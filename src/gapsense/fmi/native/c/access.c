@@ -37,6 +37,19 @@ static Status bring_up(Instance *i, const unsigned *references, size_t count)
     return FINE;
 }
 
+Status instance_given(Instance *i, const char *name, const char *what, const void *address, size_t count)
+{
+    return address || !count ? FINE : refuse(i, SAY_NO_ADDRESS, name, what);
+}
+
+Status instance_given_texts(Instance *i, const char *name, const char *const *texts, size_t count)
+{
+    for (size_t k = 0; k < count; k++)
+        if (!texts[k])
+            return refuse(i, SAY_NO_ADDRESS, name, "texts");
+    return FINE;
+}
+
 Status instance_begin_get(Instance *i, const char *name, Kind kind, const unsigned *references, size_t count)
 {
     if (instance_may(i, CALL_Get, name))

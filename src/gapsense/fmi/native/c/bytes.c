@@ -203,7 +203,7 @@ static const char *take_content(Reader *from, State *s)
         return "table";
     if (!motion_is_sound(s))
         return "motion";
-    return is_sound(s) ? NULL : "parameters";
+    return unsound(s);
 }
 
 static const char *damage(const unsigned char *bytes, size_t size)

@@ -5,21 +5,29 @@
 #include <string.h>
 
 #ifdef _WIN32
+#include <io.h>
 #include <windows.h>
 static const char SEPARATORS[] = "/\\:";
 #else
+#include <sys/stat.h>
 static const char SEPARATORS[] = "/";
 #endif
 
+/* Nothing but a file: of a pipe or a device reading might never end. */
 static FILE *open_file(const char *path)
 {
 #ifdef _WIN32
     wchar_t wide[32768];
-    if (!MultiByteToWideChar(CP_UTF8, MB_ERR_INVALID_CHARS, path, -1, wide, 32768))
-        return fopen(path, "rb");
-    return _wfopen(wide, L"rb");
+    const int is_utf8 = MultiByteToWideChar(CP_UTF8, MB_ERR_INVALID_CHARS, path, -1, wide, 32768);
+    FILE *file = is_utf8 ? _wfopen(wide, L"rb") : fopen(path, "rb");
+    if (file && GetFileType((HANDLE)_get_osfhandle(_fileno(file))) != FILE_TYPE_DISK) {
+        fclose(file);
+        return NULL;
+    }
+    return file;
 #else
-    return fopen(path, "rb");
+    struct stat about;
+    return stat(path, &about) == 0 && S_ISREG(about.st_mode) ? fopen(path, "rb") : NULL;
 #endif
 }
 

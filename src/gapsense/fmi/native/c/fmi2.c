@@ -8,17 +8,20 @@
 
 /* --- messages --- */
 
-/* The host reads a text as a format: one with percent signs goes as what the format `%s` stands for. A host that ignores
- * what follows the format thus shows all others. */
+/* The host reads a text as a format, without arguments: percent signs are doubled. A host that formats shows the text; one
+ * that shows the format as it is shows all of it too, with two percent signs for one. */
 static void tell(void *host, const char *name, Status status, const char *category, const char *text)
 {
     const fmi2CallbackFunctions *functions = host;
-    if (!functions || !functions->logger)
-        return;
-    if (strchr(text, '%'))
-        functions->logger(functions->componentEnvironment, name, (fmi2Status)status, category, "%s", text);
-    else
-        functions->logger(functions->componentEnvironment, name, (fmi2Status)status, category, text);
+    char *format = malloc(2 * strlen(text) + 1), *end = format;
+    if (format && functions && functions->logger) {
+        for (; *text; *end++ = *text++)
+            if (*text == '%')
+                *end++ = '%';
+        *end = 0;
+        functions->logger(functions->componentEnvironment, name, (fmi2Status)status, category, format);
+    }
+    free(format);
 }
 
 static unsigned category(const char *name)
@@ -33,11 +36,12 @@ static unsigned category(const char *name)
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, const fmi2String categories[])
 {
     Instance *i = c;
-    if (!i)
+    if (!i || instance_given(i, __func__, "categories", categories, count) ||
+        instance_given_texts(i, __func__, categories, count))
         return fmi2Error;
     i->logged = on && !count ? ALL : 0;
     for (size_t k = 0; on && k < count; k++)
-        i->logged |= categories && categories[k] ? category(categories[k]) : 0;
+        i->logged |= category(categories[k]);
     return fmi2OK;
 }
 
@@ -78,6 +82,7 @@ void fmi2FreeInstance(fmi2Component c)
 /* --- life: without an instance there is nobody to tell what is wrong --- */
 
 #define CALLED(condition, call) ((condition) ? (fmi2Status)(call) : fmi2Error)
+#define GIVEN(what, address) (c && !instance_given(c, __func__, what, address, 1))
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean has_stop, fmi2Real stop)
@@ -111,7 +116,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 #define GETTER(Name, KIND, Type, VALUE)                                                                              \
     fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference references[], size_t count, Type values[])     \
     {                                                                                                                \
-        if (!c || instance_begin_get(c, "fmi2Get" #Name, KIND, references, count))                                    \
+        if (!c || instance_given_values(c, "fmi2Get" #Name, references, count, values, count) ||                      \
+            instance_begin_get(c, "fmi2Get" #Name, KIND, references, count))                                          \
             return fmi2Error;                                                                                        \
         const State *s = ((Instance *)c)->state;                                                                     \
         for (size_t k = 0; k < count; k++)                                                                           \
@@ -128,7 +134,8 @@ GETTER(String, STRING, fmi2String, s->texts)
     fmi2Status fmi2Set##Name(fmi2Component c, const fmi2ValueReference references[], size_t count,                    \
                              const Type values[])                                                                    \
     {                                                                                                                \
-        if (!c || instance_begin_set(c, "fmi2Set" #Name, KIND, references, count))                                    \
+        if (!c || instance_given_values(c, "fmi2Set" #Name, references, count, values, count) ||                      \
+            instance_begin_set(c, "fmi2Set" #Name, KIND, references, count))                                          \
             return fmi2Error;                                                                                        \
         double *const to = ((Instance *)c)->state->values;                                                           \
         for (size_t k = 0; k < count; k++)                                                                           \
@@ -143,10 +150,11 @@ SETTER(Boolean, BOOLEAN, fmi2Boolean, values[k] != fmi2False)
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference references[], size_t count,
                          const fmi2String values[])
 {
-    if (!c || instance_begin_set(c, "fmi2SetString", STRING, references, count))
+    if (!c || instance_given_values(c, __func__, references, count, values, count) ||
+        instance_given_texts(c, __func__, values, count) || instance_begin_set(c, __func__, STRING, references, count))
         return fmi2Error;
     for (size_t k = 0; k < count; k++)
-        if (instance_set_text(c, references[k], values[k] ? values[k] : ""))
+        if (instance_set_text(c, references[k], values[k]))
             return fmi2Error;
     return (fmi2Status)instance_end_set(c);
 }
@@ -155,7 +163,7 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference references[],
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *saved)
 {
-    return CALLED(c && saved, instance_save(c, (State **)saved));
+    return CALLED(GIVEN("state", saved), instance_save(c, (State **)saved));
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate saved) { return CALLED(c, instance_restore(c, saved)); }
@@ -171,17 +179,18 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *saved)
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate saved, size_t *size)
 {
-    return CALLED(c && size, instance_state_size(c, saved, size));
+    return CALLED(GIVEN("size", size), instance_state_size(c, saved, size));
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[], size_t size)
 {
-    return CALLED(c && bytes, instance_serialize(c, saved, (unsigned char *)bytes, size));
+    return CALLED(GIVEN("bytes", bytes), instance_serialize(c, saved, (unsigned char *)bytes, size));
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *saved)
 {
-    return CALLED(c && bytes && saved, instance_deserialize(c, (const unsigned char *)bytes, size, (State **)saved));
+    return CALLED(GIVEN("bytes", bytes) && GIVEN("state", saved),
+                  instance_deserialize(c, (const unsigned char *)bytes, size, (State **)saved));
 }
 
 /* --- what is not provided --- */

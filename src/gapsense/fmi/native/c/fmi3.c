@@ -17,11 +17,12 @@ static void tell(void *given, const char *name, Status status, const char *categ
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t count, const fmi3String categories[])
 {
     Instance *i = c;
-    if (!i)
+    if (!i || instance_given(i, __func__, "categories", categories, count) ||
+        instance_given_texts(i, __func__, categories, count))
         return fmi3Error;
     i->logged = on && !count ? ALL : 0;
-    for (size_t k = 0; on && categories && k < count; k++)
-        i->logged |= categories[k] && !strcmp(categories[k], "logStatusError") ? ERRORS : 0;
+    for (size_t k = 0; on && k < count; k++)
+        i->logged |= !strcmp(categories[k], "logStatusError") ? ERRORS : 0;
     return fmi3OK;
 }
 
@@ -158,7 +159,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Bo
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *saved)
 {
-    return CALLED(c && saved, instance_save(c, (State **)saved));
+    return CALLED(GIVEN("state", saved), instance_save(c, (State **)saved));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState saved) { return CALLED(c, instance_restore(c, saved)); }
@@ -174,15 +175,15 @@ fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *saved)
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState saved, size_t *size)
 {
-    return CALLED(c && size, instance_state_size(c, saved, size));
+    return CALLED(GIVEN("size", size), instance_state_size(c, saved, size));
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState saved, fmi3Byte bytes[], size_t size)
 {
-    return CALLED(c && bytes, instance_serialize(c, saved, bytes, size));
+    return CALLED(GIVEN("bytes", bytes), instance_serialize(c, saved, bytes, size));
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *saved)
 {
-    return CALLED(c && bytes && saved, instance_deserialize(c, bytes, size, (State **)saved));
+    return CALLED(GIVEN("bytes", bytes) && GIVEN("state", saved), instance_deserialize(c, bytes, size, (State **)saved));
 }

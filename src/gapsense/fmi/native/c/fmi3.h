@@ -14,6 +14,7 @@ typedef struct {
 
 /* Without an instance there is nobody to tell what is wrong. */
 #define CALLED(condition, call) ((condition) ? (fmi3Status)(call) : fmi3Error)
+#define GIVEN(what, address) (c && !instance_given(c, __func__, what, address, 1))
 
 int is_configuring(const Instance *instance);
 /* Refuse what has no place in the configuration mode, and what has its place only there. */

@@ -4,12 +4,15 @@
 
 #include "fmi3_places.h"
 
-static Status begin_get(Instance *i, const char *name, Type type, const unsigned *references, size_t count, size_t values)
+static Status begin_get(Instance *i, const char *name, Type type, const unsigned *references, size_t count,
+                        const void *values, size_t value_count)
 {
     static const unsigned none = 0;
+    if (instance_given_values(i, name, references, count, values, value_count))
+        return REFUSED;
     if (outside_configuration(i, CALL_Get, name) || instance_begin_get(i, name, REAL, &none, 0))
         return REFUSED;
-    return check(i, name, type, references, count, values);
+    return check(i, name, type, references, count, value_count);
 }
 
 static Status get_place(Instance *i, const char *name, unsigned reference, double **to)
@@ -37,7 +40,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference references[],
                           size_t value_count)
 {
     Instance *i = c;
-    if (!i || begin_get(i, __func__, FLOAT64, references, count, value_count))
+    if (!i || begin_get(i, __func__, FLOAT64, references, count, values, value_count))
         return fmi3Error;
     if (!are_scalars(references, count)) {
         for (size_t k = 0; k < count; k++)
@@ -72,7 +75,7 @@ static fmi3Int32 whole(const State *s, unsigned reference)
                              size_t value_count)                                                                       \
     {                                                                                                                  \
         Instance *i = c;                                                                                               \
-        if (!i || begin_get(i, __func__, TYPE, references, count, value_count))                                        \
+        if (!i || begin_get(i, __func__, TYPE, references, count, values, value_count))                                        \
             return fmi3Error;                                                                                          \
         const State *s = i->state;                                                                                     \
         for (size_t k = 0; k < count; k++)                                                                             \
@@ -89,7 +92,8 @@ fmi3Status fmi3GetUInt64(fmi3Instance c, const fmi3ValueReference references[], 
                          size_t value_count)
 {
     Instance *i = c; /* also in the configuration mode, which is there for them */
-    if (!i || check(i, __func__, UINT64, references, count, value_count))
+    if (!i || instance_given_values(i, __func__, references, count, values, value_count) ||
+        check(i, __func__, UINT64, references, count, value_count))
         return fmi3Error;
     if (!is_configuring(i) && instance_may(i, CALL_Get, __func__))
         return fmi3Error;

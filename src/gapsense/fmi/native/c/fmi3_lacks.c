@@ -63,16 +63,24 @@ LACKS(fmi3GetNumberOfContinuousStates, size_t *count)
 
 /* --- types that no component has --- */
 
+static fmi3Status lacks_type(Instance *i, const char *name, const char *type, const fmi3ValueReference references[],
+                             size_t count, const void *values, size_t value_count)
+{
+    if (!i || instance_given_values(i, name, references, count, values, value_count))
+        return fmi3Error;
+    return count ? (fmi3Status)refuse(i, SAY_NO_VARIABLE, type, references[0]) : fmi3OK;
+}
+
 #define LACKING(Name, Type)                                                                                            \
     fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, Type values[],        \
                              size_t value_count)                                                                       \
     {                                                                                                                  \
-        return count ? CALLED(c, refuse(c, SAY_NO_VARIABLE, #Name, references[0])) : fmi3OK;                           \
+        return lacks_type(c, __func__, #Name, references, count, values, value_count);                                 \
     }                                                                                                                  \
     fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference references[], size_t count, const Type values[],  \
                              size_t value_count)                                                                       \
     {                                                                                                                  \
-        return count ? CALLED(c, refuse(c, SAY_NO_VARIABLE, #Name, references[0])) : fmi3OK;                           \
+        return lacks_type(c, __func__, #Name, references, count, values, value_count);                                 \
     }
 
 LACKING(Float32, fmi3Float32)

@@ -4,11 +4,14 @@
 
 #include "fmi3_places.h"
 
-static Status begin_set(Instance *i, const char *name, Type type, const unsigned *references, size_t count, size_t values)
+static Status begin_set(Instance *i, const char *name, Type type, const unsigned *references, size_t count,
+                        const void *values, size_t value_count)
 {
+    if (instance_given_values(i, name, references, count, values, value_count))
+        return REFUSED;
     if (outside_configuration(i, CALL_Set, name) || instance_may(i, CALL_Set, name))
         return REFUSED;
-    return check(i, name, type, references, count, values);
+    return check(i, name, type, references, count, value_count);
 }
 
 static Status refuse_place(Instance *i, const Place *place)
@@ -59,7 +62,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference references[],
                           const fmi3Float64 values[], size_t value_count)
 {
     Instance *i = c;
-    if (!i || begin_set(i, __func__, FLOAT64, references, count, value_count))
+    if (!i || begin_set(i, __func__, FLOAT64, references, count, values, value_count))
         return fmi3Error;
     if (!are_scalars(references, count))
         return set_places(i, __func__, references, count, values);
@@ -86,7 +89,7 @@ static Status are_set(Instance *i, const unsigned *references, size_t count)
                              size_t value_count)                                                                       \
     {                                                                                                                  \
         Instance *i = c;                                                                                               \
-        if (!i || begin_set(i, __func__, TYPE, references, count, value_count) ||                                      \
+        if (!i || begin_set(i, __func__, TYPE, references, count, values, value_count) ||                                      \
             are_set(i, references, count) || instance_begin_set(i, __func__, KIND, references, count))                                                  \
             return fmi3Error;                                                                                          \
         for (size_t k = 0; k < count; k++)                                                                             \
@@ -101,11 +104,12 @@ fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference references[], 
                          size_t value_count)
 {
     Instance *i = c;
-    if (!i || begin_set(i, __func__, TEXT, references, count, value_count) ||
+    if (!i || begin_set(i, __func__, TEXT, references, count, values, value_count) ||
+        instance_given_texts(i, __func__, values, value_count) ||
         instance_begin_set(i, __func__, STRING, references, count))
         return fmi3Error;
     for (size_t k = 0; k < count; k++)
-        if (instance_set_text(i, references[k], values[k] ? values[k] : ""))
+        if (instance_set_text(i, references[k], values[k]))
             return fmi3Error;
     return (fmi3Status)instance_end_set(i);
 }
@@ -123,7 +127,7 @@ fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference references[], s
                         size_t value_count)
 {
     Instance *i = c;
-    if (!i || begin_set(i, __func__, INT64, references, count, value_count) ||
+    if (!i || begin_set(i, __func__, INT64, references, count, values, value_count) ||
         instance_begin_set(i, __func__, STRING, references, count))
         return fmi3Error;
     for (size_t k = 0; k < count; k++)
@@ -151,7 +155,8 @@ fmi3Status fmi3SetUInt64(fmi3Instance c, const fmi3ValueReference references[], 
                          size_t value_count)
 {
     Instance *i = c;
-    if (!i || in_configuration(i, __func__) || check(i, __func__, UINT64, references, count, value_count))
+    if (!i || instance_given_values(i, __func__, references, count, values, value_count) ||
+        in_configuration(i, __func__) || check(i, __func__, UINT64, references, count, value_count))
         return fmi3Error;
     for (size_t k = 0; k < count; k++)
         if (may_have_rows(i, references[k], values[k]))

@@ -73,6 +73,7 @@ static void note_unit(Search *r, const Head *head, const Title *title)
         return;
     for (int k = 0; k < title->unit_length; k++)
         text_add(&found, "%s", (char[2]){title->unit[k], 0});
+    text_cut(&found, LONGEST_CELL);
     text_join(r->problems, "; ", SAY_COLUMN_UNIT, head->name, text_of(&found), head->unit);
     text_free(&found);
 }
@@ -91,6 +92,7 @@ static void find_column(Search *r, int h)
         if (!found++)
             r->places[h] = k;
     }
+    text_cut(&places, LONGEST_LIST);
     if (found > 1) {
         text_join(r->problems, "; ", SAY_COLUMNS_TWICE, text_of(&places), head->name);
     } else if (found) {
@@ -112,6 +114,7 @@ static void add_header(const Search *r, Text *text)
         for (int c = 0; c < length; c++)
             text_add(text, "%s", (char[2]){cell[c], 0});
     }
+    text_cut(text, LONGEST_LIST);
     if (!text->length)
         text_add(text, SAY_NO_HEADER);
 }

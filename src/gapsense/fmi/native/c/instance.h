@@ -56,6 +56,18 @@ Status instance_begin_set(Instance *instance, const char *name, Kind kind, const
 Status instance_end_set(Instance *instance);
 Status instance_set_text(Instance *instance, unsigned reference, const char *text); /* between them */
 
+/* Refuses NULL where there must be so many of something. */
+Status instance_given(Instance *instance, const char *name, const char *what, const void *address, size_t count);
+Status instance_given_texts(Instance *instance, const char *name, const char *const *texts, size_t count);
+static inline Status instance_given_values(Instance *instance, const char *name, const unsigned *references, size_t count,
+                                           const void *values, size_t value_count)
+{
+    if ((references || !count) && (values || !value_count))
+        return FINE;
+    return references || !count ? instance_given(instance, name, "values", values, value_count)
+                                : instance_given(instance, name, "value references", references, count);
+}
+
 /* Saved states; an existing one is used again. */
 Status instance_save(Instance *instance, State **saved);
 Status instance_restore(Instance *instance, const State *saved);

@@ -54,6 +54,13 @@ typedef struct {
     const char *text, *reason;
 } Limit;
 
+/* Numbers of the kernel's state that are whole, because indices are made of them: `first`, and each `every` after it in
+ * that memory; without one, -1, it is a single one among the others. */
+typedef struct {
+    int memory, first, every;
+    double least, most;
+} Wholes;
+
 typedef void Kernel(const double *state, double *const *memory, const double *inputs, const double *par,
                     const double *const *tables, const int *table_sizes, double *state_next, double *outputs);
 
@@ -73,6 +80,8 @@ typedef struct {
     int par_count, state_count, table_count;
     const int *memory_sizes;
     int memory_count;
+    const Wholes *wholes;
+    int whole_count;
     Kernel *initial, *step;
 } Model;
 

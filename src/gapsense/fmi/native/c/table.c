@@ -17,7 +17,10 @@ typedef struct {
     double *numbers;
     int rows;
     Text problems;
+    unsigned wrong; /* problems of rows, told or not */
 } Reading;
+
+enum { MOST_TOLD = 10 };
 
 /* Where a row is in the file; arrays count from 1. */
 static int line_of(const Reading *r, int row) { return r->csv.rows ? r->csv.rows[row + 1].line : row + 1; }
@@ -26,6 +29,20 @@ static const double *column(const Reading *r, int head) { return r->numbers + (s
 
 /* --- the rows --- */
 
+/* Whether a problem of a row is one of the first, which are told. */
+static int is_told(Reading *r) { return r->wrong++ < MOST_TOLD; }
+
+static void note_number(Reading *r, int line, int h, const char *cell)
+{
+    Text shown = {NULL, 0, 0};
+    if (!is_told(r))
+        return;
+    text_add(&shown, "%s", cell);
+    text_cut(&shown, LONGEST_CELL);
+    text_join(&r->problems, "; ", SAY_NO_NUMBER, line, r->port->heads[h].name, text_of(&shown));
+    text_free(&shown);
+}
+
 static void read_numbers(Reading *r, int h)
 {
     double *to = r->numbers + (size_t)h * (size_t)r->rows;
@@ -33,7 +50,7 @@ static void read_numbers(Reading *r, int h)
         const char *cell = csv_cell(&r->csv, k + 1, r->places[h]);
         to[k] = number_in(cell);
         if (to[k] != to[k])
-            text_join(&r->problems, "; ", SAY_NO_NUMBER, r->csv.rows[k + 1].line, r->port->heads[h].name, cell);
+            note_number(r, r->csv.rows[k + 1].line, h, cell);
     }
 }
 
@@ -42,9 +59,9 @@ static void note_disorder(Reading *r, int h)
     const Head *head = r->port->heads + h;
     const double *x = column(r, h);
     for (int k = 1; k < r->rows && (h == 0 || head->is_rising); k++) {
-        if (x[k] < x[k - 1])
+        if (x[k] < x[k - 1] && is_told(r))
             text_join(&r->problems, "; ", SAY_DECREASES, line_of(r, k), head->name, x[k - 1], x[k]);
-        else if (x[k] == x[k - 1] && head->is_rising)
+        else if (x[k] == x[k - 1] && head->is_rising && is_told(r))
             text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, line_of(r, k), head->name, x[k - 1], x[k]);
     }
 }
@@ -54,6 +71,8 @@ static void judge_rows(Reading *r)
     const double *x = r->numbers;
     for (int h = 0; h < r->port->head_count; h++)
         note_disorder(r, h);
+    if (r->wrong > MOST_TOLD)
+        text_join(&r->problems, "; ", SAY_AND_MORE, r->wrong - MOST_TOLD);
     if (r->rows < r->port->fewest_rows || x[r->rows - 1] <= x[0])
         text_join(&r->problems, "; ", SAY_FEW_ROWS, r->rows, r->port->fewest_rows, r->port->heads[0].name);
 }
@@ -106,7 +125,7 @@ static int understand(State *s, Reading *r)
 
 static int read_content(State *s, const Port *port, const char *name, char *content, size_t size, Text *problem)
 {
-    Reading r = {port, {NULL, NULL, 0, NULL, 0}, NULL, NULL, 0, {NULL, 0, 0}};
+    Reading r = {port, {NULL, NULL, 0, NULL, 0}, NULL, NULL, 0, {NULL, 0, 0}, 0};
     const char *fault = csv_read(&r.csv, content, size);
     if (fault)
         text_add(problem, SAY_NO_CSV, name, fault);
@@ -130,13 +149,13 @@ static void judge_numbers(Reading *r)
         for (int k = 0; k < r->rows; k++) {
             const double x = column(r, h)[k];
             if (!(x - x == 0.0))
-                text_join(&r->problems, "; ", SAY_NO_NUMBER, k + 1, r->port->heads[h].name, repr(x, number));
+                note_number(r, k + 1, h, repr(x, number));
         }
 }
 
 int read_columns(State *s, int port, Text *problem)
 {
-    Reading r = {model.ports + port, {NULL, NULL, 0, NULL, 0}, NULL, s->columns[port], s->rows[port], {NULL, 0, 0}};
+    Reading r = {model.ports + port, {NULL, NULL, 0, NULL, 0}, NULL, s->columns[port], s->rows[port], {NULL, 0, 0}, 0};
     judge_numbers(&r);
     judge_rows(&r);
     if (r.problems.length)

@@ -229,6 +229,18 @@ void text_join(Text *text, const char *between, const char *format, ...)
     va_end(values);
 }
 
+void text_cut(Text *text, int most)
+{
+    size_t length = 0;
+    for (int count = 0; length < text->length; length++)
+        if (((unsigned char)text->at[length] & 0xc0) != 0x80 && count++ == most)
+            break;
+    if (length == text->length)
+        return;
+    text->length = length;
+    add(text, "...", 3);
+}
+
 const char *text_of(const Text *text) { return text->at ? text->at : ""; }
 
 void text_free(Text *text)

@@ -23,6 +23,7 @@ void text_add(Text *text, const char *format, ...) FORMAT(2, 3);
 void text_add_list(Text *text, const char *format, va_list values) FORMAT(2, 0);
 /* The same after `between`, if there is something before it. */
 void text_join(Text *text, const char *between, const char *format, ...) FORMAT(3, 4);
+void text_cut(Text *text, int most); /* to at most so many characters, then three points */
 const char *text_of(const Text *text);
 void text_free(Text *text);
 

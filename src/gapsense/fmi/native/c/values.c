@@ -1,5 +1,6 @@
 #include "values.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -146,7 +147,7 @@ void take_parameters(State *s)
     }
 }
 
-/* The kernel looks into all tables of a port at the places of the first. */
+/* The kernel looks into all tables of a port at the places of the first, which does not decrease. */
 static int are_tables_even(const State *s)
 {
     for (int k = model.signals; k < model.port_count; k++) {
@@ -156,22 +157,79 @@ static int are_tables_even(const State *s)
             if (size < 2 || size != s->sizes[port->columns[0].place])
                 return 0;
         }
+        const double *first = port->column_count ? s->tables[port->columns[0].place] : NULL;
+        for (int row = 1; first && row < s->sizes[port->columns[0].place]; row++)
+            if (first[row] < first[row - 1])
+                return 0;
     }
     return 1;
 }
 
-int is_sound(State *s)
+/* Hosts are given these as whole numbers and truth values. */
+static int are_typed(const State *s)
+{
+    for (int k = 0; k < model.port_count; k++) {
+        const double x = s->values[k];
+        if (model.ports[k].kind == INTEGER && !(x >= INT_MIN && x <= INT_MAX && x == floor(x)))
+            return 0;
+        if (model.ports[k].kind == BOOLEAN && x != 0.0 && x != 1.0)
+            return 0;
+    }
+    return 1;
+}
+
+static int are_parameters_right(State *s)
 {
     Text problems = {NULL, 0, 0};
-    if (s->phase != RUNNING)
-        return 1;
     judge(s, &problems);
     const int is_right = problems.length == 0;
     text_free(&problems);
     if (!is_right || !are_tables_even(s))
         return 0;
     take_parameters(s);
-    return model.sample_time < 0 || s->period == s->values[model.sample_time];
+    return s->period == (model.sample_time < 0 ? 0.0 : s->values[model.sample_time]);
+}
+
+static int are_finite(const double *x, int count)
+{
+    int finite = 1;
+    for (int k = 0; k < count; k++)
+        finite &= x[k] - x[k] == 0.0;
+    return finite;
+}
+
+static int are_whole(const State *s, const Wholes *w)
+{
+    const double *x = w->memory < 0 ? s->kernel : s->memory[w->memory];
+    const int end = w->memory < 0 ? w->first + 1 : model.memory_sizes[w->memory], every = w->every ? w->every : 1;
+    for (int k = w->first; k < end; k += every)
+        if (!(x[k] >= w->least && x[k] <= w->most && x[k] == floor(x[k])))
+            return 0;
+    return 1;
+}
+
+/* The numbers that a step begins with. */
+static int is_kernel_right(const State *s)
+{
+    int right = are_finite(s->values + model.inputs, model.signals - model.inputs);
+    if (!model.survives) {
+        right &= are_finite(s->kernel, model.state_count);
+        for (int k = 0; k < model.memory_count; k++)
+            right &= are_finite(s->memory[k], model.memory_sizes[k]);
+    }
+    for (int k = 0; k < model.whole_count; k++)
+        right &= are_whole(s, model.wholes + k);
+    return right;
+}
+
+const char *unsound(State *s)
+{
+    const int can_step = s->phase == RUNNING || (s->phase < RUNNING && !s->is_due);
+    if (!are_typed(s) || (can_step && !are_parameters_right(s)))
+        return "parameters";
+    if (can_step && s->elapsed > 0.0 && !(s->elapsed < s->period))
+        return "time";
+    return can_step && !is_kernel_right(s) ? "values" : NULL;
 }
 
 static int is_finite(const State *s, Text *problem)

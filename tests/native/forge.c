@@ -1,0 +1,132 @@
+/* A host that forges saved states: in turn it changes numbers of one, seals it anew, restores it and goes on.
+ *
+ * forge LIBRARY GUID RESOURCES TABLE INPUTS OUTPUTS EVERY [NUMBER...]
+ *
+ * The first six words are those of host.c. Of the state's content the first numbers are changed one by one, of those
+ * behind them each EVERY-th; to the NUMBERs among others. Prints how many states were taken and how many refused. Built
+ * with sanitizers, as the library, it ends at the first wrong access to memory. */
+#define main run_table
+#include "host.c"
+#undef main
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+enum { HEAD = 56, FIRST = 400, STEPS = 12, MOST_VALUES = 64 };
+
+static const char *const SENTENCE = "the saved state is damaged: its ";
+static long refused, taken;
+
+static void count_refusal(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+                          fmi2String message, ...)
+{
+    (void)environment, (void)name, (void)status, (void)category;
+    refused += strstr(message, SENTENCE) != NULL;
+}
+
+static void seal(unsigned char *bytes, size_t size)
+{
+    uint64_t sum = 14695981039346656037u;
+    for (size_t k = HEAD; k < size; k++)
+        sum = (sum ^ bytes[k]) * 1099511628211u;
+    memcpy(bytes + HEAD - 8, &sum, 8);
+}
+
+static void go_on(fmi2Component c, const Table *t, int row)
+{
+    double values[MOST];
+    const double step = t->times[1] - t->times[0];
+    for (int k = 0; k < STEPS; k++) {
+        const int at = (row + k) % t->rows;
+        CALL(fmi2SetReal)(c, t->input, (size_t)t->inputs, t->values + at * t->inputs);
+        CALL(fmi2DoStep)(c, (row + k) * step, step, fmi2True);
+        CALL(fmi2GetReal)(c, t->output, (size_t)t->outputs, values);
+    }
+}
+
+/* As it is, and as a state of an earlier phase. */
+static void use(fmi2Component c, const Table *t, int row, fmi2FMUstate state)
+{
+    check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
+    go_on(c, t, row);
+    check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
+    CALL(fmi2ExitInitializationMode)(c);
+    go_on(c, t, row);
+    check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
+    CALL(fmi2EnterInitializationMode)(c);
+    CALL(fmi2ExitInitializationMode)(c);
+    go_on(c, t, row);
+}
+
+static void try_bytes(fmi2Component c, const Table *t, int row, unsigned char *bytes, size_t size)
+{
+    const long before = refused;
+    fmi2FMUstate state = NULL;
+    seal(bytes, size);
+    if (CALL(fmi2DeSerializeFMUstate)(c, (fmi2Byte *)bytes, size, &state) == fmi2OK) {
+        taken++;
+        use(c, t, row, state);
+    } else if (refused != before + 1) {
+        fail("a state was refused in other words");
+    }
+    CALL(fmi2FreeFMUstate)(c, &state);
+}
+
+static void forge(fmi2Component c, const Table *t, int row, size_t every, const double *wild, int count)
+{
+    fmi2FMUstate state = NULL;
+    size_t size = 0;
+    check(CALL(fmi2GetFMUstate)(c, &state), "fmi2GetFMUstate");
+    check(CALL(fmi2SerializedFMUstateSize)(c, state, &size), "fmi2SerializedFMUstateSize");
+    unsigned char *bytes = malloc(size);
+    check(CALL(fmi2SerializeFMUstate)(c, state, (fmi2Byte *)bytes, size), "fmi2SerializeFMUstate");
+    for (size_t at = HEAD; at + 8 <= size; at += 8 * (at < HEAD + 8 * FIRST ? 1 : every)) {
+        double now;
+        uint64_t word;
+        memcpy(&now, bytes + at, 8);
+        memcpy(&word, bytes + at, 8);
+        const double near[] = {now + 1.0, now - 1.0, now + 0.5, -now, 1024.0 * now};
+        for (size_t k = 0; k < sizeof near / sizeof *near + (size_t)count; k++) {
+            memcpy(bytes + at, k < 5 ? near + k : wild + k - 5, 8);
+            try_bytes(c, t, row, bytes, size);
+        }
+        for (uint64_t flag = 0; flag < 6; flag++) {
+            memcpy(bytes + at, &flag, 8);
+            try_bytes(c, t, row, bytes, size);
+        }
+        memcpy(bytes + at, &word, 8);
+    }
+    check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
+    CALL(fmi2FreeFMUstate)(c, &state);
+    free(bytes);
+}
+
+int main(int count, char **words)
+{
+    double wild[MOST_VALUES] = {-1.0, 1e9, 2147483648.0, -2.1e9, -2147483649.0, NAN, INFINITY, -INFINITY, 0.5, 1e300};
+    int values = 10;
+    if (count < 8 || !(library = OPEN(words[1])))
+        fail("cannot open the library");
+    const Table t = read_table(words[4], atoi(words[5]), atoi(words[6]));
+    for (int k = 8; k < count && values < MOST_VALUES; k++)
+        wild[values++] = strtod(words[k], NULL);
+    fmi2CallbackFunctions functions = {count_refusal, calloc, free, NULL, NULL};
+    fmi2Component c = CALL(fmi2Instantiate)("one", fmi2CoSimulation, words[2], words[3], &functions, 0, 1);
+    forge(c, &t, 0, (size_t)atol(words[7]), wild, values);
+    check(CALL(fmi2SetupExperiment)(c, 0, 0.0, t.times[0], 0, 0.0), "fmi2SetupExperiment");
+    check(CALL(fmi2EnterInitializationMode)(c), "fmi2EnterInitializationMode");
+    check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values), "fmi2SetReal");
+    check(CALL(fmi2ExitInitializationMode)(c), "fmi2ExitInitializationMode");
+    for (int row = 1; row < t.rows; row++) {
+        const double step = t.times[1] - t.times[0];
+        check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values + row * t.inputs), "fmi2SetReal");
+        check(CALL(fmi2DoStep)(c, (row - 1) * step, step, fmi2True), "fmi2DoStep");
+        if (row == t.rows / 2 || row == t.rows - 1)
+            forge(c, &t, row, (size_t)atol(words[7]), wild, values);
+    }
+    CALL(fmi2FreeInstance)(c);
+    free_table(&t);
+    printf("%ld %ld\n", taken, refused);
+    return 0;
+}
