@@ -6,6 +6,13 @@
 What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
 """
 
+import os
+import sys
+
+# `python -m gapsense...`: what is in the working folder comes last.
+_is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
+sys.path.extend([sys.path.pop(0)] if _is_module else [])
+
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
