@@ -13,7 +13,7 @@ import sys
 _is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
 sys.path.extend([sys.path.pop(0)] if _is_module else [])
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
     from gapsense.cosim.model import Scenario as Scenario
