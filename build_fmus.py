@@ -4,6 +4,9 @@ python build_fmus.py [--out FOLDER] [--parameters FILE ...] [NAME ...]
 """
 
 import sys
+
+sys.path.append(sys.path.pop(0))  # other files beside this one stand in nobody's way
+
 from pathlib import Path
 
 from gapsense.cli import app

@@ -6,7 +6,14 @@
 What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
 """
 
-from typing import TYPE_CHECKING, Any
+import os
+import sys
+
+# `python -m gapsense...`: what is in the working folder comes last.
+_is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
+sys.path.extend([sys.path.pop(0)] if _is_module else [])
+
+from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
     from gapsense.cosim.model import Scenario as Scenario

@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+# First a process of ours forgets the working folder, which Python puts first. Both modules are built into Python:
+# nothing is looked for in a folder yet.
+ALONE = "import sys, _signal; sys.path[:] = filter(None, sys.path); "
+
+
+def python(code: str, *arguments: str) -> list[str]:
+    """Command that runs code in another Python, which imports nothing from the working folder."""
+    return [sys.executable, "-c", ALONE + code, *arguments]
+
+
+def search_path(*first: Path) -> str:
+    """The PYTHONPATH of a process of ours: `first`, then that of this one without the working folder."""
+    here, entries = Path.cwd().resolve(), os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    kept = [str(folder) for entry in entries if entry and (folder := Path(entry).resolve()) != here]
+    return os.pathsep.join(dict.fromkeys([*map(str, first), *kept]))
 
 
 def importable_name(function: Callable[..., Any]) -> str:

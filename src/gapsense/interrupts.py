@@ -43,6 +43,21 @@ def counted(at_most: int | None = None, then: Callable[[], None] = lambda: None)
         yield lambda: len(noted)
 
 
+@contextmanager
+def ended_like_ctrl_c() -> Iterator[None]:
+    """Let what batch systems and closed terminals send act as a Ctrl-C, unless it is ignored, as after `nohup`."""
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    is_main = threading.current_thread() is threading.main_thread()
+    taken = [s for s in (getattr(signal, n) for n in names) if is_main and signal.getsignal(s) == signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
 def leave(number: int, _: FrameType | None) -> None:
     """End the program at once with a word; for where nothing has begun, but an exception would be shown."""
     os.write(2, b"interrupted.\n")

@@ -1,8 +1,9 @@
 """Processes that answer requests: one that crashes or hangs takes nothing with it, and what became of it is known.
 
-`python -m gapsense.processes` is one of them, which ends with its input, or with the process that started it.  Requests
-and answers are lines of JSON.  The first request names a function and its task, and `function(task)` gives the function
-that answers all others.  Numbers in shared memory, its marks, say what it is doing, also after its end.
+Each ends with its input, or with the process that started it, and all that it has started ends with it.  It imports
+nothing from the working folder.  Requests and answers are lines of JSON.  The first request names a function and its
+task, and `function(task)` gives the function that answers all others.  Numbers in shared memory, its marks, say what it
+is doing, also after its end.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any, TextIO, TypeAlias
 
-from gapsense.importable import importable_name, imported, root
+from gapsense.importable import importable_name, imported, python, root, search_path
 from gapsense.locks import temporary_folder
 from gapsense.problems import ScenarioError
 from gapsense.shipped import PACKAGE
@@ -36,6 +37,11 @@ MARKS = 8
 PATIENCE = 1.0  # seconds that a process may take to end by itself
 LOOK = 0.2  # seconds between two looks at whether the other process is still there
 GLANCE = 0.002  # seconds between two looks at whether a process that was told to end has ended
+START = (
+    "[_signal.signal(s, _signal.SIG_IGN) for n in ('SIGINT', 'SIGTERM', 'SIGHUP') if (s := getattr(_signal, n, 0))]; "
+    "from gapsense.processes import main; main()"
+)
+ROUNDS = 20  # in which processes are ended that start others meanwhile
 SHOWN = 2000  # characters of a process's last words
 Marks: TypeAlias = "memoryview[int] | array[int]"  # whole numbers in memory
 
@@ -63,18 +69,17 @@ class Process:
         self.folder = temporary_folder()
         (self.folder / "marks").write_bytes(bytes(8 * MARKS))
         self.marks = mapped(self.folder / "marks")
-        roots = [PACKAGE.parent, *([root(guest)] if guest else [])]
-        paths = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+        behind = str(root(guest)) if guest else ""
         own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), str(self.folder))
         with (self.folder / "errors.txt").open("wb") as errors:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "gapsense.processes", *load],
+                python(START, behind, *load),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 text=True,
                 encoding="utf-8",
-                env={**os.environ, **own, "PYTHONPATH": paths},
+                env={**os.environ, **own, "PYTHONPATH": search_path(PACKAGE.parent)},
                 start_new_session=True,
             )
         self.log, self.told = (self.folder / "errors.txt").open("rb"), 0
@@ -91,19 +96,31 @@ class Process:
         with suppress(OSError):  # if it has died; the missing answer tells so below
             print(json.dumps(request), file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline() if self.process.stdout else ""
-        self.is_busy = self.is_limited = False
         if not answer.endswith("\n"):
-            raise Died(self.ending(), self.words(), doing)
+            cause = self.ending()
+            self.is_busy = self.is_limited = False
+            raise Died(cause, self.words(), doing)
+        self.is_busy = self.is_limited = False
         return json.loads(answer)
 
     def check(self) -> None:
-        """End the process if it has made no progress for longer than its limit."""
+        """End the process if it has made no progress for longer than its limit, and what it left if it has ended."""
+        if self.is_busy and self.process.poll() is not None:
+            return self.kill()  # what it has started may hold the pipe on which an answer is awaited
         seen, now = bytes(self.marks), monotonic()
         if seen != self.seen:
             self.seen, self.since = seen, now
         elif self.limit is not None and self.is_limited and now - self.since > self.limit:
             self.is_overdue = True
-            self.process.kill()
+            self.kill()
+
+    def kill(self) -> None:
+        """End the process and all that it has started."""
+        self.process.kill()
+        if os.name == "posix":
+            with suppress(OSError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+        end_descendants(self.folder)
 
     def news(self) -> str:
         """What it has written on its error stream since this was asked last."""
@@ -119,7 +136,13 @@ class Process:
 
     def ending(self) -> str:
         """How it ended."""
-        code = self.process.wait()
+        try:
+            code = self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            code = self.process.wait()
+            if not self.is_overdue:
+                return "its process closed the pipe for its answers, so it was ended"
         if self.is_overdue:
             return f"no answer within {self.limit:g} s, the limit, so its process was ended"
         if code >= 0:
@@ -130,7 +153,7 @@ class Process:
     def dismiss(self) -> None:
         """Tell the process to end, or end it in the middle of its work if need be."""
         if self.is_busy:
-            self.process.kill()
+            self.kill()
         with suppress(OSError):
             if self.process.stdin:
                 self.process.stdin.close()
@@ -141,12 +164,37 @@ class Process:
         until = monotonic() + PATIENCE
         while self.process.poll() is None and monotonic() < until:
             sleep(GLANCE)  # `wait` with a timeout sleeps longer and longer
-        self.process.kill()
+        self.kill()
         self.process.wait()
         self.log.close()
         if self.process.stdout and not self.is_busy:  # else the thread that waits for an answer reads from it
             self.process.stdout.close()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def end_descendants(folder: Path) -> None:
+    """End all processes whose environment has this folder, or one in it: a session of their own does not save them."""
+    if sys.platform != "linux":
+        return
+    mark, own = f"{FOLDER}={folder}".encode(), os.getpid()
+    for _ in range(ROUNDS):
+        pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit())
+        found = [pid for pid in pids if pid != own and has(pid, mark)]
+        for pid in found:
+            with suppress(OSError):
+                os.kill(pid, signal.SIGKILL)
+        if not found:
+            return
+        sleep(GLANCE)
+
+
+def has(pid: int, mark: bytes) -> bool:
+    """True if the environment of a process has a variable that begins so."""
+    try:
+        content = Path(f"/proc/{pid}/environ").read_bytes()
+    except OSError:  # of somebody else, or gone
+        return False
+    return any(entry == mark or entry.startswith(mark + b"/") for entry in content.split(b"\0"))
 
 
 def mapped(file: Path) -> Marks:
@@ -184,6 +232,7 @@ def vanish() -> None:
                 os._exit(1)
             while os.getppid() == own:
                 sleep(GLANCE)
+        end_descendants(Path(os.environ[FOLDER]))
     remove_folder()
     os._exit(1)
 
@@ -193,8 +242,13 @@ def remove_folder() -> None:
     shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
 
 
-def leave(is_done: Event) -> None:
-    """Leave no files; at a good end do not take the interpreter down in order, which takes longer than many a run."""
+def leave(is_done: Event, own: int) -> None:
+    """Leave no files, but let a fork that a component made leave all as it is.
+
+    At a good end do not take the interpreter down in order, which takes longer than many a run.
+    """
+    if os.getpid() != own:
+        os._exit(0)
     remove_folder()
     if is_done.is_set() and os.name == "posix":
         sys.stderr.flush()
@@ -205,15 +259,15 @@ def leave(is_done: Event) -> None:
 
 def main() -> None:
     """Be a process that answers requests until the input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one that asks
+    sys.path.extend(filter(None, sys.argv[1:2]))  # the guest's folder: what comes with Python is found before
     faulthandler.enable(all_threads=False)
     is_done = Event()
-    atexit.register(leave, is_done)  # first, so that it comes last
+    atexit.register(leave, is_done, os.getpid())  # first, so that it comes last
     Thread(target=follow, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what FMUs print goes to the error stream from now on
     sys.stdout = sys.stderr
-    for module in sys.argv[1:]:
+    for module in sys.argv[2:]:
         import_module(module)
     work(answers)
     is_done.set()
@@ -221,7 +275,7 @@ def main() -> None:
 
 def work(answers: TextIO) -> None:
     """Answer requests."""
-    first = sys.stdin.readline()
+    first, own = sys.stdin.readline(), os.getpid()
     if not first:
         return  # this process was not needed
     request = json.loads(first)
@@ -231,13 +285,12 @@ def work(answers: TextIO) -> None:
         return send(answers, {"problems": error.problems})
     send(answers, {"problems": []})
     for line in sys.stdin:
-        send(answers, answer(json.loads(line)))
+        message = answer(json.loads(line))
+        if os.getpid() != own:
+            os._exit(0)  # a fork that a component made: only the process itself answers
+        send(answers, message)
 
 
 def send(answers: TextIO, message: Any) -> None:
     """Write one answer."""
     print(json.dumps(message), file=answers, flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -42,5 +42,5 @@ def ahead(*modules: str, count: int = 1, again: bool = False) -> Iterator[None]:
         _again.clear()
         while _waiting:
             left = _waiting.pop()
-            left.process.kill()
+            left.kill()
             left.close()

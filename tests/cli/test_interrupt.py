@@ -42,16 +42,18 @@ def long(tmp_path):
     return folder
 
 
-def interrupted(process):
+def interrupted(process, number=signal.SIGINT):
     """Exit code and both outputs of a process that gets a Ctrl-C as soon as it has said that it is under way."""
     assert process.stdout.readline().strip() in ("running", "sweeping")
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     outputs = process.communicate(timeout=60)
     return process.returncode, *outputs
 
 
-def test_interrupted_run_leaves_a_partial_result_and_says_so(process, long, fmus, tmp_path):
-    code, out, err = interrupted(process(LOUD, "run", long, "--fmus", fmus, "--out", tmp_path / "out"))
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_interrupted_run_leaves_a_partial_result_and_says_so(process, long, fmus, tmp_path, number):
+    started = process(LOUD, "run", long, "--fmus", fmus, "--out", tmp_path / "out")
+    code, out, err = interrupted(started, getattr(signal, number))
     assert code == 130, err
     assert "Traceback" not in err and err.startswith("interrupted at t = ") and "long.csv" in err
     assert "real-time factor" in out
@@ -68,9 +70,10 @@ def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number):
     command = ("sweep", VALVE, "--seeds", 50, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out")
-    code, out, err = interrupted(process(LOUD, *command))
+    code, out, err = interrupted(process(LOUD, *command), number)
     assert code == 130 and "the same command goes on from here" in err and "Traceback" not in err
     lines = (tmp_path / "out" / "semera_valve_sweep.jsonl").read_text("utf-8").splitlines()
     done = sum("metrics" in json.loads(line) for line in lines)

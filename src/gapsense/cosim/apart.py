@@ -153,7 +153,7 @@ class Run:
         self.marks[STOP] = 1
         if self.interrupts() > 1 or not self.marks[ROWS]:
             self.is_ended = True
-            self.process.process.kill()
+            self.process.kill()
         elif not self.is_told and now - self.since > HASTE:
             self.is_told = True
             self.watch.notice(f"interrupted; waiting for {self.place()} to end. Ctrl-C again ends it at once.")

@@ -1,6 +1,7 @@
 import ctypes
 import os
 import signal
+import subprocess
 import time
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real, String
@@ -58,6 +59,27 @@ class Faulty(Fmi2Slave):
             print("coil says so", flush=True)
         if self.fault == "hang":
             time.sleep(1e3)
+        if self.fault in ("fork", "fork_away"):  # the child, in a session of its own or not, keeps all pipes
+            if os.fork() == 0:
+                if self.fault == "fork_away":
+                    os.setsid()
+                time.sleep(1e3)
+            os._exit(3)
+        if self.fault == "fork_and_hang" and os.fork():
+            time.sleep(1e3)
+        if self.fault in ("fork_and_hang", "child_exits") and (self.fault != "child_exits" or os.fork() == 0):
+            if self.fault == "child_exits":
+                os._exit(0)
+            time.sleep(1e3)
+        if self.fault == "child_goes_on":
+            os.fork()
+        if self.fault == "close":
+            os.closerange(3, 1024)
+            time.sleep(1e3)
+        if self.fault in ("leave", "leave_away"):
+            subprocess.Popen(["sleep", "301"], start_new_session=self.fault == "leave_away")
+        if self.fault == "chdir":
+            os.chdir("/")
         if self.fault == "exit":
             os._exit(0)
         if self.fault == "segfault":
