@@ -122,7 +122,7 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
         estimated_flux_linkage=state.coil.flux,
         misfit=math.inf,
         landing_time=0.0,
-        smoothed_time=state.smoothed_until,
+        smoothed_time=inputs.time,
         smoothed_flux_linkage=state.coil.flux,
         estimated_resistance=0.0,
         estimated_mass=0.0,
