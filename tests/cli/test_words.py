@@ -75,4 +75,4 @@ def test_limit_of_whole_numbers_is_told(folder, value):
 def test_minimal_scenario_names_the_command_that_tells_start_values(folder):
     gapsense("new", "my_valve")
     text = (folder / "my_valve" / "scenario.toml").read_text()
-    assert "`gapsense info NAME`" in text and "gapsense list" not in text
+    assert "the page in each FMU" in text and "gapsense list" not in text
