@@ -38,7 +38,7 @@ def test_components_in_host(host: str, kind: str, request: pytest.FixtureRequest
     differences = {}
     for folder in FOLDERS:
         component = load_component(folder)
-        where = fmus / "aarch64-linux" if host == "qemu" else fmus
+        where = fmus / {"qemu": "aarch64-linux", "c3": "fmi3"}.get(host, "")
         part = Part(folder, component, where / f"{component.name}.fmu")
         work = tmp_path / component.name
         work.mkdir()

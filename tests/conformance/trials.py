@@ -84,6 +84,12 @@ def in_c(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     return outputs([host], unpack(path, folder / "fmu"), part, platform="linux64"), expected(part)
 
 
+def in_c_of_fmi_3(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
+    """The plain host in C for FMI 3.0."""
+    host = compiled_host(("gcc",), folder / "host", source="host3.c")
+    return outputs([host], unpack(path, folder / "fmu"), part, platform="x86_64-linux"), expected(part)
+
+
 def in_wine(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C for Windows."""
     os.environ |= {"WINEPREFIX": str(folder.parent / "prefix"), "WINEDEBUG": "-all"}
@@ -108,6 +114,7 @@ BOTH, NATIVE = ("python", "native"), ("native",)
 HOSTS: dict[str, Host] = {
     "fmpy": Host("FMPy", "Linux, x86_64", BOTH, lambda: "", lambda: version("fmpy"), in_fmpy),
     "c": Host("plain host in C", "Linux, x86_64", BOTH, lambda: needs("gcc"), lambda: "", in_c),
+    "c3": Host("plain host in C", "Linux, x86_64", ("native3",), lambda: needs("gcc"), lambda: "", in_c_of_fmi_3),
     "libcosim": Host(
         "libcosim through libcosimpy",
         "Linux, x86_64",

@@ -1,8 +1,8 @@
 /* A host that forges saved states: in turn it changes numbers of one, seals it anew, restores it and goes on.
  *
- * forge LIBRARY GUID RESOURCES TABLE INPUTS OUTPUTS EVERY [NUMBER...]
+ * forge LIBRARY GUID RESOURCES TABLE INPUTS OUTPUTS FIRST EVERY [NUMBER...]
  *
- * The first six words are those of host.c. Of the state's content the first numbers are changed one by one, of those
+ * The first six words are those of host.c. Of the state's content the FIRST numbers are changed one by one, of those
  * behind them each EVERY-th; to the NUMBERs among others. Prints how many states were taken and how many refused. Built
  * with sanitizers, as the library, it ends at the first wrong access to memory. */
 #define main run_table
@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { HEAD = 56, FIRST = 400, STEPS = 12, MOST_VALUES = 64 };
+enum { HEAD = 56, FLAGS = 4, STEPS = 12, MOST_VALUES = 64 };
 
 static const char *const SENTENCE = "the saved state is damaged: its ";
 static long refused, taken;
@@ -45,11 +45,13 @@ static void go_on(fmi2Component c, const Table *t, int row)
     }
 }
 
-/* As it is, and as a state of an earlier phase. */
-static void use(fmi2Component c, const Table *t, int row, fmi2FMUstate state)
+/* As it is, and with other flags as a state of an earlier phase. */
+static void use(fmi2Component c, const Table *t, int row, fmi2FMUstate state, int is_flag)
 {
     check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
     go_on(c, t, row);
+    if (!is_flag)
+        return;
     check(CALL(fmi2SetFMUstate)(c, state), "fmi2SetFMUstate");
     CALL(fmi2ExitInitializationMode)(c);
     go_on(c, t, row);
@@ -59,21 +61,21 @@ static void use(fmi2Component c, const Table *t, int row, fmi2FMUstate state)
     go_on(c, t, row);
 }
 
-static void try_bytes(fmi2Component c, const Table *t, int row, unsigned char *bytes, size_t size)
+static void try_bytes(fmi2Component c, const Table *t, int row, unsigned char *bytes, size_t size, int is_flag)
 {
     const long before = refused;
     fmi2FMUstate state = NULL;
     seal(bytes, size);
     if (CALL(fmi2DeSerializeFMUstate)(c, (fmi2Byte *)bytes, size, &state) == fmi2OK) {
         taken++;
-        use(c, t, row, state);
+        use(c, t, row, state, is_flag);
     } else if (refused != before + 1) {
         fail("a state was refused in other words");
     }
     CALL(fmi2FreeFMUstate)(c, &state);
 }
 
-static void forge(fmi2Component c, const Table *t, int row, size_t every, const double *wild, int count)
+static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t every, const double *wild, int count)
 {
     fmi2FMUstate state = NULL;
     size_t size = 0;
@@ -81,7 +83,7 @@ static void forge(fmi2Component c, const Table *t, int row, size_t every, const 
     check(CALL(fmi2SerializedFMUstateSize)(c, state, &size), "fmi2SerializedFMUstateSize");
     unsigned char *bytes = malloc(size);
     check(CALL(fmi2SerializeFMUstate)(c, state, (fmi2Byte *)bytes, size), "fmi2SerializeFMUstate");
-    for (size_t at = HEAD; at + 8 <= size; at += 8 * (at < HEAD + 8 * FIRST ? 1 : every)) {
+    for (size_t at = HEAD; at + 8 <= size; at += 8 * (at < HEAD + 8 * first ? 1 : every)) {
         double now;
         uint64_t word;
         memcpy(&now, bytes + at, 8);
@@ -89,11 +91,11 @@ static void forge(fmi2Component c, const Table *t, int row, size_t every, const 
         const double near[] = {now + 1.0, now - 1.0, now + 0.5, -now, 1024.0 * now};
         for (size_t k = 0; k < sizeof near / sizeof *near + (size_t)count; k++) {
             memcpy(bytes + at, k < 5 ? near + k : wild + k - 5, 8);
-            try_bytes(c, t, row, bytes, size);
+            try_bytes(c, t, row, bytes, size, at < HEAD + 8 * FLAGS);
         }
         for (uint64_t flag = 0; flag < 6; flag++) {
             memcpy(bytes + at, &flag, 8);
-            try_bytes(c, t, row, bytes, size);
+            try_bytes(c, t, row, bytes, size, at < HEAD + 8 * FLAGS);
         }
         memcpy(bytes + at, &word, 8);
     }
@@ -106,14 +108,14 @@ int main(int count, char **words)
 {
     double wild[MOST_VALUES] = {-1.0, 1e9, 2147483648.0, -2.1e9, -2147483649.0, NAN, INFINITY, -INFINITY, 0.5, 1e300};
     int values = 10;
-    if (count < 8 || !(library = OPEN(words[1])))
+    if (count < 9 || !(library = OPEN(words[1])))
         fail("cannot open the library");
     const Table t = read_table(words[4], atoi(words[5]), atoi(words[6]));
-    for (int k = 8; k < count && values < MOST_VALUES; k++)
+    for (int k = 9; k < count && values < MOST_VALUES; k++)
         wild[values++] = strtod(words[k], NULL);
     fmi2CallbackFunctions functions = {count_refusal, calloc, free, NULL, NULL};
     fmi2Component c = CALL(fmi2Instantiate)("one", fmi2CoSimulation, words[2], words[3], &functions, 0, 1);
-    forge(c, &t, 0, (size_t)atol(words[7]), wild, values);
+    forge(c, &t, 0, 2 * FLAGS, (size_t)atol(words[8]), wild, values);
     check(CALL(fmi2SetupExperiment)(c, 0, 0.0, t.times[0], 0, 0.0), "fmi2SetupExperiment");
     check(CALL(fmi2EnterInitializationMode)(c), "fmi2EnterInitializationMode");
     check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values), "fmi2SetReal");
@@ -123,7 +125,7 @@ int main(int count, char **words)
         check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values + row * t.inputs), "fmi2SetReal");
         check(CALL(fmi2DoStep)(c, (row - 1) * step, step, fmi2True), "fmi2DoStep");
         if (row == t.rows / 2 || row == t.rows - 1)
-            forge(c, &t, row, (size_t)atol(words[7]), wild, values);
+            forge(c, &t, row, (size_t)atol(words[7]), (size_t)atol(words[8]), wild, values);
     }
     CALL(fmi2FreeInstance)(c);
     free_table(&t);

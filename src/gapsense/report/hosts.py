@@ -15,11 +15,15 @@ from typing import Any
 from gapsense.files import write_atomically
 
 PAGE = "hosts.md"
-KINDS = {"python": "Python FMU", "native": "native FMU"}
+KINDS = {"python": "Python FMU", "native": "native FMU", "native3": "native FMU, FMI 3.0"}
 NOT_TRIED = (
     (
         "Simulink, Dymola, OpenModelica, TwinCAT",
         "not to be had on the machines of the tests: the native FMU is for them",
+    ),
+    (
+        "pathsim-fmi, but by hand",
+        "FMI 3.0: 0.1.1 reads each output into one number; of 14 components 8 ran, all with `gapsense build --scalars`",
     ),
     ("fmusim of the Reference-FMUs, FMU Compliance Checker", "no sources at hand; earlier Python FMUs ran in both"),
     ("macOS", "no such machine: the native FMUs have binaries, and that they load is not known"),
