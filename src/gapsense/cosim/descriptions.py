@@ -76,17 +76,7 @@ def describe(path: Path) -> Description:
     UnusableError
         Saying why the FMU cannot be used, and what to do.
     """
-    data, members = read_description(path)
-    try:
-        root, text = mended(data)
-        model = read_model(text)
-        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
-        rules = read_rules(root, variables)
-    except UnusableError:
-        raise
-    except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
-        why = shortened(" ".join(str(error).split()))
-        raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
+    model, variables, rules, members = opened(path)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
@@ -104,6 +94,23 @@ def describe(path: Path) -> Description:
         rules=rules,
         step_size=step_size(model),
     )
+
+
+def opened(path: Path) -> tuple[Any, dict[str, Variable], Component | None, list[str]]:
+    """What fmpy makes of the model description of any FMU file, its variables that a run can move, its rules, and the
+    names of the archive's members.
+    """
+    data, members = read_description(path)
+    try:
+        root, text = mended(data)
+        model = read_model(text)
+        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
+        return model, variables, read_rules(root, variables), members
+    except UnusableError:
+        raise
+    except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
+        why = shortened(" ".join(str(error).split()))
+        raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
 
 
 def step_size(model: Any) -> float | None:
