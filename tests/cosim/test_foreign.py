@@ -169,7 +169,7 @@ def test_number_that_cannot_be_kept_exactly_ends_the_run(write, foreign):
     ("version", "words"),
     [
         (2, "fmi2DoStep returned fmi2Discard; the component says: 100 % of the time is over."),
-        (3, "fmi3DoStep returned a wish to end the run; the component says nothing about it."),
+        (3, "fmi3DoStep returned fmi3Discard; the component says: 100 % of the time is over."),
     ],
 )
 def test_component_that_does_not_go_on_ends_the_run_with_its_words(write, foreign, version, words):
