@@ -20,6 +20,7 @@ from gapsense.fmi.ports import Component
 
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
+NOT_MOVED = ("Binary", "Clock")  # types that a run leaves alone
 USED = ("input", "output", "parameter")  # causalities that a run moves
 
 
@@ -133,7 +134,10 @@ def read_model(text: bytes) -> Any:
 
 
 def refuse_unusable(model: Any, members: list[str]) -> None:
-    """Raise unless the FMU is for co-simulation, with scalars only and a library for this platform."""
+    """Raise unless the FMU is for co-simulation, without arrays as inputs, and has a library for this platform.
+
+    Binary variables and clocks are left alone: without event mode nobody needs to move them.
+    """
     import fmpy
 
     if model.coSimulation is None:
@@ -141,9 +145,8 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
         raise UnusableError(f"{found}. Export it as that.")
     refuse_identifier(model.coSimulation.modelIdentifier)
     for v in model.modelVariables:
-        if v.type == "Clock" or (v.causality in USED and not is_scalar(v) and not is_spare(v)):
-            kind = "an array" if v.dimensions else f"of type {v.type}"
-            found = f"its variable `{shown(v.name)}` is {kind}; scalars without clocks are supported"
+        if v.causality in USED and v.dimensions and v.type not in NOT_MOVED and not is_spare(v):
+            found = f"its variable `{shown(v.name)}` is an array; inputs that are scalars are supported"
             raise UnusableError(f"{found}. Export it without.")
     folder = f"binaries/{fmpy.platform if model.fmiVersion == '2.0' else fmpy.platform_tuple}/"
     library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
@@ -168,7 +171,7 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
 def is_scalar(v: Any) -> bool:
     """True for a variable that a run can move; a second name of one that can be set does not count."""
     is_second = v.alias is not None and v.causality in ("input", "parameter")
-    return not v.dimensions and v.type not in ("Binary", "Clock") and not is_second
+    return not v.dimensions and v.type not in NOT_MOVED and not is_second
 
 
 def is_spare(v: Any) -> bool:
