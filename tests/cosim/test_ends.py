@@ -96,6 +96,26 @@ def test_what_c_steps_ends_and_warns_too(write, reals, loops, isolation):
 
 
 @pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("key", "rows"), [('method = "jacobi"', 6), ("pace = 20.0", 6), ('isolation = "process"', 6), ("start = 0.2", 4)]
+)
+def test_end_is_the_same_however_the_run_is_made(write, foreign, loops, version, key, rows):
+    path = written(write, version, ENDS)
+    path.write_text(path.read_text().replace("base_step", f"{key}\nbase_step"))
+    result = run(path, fmus=foreign)
+    assert result.times.size == rows and abs(result.times[-1] - 0.5) < 1e-12
+    assert np.array_equal(result["last.level"], result["a.level"]) and result.ended.startswith("`a` ended the run at")
+
+
+@pytest.mark.parametrize("deed", [ENDS, AFTER])
+@pytest.mark.parametrize(("decimation", "rows"), [(2, 3), (5, 2), (3, 2)])
+def test_end_between_two_rows_leaves_those_before(write, foreign, loops, deed, decimation, rows):
+    path = written(write, 3, deed, more=f"[record]\ndecimation = {decimation}")
+    result = run(path, fmus=foreign)
+    assert np.allclose(result.times, np.arange(rows) * decimation / 10) and result.ended
+
+
+@pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("isolation", ["", APART])
 def test_end_within_a_step_has_no_row_of_another_time(write, foreign, loops, version, isolation):
     path = written(write, version, ENDS, 1.0, isolation)
