@@ -160,4 +160,5 @@ def test_commands_take_an_orderly_end_for_no_failure(write, foreign, tmp_path, m
     code, said = gapsense("test", folder)
     assert code == 0 and "note: `a` ended the run" in said
     code, said = gapsense("sweep", folder)
-    assert code == 0 and "2 runs" in said
+    assert code == 0 and "2 of 2 runs were ended by a component; run 0: `a` ended the run at t = 0.5 s" in said
+    assert "2 of 2 runs were ended" in gapsense("sweep", folder)[1]  # from what is known

@@ -147,7 +147,9 @@ class Server:
 
     def step(self, start: float, duration: float) -> None:
         """Do a step, and nothing else; its status is that of the answer."""
-        status = self.doers.setdefault(duration, self.instance.doer(duration))(start)
+        if duration not in self.doers:
+            self.doers[duration] = self.instance.doer(duration)
+        status = self.doers[duration](start)
         if status not in (OK, WARNING, ENDS, ENDS_WITHIN):
             raise self.instance.failure(STEP, status)
         self.instance.status = status
