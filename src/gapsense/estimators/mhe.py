@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_effort import USUAL
 from gapsense.estimators.mhe_model import Device, Point, advance, current, device, mean_of, model, point, with_device
+from gapsense.estimators.mhe_pass import JUMP, LARGE, drives
 from gapsense.estimators.mhe_records import (
     RING,
     START,
@@ -32,12 +33,10 @@ from gapsense.linalg import vector
 from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
 from gapsense.trace import clip, cond, fabs, floor, load, not_, square, store, where
 
-JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
-LARGE = 20.0  # noises that such a current must have
 WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 
 
@@ -258,7 +257,7 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
 
 
 def _is_edge(u: Scalar, before: Scalar, par: Parameters) -> Scalar:
-    return fabs(u - before) > par.edge + JUMP * par.noise_voltage
+    return drives(u - before, par)
 
 
 def _is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
