@@ -7,10 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 from lossy_valve import HALF, START, T_S
-from mhe_plant import CYCLE, Plant, noisy, plant
+from mhe_plant import CYCLE, Plant, noisy, plant, says
 from mhe_signals import blind, rows, run
 
 from gapsense.actuators import reluctance_actuator
+from gapsense.estimators import readings
 from gapsense.estimators.mhe_records import MOST
 from gapsense.kernel import Kernel
 from gapsense.records import flat
@@ -128,3 +129,18 @@ def test_what_lags_is_dropped(fault: str) -> None:
     times = found["smoothed_time"][is_told]
     assert np.all(np.diff(times) > 0.5 * T_S) and np.all(np.flatnonzero(is_told) * T_S - times < 0.1)
     assert times[-1] > (s.mode.size - 1500) * T_S
+
+
+# health
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
+    """Of the time that it is more than 100 um wrong, `health` was 1 for up to 88 %; healthy operations are silent."""
+    s = broken(fault)
+    found = run(blind(), rows(with_noise(s.voltage, 2), noisy(s, 2)))
+    k = np.arange(s.mode.size)
+    is_wrong = (np.abs(found["position"] - s.position) > 100e-6) & (k > START + HEALTHY * CYCLE - 10)
+    assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.05
+    assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
+    assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))

@@ -63,6 +63,7 @@ class Learnt(NamedTuple):
     misfit: Scalar  # cost over what noise and model error make
     given_up: Scalar  # windows since then that were not solved before the memory was full
     rejected: Scalar  # windows in a row that nothing explained
+    explained: Scalar  # windows with a motion that were
     deviations: Annotated[Array, Memory(11)]
 
 
@@ -109,7 +110,7 @@ class Work(NamedTuple):
 def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
     """The first window begins; what is known before it comes into memory with the next sample."""
     n = len(PAIRS)
-    learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, zeros(START))
+    learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, rejected=0.0, explained=0.0, deviations=zeros(START))
     vectors = (zeros(5), zeros(N), zeros(N), zeros(N), zeros(START))
     rest = (zeros(4 * N), zeros(n), zeros(N), zeros(n), zeros(n), zeros(N), zeros(n))
     return Work(started(at, par), learnt, *vectors, *rest)

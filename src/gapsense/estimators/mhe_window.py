@@ -360,7 +360,8 @@ def _explained(work: Work, misfit: Scalar, par: Parameters) -> Work:
         P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance)
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
-    learnt = old._replace(rejected=0.0, deviations=deviations)
+    explained = old.explained + where(has_moved(work.walk), 1.0, 0.0)
+    learnt = old._replace(rejected=0.0, explained=explained, deviations=deviations)
     q = store(work.q, START, 0.0)
     return work._replace(phase=RENEWING, turn=0.0, normal=put_matrix(work.normal, P), q=q, learnt=learnt)
 
