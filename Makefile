@@ -38,11 +38,8 @@ slow: fmus ziglang
 bench: fmus
 	$(INSTALL) --editable '.[dev,peers]'
 	@test -e .venv-cofmupy/done || { $(PYTHON) -m venv .venv-cofmupy && .venv-cofmupy/bin/python -m pip install --quiet cofmupy==1.0.0 && touch .venv-cofmupy/done; } || echo "cofmupy is not available for this Python: its row is empty"
-	$(BIN)/python benchmarks/runner.py
-	$(BIN)/python benchmarks/filters.py
-	$(BIN)/python benchmarks/identify.py
-	$(BIN)/python benchmarks/campaign.py
-	$(BIN)/python build_fmus.py --native --platforms here && $(BIN)/python benchmarks/native.py && $(BIN)/python benchmarks/whole.py && $(BIN)/python benchmarks/run_to_run.py
+	$(BIN)/python build_fmus.py --native --platforms here
+	$(BIN)/python benchmarks/all.py
 
 release: ziglang
 	rm -rf dist/native

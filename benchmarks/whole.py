@@ -2,7 +2,7 @@
 
 python benchmarks/whole.py [--seeds 200] [--repeats 3]    after `python build_fmus.py`, also with `--native`
 
-Nothing is asserted: the aims stand beside what was measured. The scenario is semera_valve, sweeps have two processes.
+Aims that are missed are told. The scenario is semera_valve, sweeps have two processes.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
+from bounds import hold
 from experiment import ROOT, SCENARIO
 from rich.console import Console
 from rich.table import Table
@@ -35,7 +36,7 @@ PATH = str(Path(gapsense.__file__).resolve().parents[1])
 USUAL = {**{k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}, "PYTHONPATH": PATH}
 RUNS = 30  # of which the median is shown
 PARTS = ("initialize", "loop")  # methods of `Master`
-AIMS = {"native": "below 3.5 s", "Python": "below 20 s"}
+AIMS = {"native": 3.5, "Python": 20.0}  # s, of a sweep of 200 seeds
 
 
 def main() -> int:
@@ -62,20 +63,23 @@ def command_table(kinds: dict[str, Path], seeds: int, repeats: int) -> Table:
         table.add_column(column, justify="right" if column == "s" else "left")
     for title, words, aim in commands(kinds, seeds):
         found = sorted(seconds(words) for _ in range(repeats))
-        table.add_row(title, f"{found[0]:.2f} ({', '.join(f'{s:.2f}' for s in found)})", aim)
+        shown = f"below {aim:g} s" if aim else ""
+        table.add_row(title, f"{found[0]:.2f} ({', '.join(f'{s:.2f}' for s in found)})", shown)
+        if aim:
+            hold(title, found[0], aim, "s")
     return table
 
 
-def commands(kinds: dict[str, Path], seeds: int) -> Iterator[tuple[str, Sequence[str], str]]:
+def commands(kinds: dict[str, Path], seeds: int) -> Iterator[tuple[str, Sequence[str], float | None]]:
     """Title, arguments of Python and aim of each command."""
-    yield "import gapsense", ("-c", "import gapsense"), ""
-    yield "gapsense --help", ("-m", "gapsense.cli", "--help"), ""
+    yield "import gapsense", ("-c", "import gapsense"), None
+    yield "gapsense --help", ("-m", "gapsense.cli", "--help"), None
     for kind, folder in kinds.items():
         end = (str(SCENARIO), "--fmus", str(folder))
-        yield f"gapsense run, {kind} FMUs", ("-m", "gapsense.cli", "run", *end), ""
+        yield f"gapsense run, {kind} FMUs", ("-m", "gapsense.cli", "run", *end), None
         for count in (2, seeds) if seeds else (2,):
             words = ("-m", "gapsense.cli", "sweep", *end, "--seeds", str(count))
-            yield f"gapsense sweep --seeds {count}, {kind} FMUs", words, AIMS[kind] * (count == 200)
+            yield f"gapsense sweep --seeds {count}, {kind} FMUs", words, AIMS[kind] if count == 200 else None
 
 
 def seconds(words: Sequence[str]) -> float:

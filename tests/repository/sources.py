@@ -57,12 +57,6 @@ def functions(path: Path) -> Iterator[tuple[str, Function]]:
             yield f"{name_of(path)}:{node.lineno} {node.name}", node
 
 
-def length(function: Function) -> int:
-    """Lines of the body without its docstring."""
-    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
-    return body[-1].end_lineno - body[0].lineno + 1 if body else 0
-
-
 def public(path: Path) -> Iterator[tuple[str, ast.AST]]:
     """The module, its public classes and functions, and their public methods, each with the place to show."""
     yield name_of(path), tree(path)

@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 import typer
-from sources import MODULES, ROOT, SRC, imports, lists, name_of, others, ours, part_of, tree
+from scipy.sparse.csgraph import connected_components
+from sources import MODULES, PYTHON, ROOT, SRC, imports, lists, name_of, others, ours, part_of, tree
 
 import gapsense
 from gapsense import cosim
@@ -62,6 +64,7 @@ PACKAGES = {  # beside the standard library
 }
 HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed", "bokeh", "lxml"}
 SHOWING = {"rich", "typer"}
+IN_CIRCLES = 76  # modules, to get fewer
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"
 TRAVELLERS = set(OWN.split())  # their copies are in every FMU
@@ -122,6 +125,23 @@ def test_components_import_the_makers_of_port_tables_only():
     for path in sorted(folder.glob("*/component.py")):
         modules = {n.module for n in ast.walk(tree(path)) if isinstance(n, ast.ImportFrom)}
         assert modules <= {"gapsense.fmi.ports", "gapsense.fmi.components"}, name_of(path)
+
+
+def test_no_more_modules_import_each_other_in_a_circle_than_are_known():
+    """Imports in functions and under TYPE_CHECKING count: whoever reads one of the modules needs all of them."""
+    names = {
+        ".".join(path.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in PYTHON
+    }
+    place = {name: k for k, name in enumerate(names)}
+    graph = np.zeros((len(names), len(names)), dtype=bool)
+    for name, path in names.items():
+        for imported, _ in imports(path):
+            for other in (imported, imported.rpartition(".")[0]):
+                if other in place and other != name:
+                    graph[place[name], place[other]] = True
+    _, group = connected_components(graph, connection="strong")
+    circles = [sorted(n for n in names if group[place[n]] == k) for k in set(group) if sum(group == k) > 1]
+    assert sum(map(len, circles)) <= IN_CIRCLES, circles
 
 
 HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"

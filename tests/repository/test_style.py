@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
-from statistics import median
 
-from sources import PYTHON, ROOT, SRC, Function, arguments, documented, functions, length, name_of, public, texts, tree
+from sources import PYTHON, ROOT, SRC, Function, arguments, documented, functions, name_of, public, texts, tree
 
-LONGEST_FUNCTION, MEDIAN_FUNCTION, LONGEST_FILE = 30, 10, 400
 CALLBACKS = {"slave.py"}  # its public methods are the callbacks of FMI 2.0
 MACHINE = re.compile(r"(?<![\w.:/*-])(/(home|Users|root|work|mnt)/\w|/tmp/\w/|[A-Z]:\\+Users)")
 UNFINISHED = re.compile(r"\b(TO" + r"DO|FIX" + r"ME|XX" + r"X)\b")
@@ -45,17 +43,6 @@ def test_reader_of_parameters_sections_sees_all_of_them():
     assert documented(text) == ["a", "b", "c"]
     assert documented("What.\n\nReturns\n-------\nfloat") is None
     assert sum(documented(ast.get_docstring(f) or "") is not None for p in PYTHON for _, f in functions(p)) > 15
-
-
-def test_functions_are_short():
-    lengths = {place: length(node) for path in PYTHON for place, node in functions(path)}
-    assert not {place: n for place, n in lengths.items() if n > LONGEST_FUNCTION}
-    assert median(lengths.values()) < MEDIAN_FUNCTION
-
-
-def test_files_are_short():
-    lines = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in PYTHON}
-    assert not {name: n for name, n in lines.items() if n > LONGEST_FILE}
 
 
 def test_kernels_add_in_order():
