@@ -75,4 +75,6 @@ def test_limit_of_whole_numbers_is_told(folder, value):
 def test_minimal_scenario_names_the_command_that_tells_start_values(folder):
     gapsense("new", "my_valve")
     text = (folder / "my_valve" / "scenario.toml").read_text()
-    assert "the page in each FMU" in text and "gapsense list" not in text
+    assert "gapsense info SolenoidValve" in text and "gapsense list" not in text
+    code, said = gapsense("info", "SolenoidValve")
+    assert code == 0 and "coil.resistance Ohm 76" in said

@@ -1,6 +1,7 @@
 """FMUs that are functions of this process, for C to call: they note every call, and fail where they are told to."""
 
 import ctypes
+import math
 from array import array
 from collections import deque
 from types import SimpleNamespace
@@ -49,6 +50,8 @@ class Fake:
         self.entries = {"Set": exchange(self.set), "Get": exchange(self.get), "DoS": do_step(self.step)}
 
     def function(self, name):
+        if name.endswith("Status"):
+            raise AttributeError(name)
         return self.entries[name[4:7]]
 
     def noted(self, *arguments):
@@ -69,6 +72,11 @@ class Fake:
         status = self.noted("step", instance, start, duration, keep, [bool(a[0]) for a in answers[:3]])
         if answers and self.trouble[:2] == ("ends", self.count):
             answers[1][0] = True
+        if answers and self.trouble[:2] == ("last", self.count):
+            answers[1][0], answers[2][0] = self.trouble[2] % 2, self.trouble[2] > 3
+            answers[3][0] = (start + duration / 2, math.nan, start, start + 2 * duration, start + duration)[
+                self.trouble[2] % 5
+            ]
         return status
 
     def get(self, instance, references, count, values, *_):

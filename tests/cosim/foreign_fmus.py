@@ -22,6 +22,7 @@ VARIABLES = [
     ("gain", "Real", 2, 3, FIXED, 'start="2"'),
     ("level", "Real", 3, 4, START, 'start="1"'),
     ("end", "Real", 4, 5, FIXED, 'start="1e9"'),
+    ("deed", "Real", 5, 6, FIXED, 'start="0"'),
     ("flag", "Boolean", 0, 44, INPUT, 'start="false"'),
     ("flag_out", "Boolean", 1, 45, OUTPUT, ""),
     ("on", "Boolean", 2, 46, FIXED, 'start="true"'),

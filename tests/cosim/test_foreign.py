@@ -169,7 +169,7 @@ def test_number_that_cannot_be_kept_exactly_ends_the_run(write, foreign):
     ("version", "words"),
     [
         (2, "fmi2DoStep returned fmi2Discard; the component says: 100 % of the time is over."),
-        (3, "fmi3DoStep returned a wish to end the run; the component says nothing about it."),
+        (3, "fmi3DoStep returned fmi3Discard; the component says: 100 % of the time is over."),
     ],
 )
 def test_component_that_does_not_go_on_ends_the_run_with_its_words(write, foreign, version, words):
@@ -223,8 +223,6 @@ def test_wrong_guid_is_told_in_the_words_of_the_component(write, foreign, tmp_pa
         ('name="single" valueReference="10" causality="input" variability="continuous" start="0"/>',
          'name="single" valueReference="10" causality="input" variability="continuous" start="0 0">'
          '<Dimension start="2"/></Float32>', "its variable `single` is an array"),
-        ('<Float64 name="time"', '<Clock name="tick" valueReference="99" causality="local" '
-         'intervalVariability="triggered"/><Float64 name="time"', "its variable `tick` is of type Clock"),
         ("CoSimulation", "ModelExchange", "FMI 3.0 without co-simulation"),
         ('valueReference="11"', 'valueReference="10"', "has the same value reference"),
         ('<Output valueReference="11"', '<Output valueReference="98"', "refers to variable 98"),
@@ -234,6 +232,25 @@ def test_wrong_guid_is_told_in_the_words_of_the_component(write, foreign, tmp_pa
 def test_what_is_not_supported_of_fmi_3_is_refused(foreign, tmp_path, old, new, words):
     with pytest.raises(UnusableError, match=words):
         describe(changed(foreign, tmp_path, 3, old, new))
+
+
+NOT_MOVED = """
+<Clock name="tick" valueReference="90" causality="{0}" intervalVariability="triggered"/>
+<Binary name="raw" valueReference="91" causality="{0}">{1}</Binary>
+<Binary name="kept" valueReference="92" causality="local"/>
+<Binary name="many" valueReference="93" causality="{0}"><Dimension start="2"/>{1}{1}</Binary>
+"""
+
+
+@pytest.mark.parametrize("causality", ["input", "output", "local"])
+def test_variables_of_kinds_that_are_not_moved_are_left_alone(write, foreign, tmp_path, causality):
+    more = NOT_MOVED.format(causality, '<Start value="666f6f"/>' * (causality == "input"))
+    path = changed(foreign, tmp_path, 3, '<Float64 name="time"', f'{more}<Float64 name="time"')
+    text = wired(3, 3).replace('fmu = "Types3"', f'fmu = "{path}"')
+    assert check(write(text), fmus=foreign) == []
+    found, plain = run(write(text), fmus=foreign), run(write(wired(3, 3), "plain"), fmus=foreign)
+    assert all(np.array_equal(found[name], plain[name]) for name in plain.signals) and "a.raw" not in found.signals
+    assert check(write(text + '"a.raw" = 1.0\n', "set"), fmus=foreign) != []
 
 
 STOCK = """

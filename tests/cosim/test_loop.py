@@ -90,7 +90,9 @@ def test_structures_are_those_of_c(tmp_path):
 
 NUMBERS = st.floats(-1e3, 1e3)
 PLACE = st.tuples(st.integers(0, 2), st.integers(0, 1))
-TROUBLE = st.tuples(st.sampled_from(["", "", "status", "value", "stop", "ends"]), st.integers(1, 40), st.integers(0, 5))
+TROUBLE = st.tuples(
+    st.sampled_from(["", "", "status", "value", "stop", "ends", "last"]), st.integers(1, 40), st.integers(0, 5)
+)
 PARTS = st.tuples(st.sampled_from([2, 3]), st.integers(1, 4), st.integers(0, 3), st.sampled_from([True, True, False]))
 EFFECTS = st.none() | st.builds(Effect, st.none() | NUMBERS, NUMBERS | st.just(np.nan))
 CASES = st.fixed_dictionaries(

@@ -26,7 +26,7 @@ TOLERANCE = 1e-6  # of the nominal value
 AARCH64 = Path("/usr/aarch64-linux-gnu")
 HOSTS = ("host", "host3")  # of FMI 2.0 and of FMI 3.0, the last words of a command that runs one of them
 OF_FMI_3 = ("drive_voltage", "semera")  # the library is the same
-LARGEST = 300e3  # bytes of an FMU for two platforms
+LARGEST = 350e3  # bytes of an FMU for two platforms; the checks of indices cost some 5 %
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from rich.table import Table
 from gapsense import cosim, interrupts
 from gapsense.problems import InputError
 from gapsense.report import table
-from gapsense.shipped import NATIVE_FOLDER, record
+from gapsense.shipped import NATIVE_FOLDER, examples, record
 
 ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
@@ -38,7 +38,6 @@ class App(typer.Typer):
 
 app = App(
     no_args_is_help=True,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -71,8 +70,22 @@ app.add_typer(studies, name="study")
 out = Console(highlight=False, emoji=False)  # `:x:` is no picture
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
+
+def scenario_names(incomplete: str) -> list[str]:
+    """Scenarios that begin so, for the shell: folders, scenario files, names of examples."""
+    folder = Path(incomplete).parent if not incomplete.endswith("/") else Path(incomplete)
+    inside = [str(file) for file in folder.glob("*.toml")] if incomplete.endswith("/") else []
+    known = {*(str(file.parent) for file in folder.glob("*/scenario.toml")), *inside, *examples()}
+    return sorted(name for name in known if name.startswith(incomplete))
+
+
 Scenario = Annotated[
-    Path, typer.Argument(help="Folder of a scenario, its scenario.toml, or the name of an example", show_default=False)
+    Path,
+    typer.Argument(
+        help="Folder of a scenario, its scenario.toml, or the name of an example",
+        show_default=False,
+        autocompletion=scenario_names,
+    ),
 ]
 Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
 Set = Annotated[

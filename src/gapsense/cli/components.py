@@ -9,9 +9,18 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import FAILED, command, notice, problem, show
+from gapsense.cli.common import FAILED, Fmus, command, notice, problem, show
 from gapsense.problems import InputError
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
+
+
+def component_names(incomplete: str) -> list[str]:
+    """Names of components that begin so, for the shell."""
+    from gapsense.cosim.prepare import find_fmus
+
+    known = sorted(file.stem for file in find_fmus(Path("here")).glob("*.fmu"))
+    return [name for name in known if name.lower().startswith(incomplete.lower())]
+
 
 Root = Annotated[
     Path | None,
@@ -116,6 +125,29 @@ def list_(root: Root = None) -> None:
         listed("Scenarios", cosim.find_scenarios(base / "scenarios"), base)
     if mine := sorted(Path().glob("*/scenario.toml")):
         listed("Scenarios in this folder", mine, Path())
+
+
+@command("info")
+def info(
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Component, as `gapsense list` names it, or any FMU file",
+            show_default=False,
+            autocompletion=component_names,
+        ),
+    ],
+    fmus: Fmus = None,
+) -> None:
+    """Show the ports and parameters of a component or of any FMU, with units, start values and ranges."""
+    from gapsense.cosim.facts import find_file, read_facts
+    from gapsense.cosim.prepare import find_fmus
+    from gapsense.report import runs
+
+    facts = read_facts(find_file(name, fmus or find_fmus(Path("here"))))
+    show(*runs.facts(facts))
+    if facts.problem:
+        notice(facts.problem)
 
 
 def listed(title: str, files: list[Path], base: Path) -> None:

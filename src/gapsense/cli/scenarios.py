@@ -132,6 +132,8 @@ def sweep(
     cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{failed}.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
+    for index, sentence in list(swept.ended.items())[:1]:
+        cli.notice(f"{len(swept.ended)} of {count} runs were ended by a component; run {index}: {sentence}")
     for index, error in swept.errors.items():
         cli.problem(f"run {index}: {error}")
     if swept.interrupted:

@@ -30,9 +30,14 @@ class UnusableError(ValueError):
     """Why an FMU cannot be used, in sentences, the last of which says what to do."""
 
 
+def printable(text: str) -> str:
+    """A stranger's text without control characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
 def shown(text: str) -> str:
     """A stranger's text as a message may show it: short, without control characters."""
-    plain = "".join(c if c.isprintable() else "?" for c in text)
+    plain = printable(text)
     return plain if len(plain) <= SHOWN else f"{plain[:SHOWN]}..."
 
 

@@ -86,6 +86,7 @@ class Keeper(NamedTuple):
         recording.data[: recording.rows] = arrays["data"]
         recording.messages = [(component, status, text) for component, status, text in saved["messages"]]
         recording.seconds[:], recording.calls[:] = saved["seconds"], saved["calls"]
+        recording.warnings[:] = saved.get("warnings", recording.warnings)  # older ones have none
         recording.longest[:], recording.spread[:] = saved["longest"], saved["spread"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]

@@ -20,6 +20,7 @@ from gapsense.fmi.ports import Component
 
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
+NOT_MOVED = ("Binary", "Clock")  # types that a run leaves alone
 USED = ("input", "output", "parameter")  # causalities that a run moves
 
 
@@ -76,17 +77,7 @@ def describe(path: Path) -> Description:
     UnusableError
         Saying why the FMU cannot be used, and what to do.
     """
-    data, members = read_description(path)
-    try:
-        root, text = mended(data)
-        model = read_model(text)
-        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
-        rules = read_rules(root, variables)
-    except UnusableError:
-        raise
-    except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
-        why = shortened(" ".join(str(error).split()))
-        raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
+    model, variables, rules, members = opened(path)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
@@ -104,6 +95,23 @@ def describe(path: Path) -> Description:
         rules=rules,
         step_size=step_size(model),
     )
+
+
+def opened(path: Path) -> tuple[Any, dict[str, Variable], Component | None, list[str]]:
+    """What fmpy makes of the model description of any FMU file, its variables that a run can move, its rules, and the
+    names of the archive's members.
+    """
+    data, members = read_description(path)
+    try:
+        root, text = mended(data)
+        model = read_model(text)
+        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
+        return model, variables, read_rules(root, variables), members
+    except UnusableError:
+        raise
+    except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
+        why = shortened(" ".join(str(error).split()))
+        raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
 
 
 def step_size(model: Any) -> float | None:
@@ -126,7 +134,10 @@ def read_model(text: bytes) -> Any:
 
 
 def refuse_unusable(model: Any, members: list[str]) -> None:
-    """Raise unless the FMU is for co-simulation, with scalars only and a library for this platform."""
+    """Raise unless the FMU is for co-simulation, without arrays as inputs, and has a library for this platform.
+
+    Binary variables and clocks are left alone: without event mode nobody needs to move them.
+    """
     import fmpy
 
     if model.coSimulation is None:
@@ -134,9 +145,8 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
         raise UnusableError(f"{found}. Export it as that.")
     refuse_identifier(model.coSimulation.modelIdentifier)
     for v in model.modelVariables:
-        if v.type == "Clock" or (v.causality in USED and not is_scalar(v) and not is_spare(v)):
-            kind = "an array" if v.dimensions else f"of type {v.type}"
-            found = f"its variable `{shown(v.name)}` is {kind}; scalars without clocks are supported"
+        if v.causality in USED and v.dimensions and v.type not in NOT_MOVED and not is_spare(v):
+            found = f"its variable `{shown(v.name)}` is an array; inputs that are scalars are supported"
             raise UnusableError(f"{found}. Export it without.")
     folder = f"binaries/{fmpy.platform if model.fmiVersion == '2.0' else fmpy.platform_tuple}/"
     library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
@@ -161,7 +171,7 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
 def is_scalar(v: Any) -> bool:
     """True for a variable that a run can move; a second name of one that can be set does not count."""
     is_second = v.alias is not None and v.causality in ("input", "parameter")
-    return not v.dimensions and v.type not in ("Binary", "Clock") and not is_second
+    return not v.dimensions and v.type not in NOT_MOVED and not is_second
 
 
 def is_spare(v: Any) -> bool:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.durations import median
 from gapsense.cosim.events.event import Span
+from gapsense.cosim.instance import WARNING, summary
 from gapsense.cosim.metrics import measure_all
 from gapsense.cosim.record import Result, Timing
 from gapsense.cosim.recording import Recording, Take
@@ -31,7 +32,14 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording, without metrics."""
     overruns, lag = recording.overruns, recording.lag
     return Result(
-        run=replace(subject.run, seeds=dict(take.seeds), files=subject.hashes(), overruns=overruns, lag=lag),
+        run=replace(
+            subject.run,
+            seeds=dict(take.seeds),
+            files=subject.hashes(),
+            overruns=overruns,
+            lag=lag,
+            remarks=(*subject.run.remarks, *remarks(subject, recording)),
+        ),
         times=times(subject.scenario, recording.rows),
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
         about=subject.about,
@@ -39,9 +47,21 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
         timing=dict(zip(subject.run.order, timings(recording))),
         wall=recording.wall,
         interrupted=recording.interrupted,
+        ended=recording.ended,
         messages=tuple(recording.messages),
         events=tuple(spans(subject.scenario, recording.events)),
     )
+
+
+def remarks(subject: Subject, recording: Recording) -> Iterator[str]:
+    """Sentences on what components did in the run that is no failure: the end of it, warnings."""
+    if recording.ended:
+        yield recording.ended
+    for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):
+        if warnings:
+            texts = [text for component, status, text in recording.messages if (component, status) == (name, WARNING)]
+            said = f"; the last one says: {summary(texts[-1]).rstrip('.')}" if texts else " without a word"
+            yield f"`{name}` returned a warning from {warnings} of {calls} steps{said}."
 
 
 def timings(recording: Recording) -> Iterator[Timing]:

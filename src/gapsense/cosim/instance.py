@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import sys
 from collections import deque
@@ -17,9 +18,12 @@ from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
 GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
-STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending", "a wish to end the run")
+STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
-ENDS = 6  # no status of FMI: the step was done and is to be the last
+# No status of FMI: the step was done and is to be the last; it ended the run before it was over; it went elsewhere.
+ENDS, ENDS_WITHIN, ASTRAY = 1001, 1002, 1003
+TERMINATED, LAST_TIME = 3, 2  # what can be asked after a step that was discarded
+STEADY = "Give it a step that it can do at once, or ask who made it"
 LONGEST = 500  # characters of a message shown in an error; its `log` has all
 KEPT = 1000  # log messages per instance; the oldest are dropped
 C_TYPES: Mapping[str, Any] = {
@@ -70,6 +74,7 @@ class Instance:
     """
 
     is_near = True  # in this process, so that C may call it
+    last = math.nan  # time that the last step has reached [s], where one was told
 
     def __init__(self, name: str, description: Description, folder: Path) -> None:
         self.name, self.description = name, description
@@ -126,6 +131,10 @@ class Instance:
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
         self.is_dead = self.is_dead or status == FATAL
+        if status == ASTRAY:
+            found = f"{self.entry(function)} said that it reached t = {self.last:.9g} s, the end of the step expected"
+            cause = f"{found}. {STEADY}{self.said()}."
+            return FmuError(self.name, cause, time=time, step=step, log=self.log())
         word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
         cause = f"{self.entry(function)} returned {word}{self.said()}."
         return FmuError(self.name, cause, time=time, step=step, log=self.log())
@@ -203,9 +212,36 @@ class Instance:
 
         def do(start: float) -> int:
             time.value = start
-            return entry(pointer, time, step, keep)
+            status = entry(pointer, time, step, keep)
+            return status if status != DISCARD else self.judged(status, start, duration)
 
         return do
+
+    def judged(self, status: int, start: float, duration: float) -> int:
+        """The status of a step, or that it was the orderly end of the component, which FMI 2.0 tells when asked.
+
+        pythonfmu says the same of every step that its component has refused: with words of that, nothing was done.
+        """
+        if status != DISCARD:
+            return status
+        said, last = list(self.messages), ctypes.c_double(math.nan)
+        has_refused = bool(said) and said[-1].status in (DISCARD, ERROR)
+        ends = self.told("fmi2GetBooleanStatus", TERMINATED, ctypes.c_int(0))
+        is_told = ends and self.told("fmi2GetRealStatus", LAST_TIME, last)
+        self.messages.clear()  # of words about these questions
+        self.messages.extend(said)
+        self.last = last.value if is_told else start + duration
+        if not ends or (has_refused and self.last <= start):
+            return status
+        return reached(start, duration, self.last, ends=True, early=False)
+
+    def told(self, function: str, kind: int, value: Any) -> bool:
+        """True if the FMU tells this kind of status, in `value`, and that is not 0 for `no`."""
+        try:
+            status = self.function(function)(self.pointer, ctypes.c_int(kind), ctypes.byref(value))
+        except AttributeError:  # a library without this function
+            return False
+        return status <= WARNING and (kind != TERMINATED or bool(value.value))
 
     def state(self) -> bytes:
         """All that the instance remembers, as `restore` takes it."""
@@ -233,6 +269,18 @@ class Instance:
         if not self.is_dead:
             self.is_dead = True
             self.slave.freeInstance()
+
+
+def reached(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:
+    """What the time means that a step has reached, as a status; that of an FMU is told with some rounding."""
+    end = start + duration
+    slack = 1e-2 * duration + 1e-15 * abs(end)
+    if not start - slack <= last <= end + slack:
+        return ASTRAY
+    is_short = last < end - slack
+    if ends:
+        return ENDS_WITHIN if is_short else ENDS
+    return ASTRAY if early or is_short else 0
 
 
 def of_one_type(variables: Iterable[Variable]) -> Iterable[list[Variable]]:

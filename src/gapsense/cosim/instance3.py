@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import ENDS, STEP, WARNING, Instance, Message
+from gapsense.cosim.instance import STEP, WARNING, Instance, Message, reached
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 
@@ -81,15 +81,22 @@ class Instance3(Instance):
         return (ctypes.c_size_t(count),)
 
     def doer(self, duration: float) -> Callable[[float], int]:
-        """Function of the start time that does a step and returns the status, or ENDS."""
+        """Function of the start time that does a step and returns the status, or what its end means."""
         entry, pointer, time, keep = self.function(STEP), self.pointer, ctypes.c_double(), ctypes.c_bool(True)
         step, last = ctypes.c_double(duration), ctypes.c_double()
         event, ends, early = (ctypes.c_bool() for _ in range(3))
         answers = tuple(ctypes.byref(answer) for answer in (event, ends, early, last))
 
         def do(start: float) -> int:
-            time.value = start
+            time.value, last.value = start, start + duration  # where an FMU does not tell it
+            event.value = ends.value = early.value = False
             status = entry(pointer, time, step, keep, *answers)
-            return ENDS if ends.value and status <= WARNING else status
+            self.last = last.value
+            end = reached(start, duration, last.value, ends=ends.value, early=early.value) if status <= WARNING else 0
+            return end or status
 
         return do
+
+    def judged(self, status: int, start: float, duration: float) -> int:
+        """The status of a step, which says it all."""
+        return status

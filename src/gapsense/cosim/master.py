@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar
@@ -18,7 +18,7 @@ from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
-from gapsense.cosim.instance import Instance
+from gapsense.cosim.instance import ENDS_WITHIN, Instance
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
@@ -152,7 +152,8 @@ class Master:
             recording.events = self.director.happened
             self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
             for part in self.each(ENDING, self.parts):
-                part.instance.call("fmi2Terminate")
+                with suppress(FmuError) if part.ended else nullcontext():
+                    part.instance.call("fmi2Terminate")
         except FmuError as error:
             recording.error = explained(error, self.director.losing(error.instance))
             self.abandon(error.instance)
@@ -179,7 +180,7 @@ class Master:
         self.director = self.directed(seeds, values)
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
-            component = part.component
+            component, part.ended = part.component, 0
             part.is_played = component.name in played
             own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
             own.update({port.variable: value for port, value in values.items() if port.component == component.name})
@@ -235,6 +236,8 @@ class Master:
         pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
         while done < count and not recording.interrupted:
             done = advance(min(done + 1 if wait else pause, change))
+            if any(part.ended for part in self.parts):
+                return self.end(recording, done)
             if done < count and (done == change or self.director.has_news()):
                 change = self.director.turn(done)
             if wait:
@@ -245,9 +248,24 @@ class Master:
         if recording.interrupted and keeper:
             keeper.save(self, recording, done)
 
+    def end(self, recording: Recording, done: int) -> None:
+        """Note which components have ended the run in an orderly way, in the base step that was done last.
+
+        A row is of one time, so there is none of a base step that a component did not do to its end.
+        """
+        self.marks[STOP], stop = 0, self.scenario.experiment.stop
+        ended = [part for part in self.parts if part.ended]
+        if any(part.ended == ENDS_WITHIN for part in ended) and not done % self.scenario.record.decimation:
+            recording.rows -= 1
+            self.marks[ROWS] = recording.rows
+        said = (f"`{p.component.name}` ended the run at t = {p.instance.last:.9g} s, in an orderly way" for p in ended)
+        recording.ended = " ".join(f"{sentence}; `stop` is {stop:.9g} s." for sentence in said)
+
     def advancer(self, recording: Recording, columns: npt.NDArray[np.int64], begin: int) -> Advance:
         """Function that does base steps, of which `begin` is the first."""
         scenario, marks = self.scenario, self.marks
+        for part, warnings in zip(self.parts, recording.warnings):
+            part.warnings = warnings
         marks[PHASE], marks[ROWS] = STEPPING, recording.rows
         decimation, buffer = scenario.record.decimation, self.view
         return advancer(

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.slots import Slot, inlets, slots
-from gapsense.cosim.instance import STEP, WARNING, Instance
+from gapsense.cosim.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
@@ -121,7 +121,8 @@ class Part:
             if places.events[name].target.component == component.name
         }
         self.is_played = False  # an input follows a signal of the scenario
-        self.status = 0
+        self.status = self.warnings = 0  # of the last call; steps that returned a warning
+        self.ended = 0  # what its orderly end was, if it has ended
         self.prepare()
 
     def prepare(self) -> None:
@@ -221,7 +222,7 @@ class Part:
                 if failed:
                     return failed
             status = do(start)
-            if status > warning:
+            if status and not self.has_stepped(status):
                 return self.checked(status, STEP)
             status = get(*arguments)
             if status > warning:
@@ -229,6 +230,16 @@ class Part:
             return "" if is_finite(sum(outputs)) or all(map(is_finite, outputs)) else NOT_FINITE
 
         return step
+
+    def has_stepped(self, status: int) -> bool:
+        """True for the status of a step that was done, with a warning or as the last one."""
+        self.warnings += status == WARNING
+        return status <= WARNING or self.has_ended(status)
+
+    def has_ended(self, status: int) -> bool:
+        """True for the status of the orderly end of the component, which is kept."""
+        self.ended = status if status in (ENDS, ENDS_WITHIN) else 0
+        return self.ended > 0
 
     def failure(self, what: str, time: float, index: int) -> FmuError:
         """Error for what a step returned."""

@@ -87,6 +87,7 @@ class Result:
     timing: Mapping[str, Timing]  # of each component
     wall: float  # wall time of the run, without loading the FMUs [s]
     interrupted: bool = False
+    ended: str = ""  # by which components in an orderly way, if any did
     failure: str = ""  # why a component failed, if one did
     metrics: Mapping[str, Measured] = field(default_factory=dict)  # empty for a run that did not reach its end
     messages: tuple[tuple[str, int, str], ...] = ()  # logged: component, status, text
@@ -136,6 +137,7 @@ class Result:
             f"{self.times.size} rows{span}",
             f"{len(self.signals)} signals",
             f"{len(self.metrics)} metrics" + (f" ({bad} outside their bounds)" if bad else ""),
+            *(["ended by a component"] if self.ended else []),
             *(word for word, holds in states if holds),
         )
         return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
@@ -175,6 +177,7 @@ class Result:
             "format": FORMAT,
             "sha256": digest,
             "interrupted": self.interrupted,
+            "ended": self.ended,
             "failure": self.failure,
             "rows": int(self.times.size),
             "run": {**asdict(self.run), "source": relative(self.run.source, folder)},
@@ -224,6 +227,7 @@ def read_result(path: str | Path) -> Result:
         timing={name: Timing(**item) for name, item in data["timing"].items()},
         wall=data["wall"],
         interrupted=data["interrupted"],
+        ended=data.get("ended", ""),  # older results have none
         failure=data["failure"],
         metrics={name: read_measured(item) for name, item in data["metrics"].items()},
         messages=tuple((name, status, text) for name, status, text in data["messages"]),

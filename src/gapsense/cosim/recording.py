@@ -41,6 +41,7 @@ class Recording:
     parameters: dict[str, Value] = field(default_factory=dict)  # as read back, by `component.parameter`
     seconds: list[float] = field(default_factory=list)  # wall time of each component, in execution order
     calls: list[int] = field(default_factory=list)  # steps of each
+    warnings: list[int] = field(default_factory=list)  # steps of each that returned a warning
     longest: list[float] = field(default_factory=list)  # wall time of one step of each
     spread: Counts = field(default_factory=lambda: counts(0))  # steps of each by how long they took
     messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
@@ -49,13 +50,14 @@ class Recording:
     overruns: int = 0  # late base steps of a run with a pace
     lag: float = 0.0  # the worst lateness [s]
     interrupted: bool = False
+    ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
 
     def start(self, parts: int) -> Recording:
         """Begin to count the steps of so many components."""
         self.seconds, self.longest = [0.0] * parts, [0.0] * parts
-        self.calls, self.spread = [0] * parts, counts(parts)
+        self.calls, self.warnings, self.spread = [0] * parts, [0] * parts, counts(parts)
         return self
 
     def clocked(self) -> float:

@@ -7,6 +7,7 @@ new, steps, and reads the outputs, by the same calls and in the same order as in
 from __future__ import annotations
 
 import ctypes
+import math
 import pickle
 from base64 import b64decode, b64encode
 from collections import deque
@@ -126,7 +127,13 @@ class RemoteInstance(Instance):
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that sets new inputs, does a step, reads Real outputs, and returns the status."""
         verb = STEP if self.has_only_reals else "do"
-        return lambda start: self.request(verb, [start, duration])[0]
+
+        def do(start: float) -> int:
+            status, last = self.request(verb, [start, duration])
+            self.last = math.nan if last is None else last
+            return status
+
+        return do
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import mmap
+import os
 import pickle
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
@@ -13,10 +14,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.instance import ERROR, GET, SET, STEP, WARNING, Instance, Message
+from gapsense.cosim.instance import ENDS, ENDS_WITHIN, ERROR, GET, SET, STEP, WARNING, Instance, Message
 from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.record import FmuError
 
+OK = 0
 Request = tuple[str, Any, bool]  # verb, its arguments, whether the inputs are new
 Answer = tuple[int, str, Any, list[Message]]  # status, entry point that gave it, value, new messages
 
@@ -86,7 +88,9 @@ class Server:
         plan: tuple[str, Description, Path] = pickle.loads((folder / "plan").read_bytes())
         self.name, self.description, self.extracted = plan
         self.memory = memory(folder, self.description)
+        self.process = os.getpid()
         self.last: Message | None = None  # that was passed on
+        self.doers: dict[float, Callable[[float], int]] = {}  # by duration
         self.inputs, self.outputs = (self.arguments(c, v) for c, v in zip(("input", "output"), self.memory))
 
     def arguments(self, causality: str, values: Any) -> tuple[Any, ...]:
@@ -105,8 +109,8 @@ class Server:
                 self.instance.call(SET, *self.inputs)
             value = self.do(verb, arguments)
         except FmuError:
-            return self.instance.status, self.instance.failed, None, self.said()
-        return 0, "", value, self.said()
+            return self.instance.status, self.instance.failed, self.instance.last, self.said()
+        return self.instance.status, "", value, self.said()
 
     def load(self) -> Answer:
         """Load the FMU; the entry point in the answer is the whole cause if that fails."""
@@ -121,17 +125,18 @@ class Server:
     def do(self, verb: str, arguments: Any) -> Any:
         """What a verb means; None where there is nothing to answer."""
         instance = self.instance
-        if verb == STEP:
-            instance.call(STEP, *map(ctypes.c_double, arguments), ctypes.c_int(1))
-        if verb in (STEP, GET):
-            return instance.call(GET, *self.outputs) if len(self.memory.outputs) else None
+        if verb in (STEP, "do"):
+            self.step(*arguments)
+        if verb in (STEP, GET) and len(self.memory.outputs):
+            instance.call(GET, *self.outputs)
+        if verb in (STEP, "do", GET):
+            return instance.last
         if verb == "move":
             return self.move(*arguments)
         if verb == "state":
             return b64encode(instance.state()).decode()
         others: dict[str, Callable[[], None]] = {
             "call": lambda: instance.call(arguments),
-            "do": lambda: self.step(*arguments),
             "initialize": lambda: instance.initialize(*arguments),
             "restore": lambda: instance.restore(b64decode(arguments)),
         }
@@ -143,10 +148,15 @@ class Server:
         return plain(array) if action == "Get" else None
 
     def step(self, start: float, duration: float) -> None:
-        """Do a step, and nothing else."""
-        status = self.instance.doer(duration)(start)
-        if status > WARNING:
+        """Do a step, and nothing else; its status is that of the answer."""
+        if duration not in self.doers:
+            self.doers[duration] = self.instance.doer(duration)
+        status = self.doers[duration](start)
+        if os.getpid() != self.process:
+            os._exit(0)  # a fork that the component made: it shares the memory of the outputs, and comes later
+        if status not in (OK, WARNING, ENDS, ENDS_WITHIN):
             raise self.instance.failure(STEP, status)
+        self.instance.status = status
 
     def said(self) -> list[Message]:
         """Messages since the last answer."""

@@ -56,6 +56,7 @@ class Sweep:
     file: Path | None  # one line per run, if a folder was given
     units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
     grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
+    ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
     kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
@@ -259,4 +260,5 @@ def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file
     names = dict.fromkeys(name for metrics in good.values() for name in metrics)
     columns = {name: np.array([metrics.get(name) for metrics in good.values()], dtype=np.float64) for name in names}
     errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
-    return Sweep(tuple(good), columns, errors, computed, interrupted, file)
+    ended = {index: entries[index]["ended"] for index in good if "ended" in entries[index]}
+    return Sweep(tuple(good), columns, errors, computed, interrupted, file, ended=ended)

@@ -47,7 +47,9 @@ class Runs:
     def answer(self, result: Result, index: int) -> dict[str, Any]:
         """What is answered for a run."""
         problem = self.save(result, index)
-        return {"error": problem} if problem else {"metrics": self.metrics(result)}
+        if problem:
+            return {"error": problem}
+        return {"metrics": self.metrics(result), **({"ended": result.ended} if result.ended else {})}
 
     def save(self, result: Result, index: int) -> str:
         """Keep the signals, if they are wanted; what went wrong, or nothing."""

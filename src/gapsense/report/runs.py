@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -11,6 +12,7 @@ from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
     from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
+    from gapsense.cosim.facts import Facts
     from gapsense.cosim.record import Timing
     from gapsense.fmi.ports import Component
 
@@ -89,6 +91,20 @@ def components(found: Sequence[Component], built: set[str]) -> Table:
         for c in found
     )
     return table("Components", ("name", "built", "in, out", "what it is"), rows, texts=4)
+
+
+def facts(of: Facts) -> list[Table | str]:
+    """What an FMU is, and its variables; columns that say nothing are left out."""
+    heads = ("name", "unit", "start", "range", "description")
+    said = ". ".join(filter(None, (of.name, of.description.rstrip("."), f"{of.origin}.")))
+    made: list[Table | str] = [fill(said, 80)]
+    for title, lines in of.groups.items():
+        used = [k for k, head in enumerate(heads) if head == "name" or any(line[k] for line in lines)]
+        rows = ([line[k] for k in used] for line in lines)
+        made.append(table(title, [heads[k] for k in used], rows, texts=len(heads)))
+    if of.others:
+        made.append(f"{of.others} more {'variable is' if of.others == 1 else 'variables are'} local or calculated.")
+    return made
 
 
 def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:

@@ -62,7 +62,7 @@ fmi2Status fmi2Reset(fmi2Component c)
 
 static double *real(Model *m, unsigned k)
 {
-    double *all[] = {&m->u, &m->y, &m->gain, &m->level, &m->end};
+    double *all[] = {&m->u, &m->y, &m->gain, &m->level, &m->end, &m->deed};
     return k < sizeof all / sizeof *all ? all[k] : NULL;
 }
 
@@ -158,8 +158,24 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     (void)keep;
     Model *m = c;
-    if (!m->initialized || time + step > m->end)
+    if (!m->initialized || (m->deed == NOTHING && time + step > m->end))
         return fail(c, fmi2Discard, "100 % of the time is over");
-    advance(m, time, step);
-    return fmi2OK;
+    if (ends(m, time, step))
+        return fmi2Discard;
+    return m->deed == WARNS ? fail(c, fmi2Warning, "careful") : fmi2OK;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    *value = ((Model *)c)->has_ended;
+    return kind == fmi2Terminated ? fmi2OK : fmi2Error;
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+{
+    Model *m = c;
+    if (m->deed == ENDS_SILENTLY)
+        return fail(c, fmi2Error, "not now");
+    *value = m->last;
+    return kind == fmi2LastSuccessfulTime ? fmi2OK : fmi2Error;
 }

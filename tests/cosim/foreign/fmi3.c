@@ -63,7 +63,7 @@ fmi3Status fmi3Reset(fmi3Instance c)
 
 static double *real(Model *m, unsigned r)
 {
-    double *all[] = {&m->time, &m->u, &m->y, &m->gain, &m->level, &m->end};
+    double *all[] = {&m->time, &m->u, &m->y, &m->gain, &m->level, &m->end, &m->deed};
     return r < sizeof all / sizeof *all ? all[r] : NULL;
 }
 
@@ -187,15 +187,21 @@ fmi3Status fmi3SetString(ARGUMENTS, const fmi3String v[], size_t count)
 }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Boolean keep, fmi3Boolean *event,
-                      fmi3Boolean *ends, fmi3Boolean *early, fmi3Float64 *last)
+                      fmi3Boolean *over, fmi3Boolean *early, fmi3Float64 *last)
 {
     (void)keep;
     Model *m = c;
     if (!m->initialized)
         return fail(c, fmi3Error, "not initialized");
-    advance(m, time, step);
-    *event = *early = fmi3False;
-    *ends = time + step > m->end;
-    *last = time + step;
-    return fmi3OK;
+    if (m->deed == NOTHING && time + step > m->end)
+        return fail(c, fmi3Discard, "100 % of the time is over");
+    *over = ends(m, time, step);
+    *event = fmi3False;
+    *early = m->deed == EARLY;
+    const double odd[] = {time + 0.5 * step, NAN, time - step, time + 2.0 * step};
+    if (m->deed >= EARLY && m->deed <= BEYOND)
+        *last = odd[(int)m->deed - EARLY];
+    else if (m->deed != ENDS_SILENTLY)
+        *last = m->last;
+    return m->deed == WARNS ? fail(c, fmi3Warning, "careful") : fmi3OK;
 }

@@ -5,6 +5,9 @@
 #include <string.h>
 
 #define GUID "types"
+/* Ends in an orderly way; the same, without telling when; warns; returns early; tells a time that is none, too early,
+ * too late; ends when asked for more. */
+enum { NOTHING, ENDS, ENDS_SILENTLY, WARNS, EARLY, NO_TIME, BEFORE, BEYOND, ENDS_AFTER };
 #define EXPORT __attribute__((visibility("default")))
 enum { LENGTH = 64, WHOLES = 8 };
 
@@ -16,6 +19,9 @@ typedef struct {
     int flag, flag_out, on;                     /* the opposite */
     char text[LENGTH], text_out[LENGTH], label[LENGTH]; /* label and input */
     double end; /* when it asks to end, or fails */
+    double deed; /* what it does apart from the model, see `enum` */
+    double last; /* time that it has reached */
+    int has_ended;
     int initialized;
 } Model;
 
@@ -46,6 +52,17 @@ static void advance(Model *m, double time, double step)
     m->level -= step * m->level;
     m->time = time + step;
     compute(m);
+}
+
+/* A step, up to the end if it ends before; true if that is so. */
+static int ends(Model *m, double time, double step)
+{
+    int orderly = m->deed == ENDS || m->deed == ENDS_SILENTLY || m->deed == ENDS_AFTER;
+    m->has_ended = orderly && (m->deed == ENDS_AFTER ? time : time + step) > m->end - 1e-9;
+    m->last = m->has_ended ? fmin(time + step, m->deed == ENDS_AFTER ? time : m->end) : time + step;
+    if (m->last > time)
+        advance(m, time, m->last < time + step - 1e-9 ? m->last - time : step);
+    return m->has_ended;
 }
 
 static void copy(char *to, const char *from)

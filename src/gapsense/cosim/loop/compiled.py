@@ -13,6 +13,7 @@ from gapsense.cosim.loop import library
 from gapsense.cosim.loop.library import AT_GET, AT_SET, AT_STEP, IN_PYTHON, Doubles, Link, Loop, Number, Numbers
 from gapsense.cosim.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.part import NOT_FINITE, Exchange, Part
+from gapsense.cosim.recording import STOP
 from gapsense.processes import MARKS
 
 PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a Ctrl-C in a native FMU
@@ -33,21 +34,37 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
             loop.watches[place] = condition(watch)
         loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
         try:
-            cause = run(loop, last)
+            while cause := run(loop, last):
+                if cause != AT_STEP or not is_ended(guests[loop.part], loop, parts[loop.part]):
+                    raise failure(guests[loop.part], loop, cause)
+                work.marks[STOP], last = 1, int(loop.next)  # what is left of this base step, the row too
         finally:  # whatever is raised, a KeyboardInterrupt perhaps
             keep(work, loop, parts)
-        if cause:
-            raise failure(guests[loop.part], loop, cause)
         return int(loop.next) - 1
 
     return advance
+
+
+def is_ended(guest: Guest, loop: Loop, structure: library.Part) -> bool:
+    """True if the step that C could not go on from was the orderly end of its component: it then counts as done."""
+    instance, begin = guest.part.instance, loop.time
+    instance.last = loop.last
+    loop.status = instance.judged(loop.status, begin, structure.duration)
+    if not guest.part.has_ended(loop.status):
+        return False
+    failed = guest.part.read_outputs()
+    if failed:
+        raise guest.part.failure(failed, begin, loop.next)
+    structure.steps_at = loop.next + structure.every
+    structure.calls += 1
+    return True
 
 
 class Guest:
     """A part in the loop in C. What only Python can move is called back, and what that fails of is kept."""
 
     def __init__(self, part: Part, work: Work) -> None:
-        self.part, self.failed = part, ""
+        self.part, self.failed, self.marks = part, "", work.marks
         self.error: BaseException | None = None
         base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
         self.links = array_of(part)
@@ -61,6 +78,7 @@ class Guest:
         def do(*arguments: float) -> int:
             try:
                 self.failed = act(*arguments)
+                self.marks[STOP] = self.marks[STOP] or int(self.part.ended > 0)
             except BaseException as error:  # raised when C has returned
                 self.error = error
                 return 1
@@ -78,6 +96,7 @@ def structure(guest: Guest, i: int, work: Work) -> library.Part:
         "steps_at": first_turn(component, work.begin),
         "takes_at": first_exchange(component, work.begin),
         "calls": recording.calls[i],
+        "warnings": recording.warnings[i],
         "seconds": recording.seconds[i],
         "counted": recording.seconds[i],
         "longest": recording.longest[i],
@@ -160,6 +179,8 @@ def keep(work: Work, loop: Loop, parts: Any) -> None:
     work.recording.seconds[:] = [part.seconds for part in parts]
     work.recording.longest[:] = [part.longest for part in parts]
     work.recording.calls[:] = [part.calls for part in parts]
+    near = [part.is_direct for part in work.parts]
+    work.recording.warnings[:] = [c.warnings if n else p.warnings for c, p, n in zip(parts, work.parts, near)]
 
 
 def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:

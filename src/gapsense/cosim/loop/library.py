@@ -57,6 +57,7 @@ class Part(ctypes.Structure):
         ("steps_at", Number),
         ("takes_at", Number),
         ("calls", Number),
+        ("warnings", Number),
         ("seconds", Double),
         ("counted", Double),
         ("longest", Double),
@@ -94,6 +95,7 @@ class Loop(ctypes.Structure):
         ("part", Count),
         ("time", Double),
         ("status", Int),
+        ("last", Double),
     ]
 
 

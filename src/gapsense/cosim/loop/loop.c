@@ -42,7 +42,7 @@ typedef struct {
     size_t link_count;
     int follows; /* it takes inputs before each step */
     int64_t every, steps_at, takes_at; /* base steps: between two of its steps, of the next one, of the next inputs */
-    int64_t calls;
+    int64_t calls, warnings;
     double seconds, counted, longest; /* in all, when a step was last counted, of one step */
     int64_t *spread; /* steps by how long they took, as in durations.py */
     int (*python_step)(double start);
@@ -79,11 +79,12 @@ typedef struct {
     size_t part; /* the one that acts */
     double time; /* at which it does */
     int status; /* of the last call to an FMU */
+    double last; /* time that the last step is said to have reached */
 } Loop;
 
 enum { PHASE, COMPONENT, STEP, ROWS, STOP }; /* marks */
 enum { MASTER = 0 };
-enum { WARNING = 1, ENDS = 6 };
+enum { WARNING = 1, ENDS = 1001, ENDS_WITHIN, ASTRAY }; /* as in instance.py */
 enum { BINS = 512, FIRST_BIN = (1023 - 26) * 16 }; /* as in durations.py */
 enum { DONE, AT_SET, AT_STEP, AT_GET, NOT_FINITE, IN_PYTHON };
 
@@ -113,14 +114,29 @@ static int move(const Part *p, const Exchange *e)
     return ((Exchange2 *)e->entry)(p->instance, e->references, e->count, e->values);
 }
 
-static int do_step(const Part *p, double start)
+/* What the time means that a step of FMI 3.0 has reached: as `reached` in instance.py. */
+static int reached(double start, double duration, double last, bool ends, bool early)
 {
-    if (p->fmi != 3)
-        return ((DoStep2 *)p->do_step)(p->instance, start, p->duration, 1);
+    double end = start + duration, slack = 1e-2 * duration + 1e-15 * fabs(end);
+    if (!(last >= start - slack && last <= end + slack))
+        return ASTRAY;
+    bool is_short = last < end - slack;
+    if (ends)
+        return is_short ? ENDS_WITHIN : ENDS;
+    return early || is_short ? ASTRAY : 0;
+}
+
+static int do_step(Loop *l, Part *p, double start)
+{
     bool event = false, ends = false, early = false;
-    double last = 0.0;
-    int status = ((DoStep3 *)p->do_step)(p->instance, start, p->duration, true, &event, &ends, &early, &last);
-    return ends && status <= WARNING ? ENDS : status;
+    l->last = start + p->duration; /* where an FMU does not tell it */
+    int status;
+    if (p->fmi == 3)
+        status = ((DoStep3 *)p->do_step)(p->instance, start, p->duration, true, &event, &ends, &early, &l->last);
+    else
+        status = ((DoStep2 *)p->do_step)(p->instance, start, p->duration, 1);
+    p->warnings += status == WARNING;
+    return status <= WARNING ? reached(start, p->duration, l->last, ends, early) : status;
 }
 
 static bool are_finite(const Exchange *e)
@@ -143,14 +159,14 @@ static int take(Loop *l, const Part *p)
     return p->inputs.count && is_bad(l, move(p, &p->inputs)) ? AT_SET : DONE;
 }
 
-static int step(Loop *l, const Part *p)
+static int step(Loop *l, Part *p)
 {
     if (!p->fmi)
         return p->python_step(l->time) ? IN_PYTHON : DONE;
     int failed = p->follows ? take(l, p) : DONE;
     if (failed)
         return failed;
-    if (is_bad(l, do_step(p, l->time)))
+    if (is_bad(l, do_step(l, p, l->time)))
         return AT_STEP;
     if (p->outputs.count && is_bad(l, move(p, &p->outputs)))
         return AT_GET;

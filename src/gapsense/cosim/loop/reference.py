@@ -30,6 +30,7 @@ def in_python(work: Work) -> Advance:
             marks[COMPONENT] = MASTER
             record(k)
             done = k
+            work.recording.warnings[:] = [part.warnings for part in work.parts]
             if marks[STOP] or has_news():
                 break
         return done
@@ -55,6 +56,8 @@ def stepper(work: Work) -> Do:
                 failed = advance(begin)
                 if failed:
                     raise parts[i].failure(failed, begin, k)
+                if parts[i].ended:
+                    marks[STOP] = 1
                 due[i] = k + every
                 now = clock()
                 seconds[i] += now - last
