@@ -67,6 +67,9 @@ WRONG = {
         f'{SAMPLE.replace("8", "12")}distribution = "uniform"\nlow = 0.1\nhigh = 0.2\n'.replace(
             "count", 'method = "sobol"\ncount'
         ): ["sample.count: 12 found, a power of 2 expected for Sobol: 8 or 16"],
+        f'{SAMPLE.replace("8", "20_000_000")}distribution = "uniform"\nlow = 0.1\nhigh = 0.2': [
+            "sample.count: 20000000 found, at most 10000000 are gone through"
+        ],
         '[trajectories]\nsignals = ["noise.z"]': ["trajectories.signals: `noise.z` matches no input or output"],
         "[trajectories]": ["trajectories.signals: missing"],
         "[[sample]]\ncount = 3": ["sample: a list found, a table expected"],

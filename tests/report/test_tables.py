@@ -82,6 +82,21 @@ def test_sweep_shows_median_and_range_beside_what_was_published():
     assert row.split()[2:] == ["102.2", "mH", "1", "mH", "1.5", "mH", "1.05", "mH", "1.95", "mH"]
 
 
+def test_runs_of_other_swept_values_are_not_thrown_together():
+    runs = tuple(range(6))
+    several = replace(swept(runs), grid={"valve.damping": (0.2, 0.4, 0.8) * 2}, units={"valve.damping": "N.s/m"})
+    text = shown(tables.sweep(load(VALVE), several)[0])
+    rows = [line.split() for line in text.splitlines() if line.startswith("  SEMERA l ")]
+    assert [row[2:5] for row in rows] == [["0.2", "N.s/m", "2"], ["0.4", "N.s/m", "2"], ["0.8", "N.s/m", "2"]]
+
+
+def test_many_combinations_of_swept_values_are_cut_with_a_word():
+    runs = tuple(range(50))
+    text = shown(tables.sweep(load(VALVE), replace(swept(runs), grid={"drive.text": tuple(map(str, runs))}))[0])
+    assert "38 more combinations are in the CSV" in text
+    assert sum(line.startswith("  SEMERA l ") for line in text.splitlines()) == tables.MOST_GROUPS
+
+
 def test_sweep_without_its_first_run_has_no_first_seed_and_without_any_no_table():
     table = tables.sweep(load(VALVE), swept((1, 2)))[0]
     assert "  -  " in shown(table)

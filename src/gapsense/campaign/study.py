@@ -155,7 +155,9 @@ class Reader:
         if own["method"] == "sobol" and count and count & (count - 1):
             below = 1 << (count.bit_length() - 1)
             table.note("count", f"{count} found, a power of 2 expected for Sobol: {below} or {2 * below}. Choose one.")
-        elif count and count <= MOST_RUNS and factors and len(factors) == len(tables):
+        elif count and count > MOST_RUNS:
+            table.note("count", f"{count} found, at most {MOST_RUNS} are gone through. Correct it.")
+        elif count and factors and len(factors) == len(tables):
             drawn = points(own["method"], count, len(factors), own["seed"])
             yield from self.drawn(factors, drawn)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.table import Table
 
 from gapsense.report.table import add_row, quantity, table
@@ -15,8 +16,10 @@ if TYPE_CHECKING:
     from gapsense.cosim.facts import Facts
     from gapsense.cosim.record import Timing
     from gapsense.fmi.ports import Component
+    from gapsense.tables import Value
 
 WITHOUT_C = "The loop in C does not load here; that in Python takes some 2 us more per component and step."
+MOST_GROUPS = 12  # combinations of swept values that a table shows
 UNREAD = "cannot be read: see `gapsense check`"
 
 
@@ -42,6 +45,8 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
     """Median and 5-95 % range of each metric beside the published value and the first run."""
     if not swept.indices:
         return []
+    if len(groups := grouped(swept)) > 1:
+        return by_value(scenario, swept, groups)
     quantiles = swept.quantiles()
     runs, first_run = ("runs", "first run") if swept.grid else ("seeds", "first seed")
     made: dict[str, Table] = {}
@@ -53,6 +58,36 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
         first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
         add_row(shown, metric.label, published(metric.published, unit), first, median, low, high)
     return list(made.values())
+
+
+def grouped(swept: Sweep) -> dict[tuple[Value, ...], list[int]]:
+    """Rows of the runs that have the same swept values: they differ in their seeds only."""
+    found: dict[tuple[Value, ...], list[int]] = {}
+    for row, values in enumerate(zip(*swept.grid.values())):
+        found.setdefault(values, []).append(row)
+    return found
+
+
+def by_value(scenario: Scenario, swept: Sweep, groups: Mapping[tuple[Value, ...], list[int]]) -> list[Table]:
+    """Median and 5-95 % range of each metric for each of the first combinations of swept values."""
+    made: dict[str, Table] = {}
+    heads = ("metric", *swept.grid, "runs", "median", "5 %", "95 %")
+    left = f"; {len(groups) - MOST_GROUPS} more combinations are in the CSV" if len(groups) > MOST_GROUPS else ""
+    for metric in scenario.metrics:
+        title = f"{metric.table or 'Metrics'}, {len(swept.indices)} runs{left}"
+        shown = made.setdefault(title, table(title, heads, texts=1 + len(swept.grid)))
+        unit, column = swept.units.get(metric.name, ""), swept.metrics[metric.name]
+        for values, rows in list(groups.items())[:MOST_GROUPS]:
+            given = (cell(value, swept.units.get(name, "")) for name, value in zip(swept.grid, values))
+            low, median, high = (quantity(float(v), unit) for v in np.quantile(column[rows], (0.05, 0.5, 0.95)))
+            add_row(shown, metric.label, *given, str(len(rows)), median, low, high)
+    return list(made.values())
+
+
+def cell(value: Value, unit: str) -> str:
+    """A swept value, as it was given."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return f"{value:.9g} {unit}".strip() if is_number else str(value)
 
 
 def published(value: float | None, unit: str) -> str:
