@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from random import Random
 from types import MappingProxyType
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from gapsense.drive.bridge import Kind
 
@@ -98,9 +97,9 @@ def samples(condition: Condition, cycle: int = 0) -> tuple[int, int]:
     """Samples of a cycle, and those of them with the command to close."""
     if condition.lengths is None:
         return round(condition.period / condition.sample_time), round(condition.closed / condition.sample_time)
-    drawn = np.random.default_rng(cycle).uniform(*condition.lengths, 2)
-    closed, opened = PIECE * np.round(drawn / condition.sample_time / PIECE).astype(int)
-    return int(closed + opened), int(closed)
+    chance, longest = Random(cycle), PIECE * condition.sample_time
+    closed, opened = (PIECE * round(chance.uniform(*condition.lengths) / longest) for _ in range(2))
+    return closed + opened, closed
 
 
 def piece(condition: Condition) -> int:
