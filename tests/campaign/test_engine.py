@@ -246,13 +246,29 @@ def test_ctrl_c_keeps_what_was_done(write, fmus, start, tmp_path):
     assert campaign.run(write(STUDY, LONG), 1, tmp_path / "out", fmus).computed == 12 - there
 
 
+HELD = """
+import sys, time
+from pathlib import Path
+from gapsense import campaign
+def hold(done, total):
+    print(done, flush=True)
+    while not Path(sys.argv[3]).exists():
+        time.sleep(0.01)
+campaign.run(sys.argv[1], 2, sys.argv[2], fmus, progress=hold)
+"""
+
+
 @pytest.mark.slow
 def test_two_clients_on_one_folder_do_nothing_twice(write, fmus, start, tmp_path):
-    processes = [start(CLIENT, write(STUDY, LONG), tmp_path / "out") for _ in range(2)]
-    said = [process.communicate(timeout=60) for process in processes]
-    assert campaign.read(tmp_path / "out").column("run").tolist() == [*range(12)]
-    assert sorted(output.split()[0] for output, _ in said) == ["0", "12"], said
-    assert "another process is at work on it" in "".join(error for _, error in said)
+    study, out, go = write(STUDY, LONG), tmp_path / "out", tmp_path / "go"
+    first = start(HELD, study, out, go)
+    assert int(first.stdout.readline()) < 12
+    second = start(CLIENT, study, out)
+    assert "another process is at work on it" in second.stderr.readline()
+    go.touch()
+    said = [process.communicate(timeout=60)[0].split() for process in (first, second)]
+    assert campaign.read(out).column("run").tolist() == [*range(12)]
+    assert said[0][-1] == "12" and said[1] == ["12"], said
 
 
 def test_result_can_be_read_while_it_grows(write, fmus, tmp_path):

@@ -221,7 +221,7 @@ def test_first_ctrl_c_says_what_it_waits_for_and_the_second_keeps_the_result(han
     assert started.stderr.readline() == (
         "interrupted; waiting for `coil`, in its step (base step 6), to end. Ctrl-C again ends it at once.\n"
     )
-    assert monotonic() - begin < 1.0
+    assert monotonic() - begin < 10.0  # of 1,000 s
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=10)
     assert started.returncode == 130, err
@@ -247,7 +247,7 @@ def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command
     started = hanging(command, times=times)
     assert len(workers(tmp_path)) == times
     started.kill()
-    wait_until(lambda: not workers(tmp_path) and not list((tmp_path / "temporary").iterdir()), 5.0)
+    wait_until(lambda: not workers(tmp_path) and not list((tmp_path / "temporary").iterdir()))
     started.communicate()
 
 
@@ -283,7 +283,7 @@ def test_worker_that_is_just_writing_files_leaves_none_either(process, tmp_path,
     assert started.stdout.readline() == "under way\n"
     sleep(0.1)
     started.kill()
-    wait_until(lambda: not workers(tmp_path), 5.0)
+    wait_until(lambda: not workers(tmp_path))
     started.communicate()
     assert not list(temporary.iterdir())
 
