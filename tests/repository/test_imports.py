@@ -41,7 +41,7 @@ MAY_IMPORT = {
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"report", "ssp", "studies", "cli"},
+    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__"},
     "studies": NUMBERS | {"report", "studies"},
     "command": NUMBERS | {"report", "studies", "cli"},
     "build_fmus": {"__main__"},
