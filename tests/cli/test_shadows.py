@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -41,13 +42,17 @@ def shadows(tmp_path):
 
 @pytest.mark.parametrize("start", [SCRIPT, MODULE], ids=["script", "module"])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_imports_nothing_from_the_working_folder(write, fmus, shadows, tmp_path, start, command):
+def test_command_imports_nothing_from_the_working_folder_and_leaves_no_temporary_files(
+    write, fmus, shadows, tmp_path, start, command
+):
     write(("bounds = [0.0, 0.01]", "bounds = [0.0, 1.0]"))
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     chosen = [] if command == "study" else ["--fmus", fmus]
-    done = subprocess.run([*start, *COMMANDS[command], *chosen], cwd=tmp_path, capture_output=True, text=True)
+    (temporary := tmp_path / "temporary").mkdir()
+    words, environment = [*start, *COMMANDS[command], *chosen], {**os.environ, "TMPDIR": str(temporary)}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    assert not shadows.exists()
+    assert not shadows.exists() and not list(temporary.iterdir())
 
 
 ZIG_PROGRAM = f"""#!{sys.executable} -I
