@@ -62,11 +62,28 @@ def test_bounces_are_told_apart_from_the_first_impact(bounces: tuple[int, ...]) 
     np.testing.assert_array_equal(record.smoothed.position[77:170], found["smoothed_position"][262:355])
 
 
-def test_a_rebound_longer_than_the_debounce_is_a_motion() -> None:
-    found, record = run(moving(range(LANDED + 1, LANDED + 12)), DEBOUNCE)
-    assert [(o.first, o.landed) for o in record.operations] == [(77, 170), (171, 182), (627, 759)]
-    assert_published(found, record.smoothed, np.r_[77:170, 171:182, 627:759])
-    assert at(found, 600)["bounces"] == 0.0 and 3.61e-3 < at(found, 600)["landing_time"] < 3.65e-3
+def test_a_bounce_may_be_longer_than_the_debounce() -> None:
+    """It was a motion before, and took the place of the first impact: 0.1 to 0.7 ms late, with a tenth of its speed."""
+    (clean, _), (found, record) = (
+        run(mode, DEBOUNCE) for mode in (valve().mode, moving(range(171, 204), range(205, 212)))
+    )
+    assert [(o.first, o.landed, o.bounces) for o in record.operations] == [(77, 170, 2), (627, 759, 0)]
+    assert_published(found, record.smoothed, np.r_[77:170, 627:759])
+    assert at(found, 600) == pytest.approx(at(clean, LANDED) | {"bounces": 2.0, "rest_time": 212 * T_S}, rel=1e-12)
+
+
+def test_a_motion_that_comes_back_after_a_rest_is_a_motion() -> None:
+    found, record = run(moving(range(LANDED + 12, LANDED + 24)), DEBOUNCE)
+    assert [(o.first, o.landed) for o in record.operations] == [(77, 170), (182, 194), (627, 759)]
+    assert_published(found, record.smoothed, np.r_[77:170, 182:194, 627:759])
+    assert at(found, 600)["bounces"] == 0.0
+
+
+def test_two_glitches_in_hold_are_no_bounce() -> None:
+    (clean, _), (found, record) = (
+        run(mode, DEBOUNCE) for mode in (valve().mode, moving(range(300, 302), range(303, 304)))
+    )
+    assert at(found, 626) == at(clean, 626) and record.operations[0].bounces == 0
 
 
 @pytest.mark.parametrize("glitch", [200, 300, 620], ids=["before it is smoothed", "before it is published", "later"])
@@ -76,7 +93,7 @@ def test_a_glitch_in_hold_is_neither_motion_nor_bounce(glitch: int) -> None:
     assert_published(found, record.smoothed, np.r_[77:170, 627:759])
 
 
-@pytest.mark.parametrize("rest", [1, 20, 60])
+@pytest.mark.parametrize("rest", [12, 20, 60])
 def test_quick_operations_are_all_published(rest: int) -> None:
     """Each lands before the one before it is smoothed, or before it is published."""
     first = LANDED + rest

@@ -24,9 +24,9 @@ from gapsense.report.table import text
 from gapsense.studies.run_to_run import converter, forward, late, scenario, searches, show, study
 from gapsense.studies.run_to_run.actuators import WRONG, drawn
 from gapsense.studies.run_to_run.chain import Chain, Running
-from gapsense.studies.run_to_run.conditions import CONDITIONS, drifted, samples
-from gapsense.studies.run_to_run.cycles import NEVER, Outcome, cycle_of, hardest, outcome
-from gapsense.studies.run_to_run.loops import LAWS, controller, loop_of
+from gapsense.studies.run_to_run.conditions import CHANGED, CONDITIONS, factors, piece, samples
+from gapsense.studies.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
+from gapsense.studies.run_to_run.loops import LAWS, Loop, controller, loop_of
 from gapsense.studies.run_to_run.measures import impact_energy, missed, verdicts, warned, worst_cycle
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -211,12 +211,60 @@ def test_changes_of_a_condition_reach_their_parts(name):
     condition, law = CONDITIONS[name], CONDITIONS[name].laws[-1]
     loop = loop_of(law, condition, 1, range(2))
     for changed, value in condition.changes.items():
-        places = [entry for entry in loop.par if entry.partition(".")[2] == changed]
+        places = [entry for entry in loop.par if changed in (entry, entry.partition(".")[2])]
         assert places and all(np.all(loop.par[place] == value) for place in places)
     assert loop.par["law.sample_time"] == loop.par["sensor.sample_time"] == condition.sample_time
     assert (law == "model") or loop.par["late.samples"] == condition.late / condition.sample_time
-    assert drifted(condition, 0, 200) == dict.fromkeys(condition.drift, 1.0)
-    assert drifted(condition, 199, 200) == condition.drift
+    assert factors(condition, 0, 200) == dict.fromkeys(condition.drift, 1.0)
+    assert factors(condition, 199, 200) == {**condition.drift, **condition.step}
+    assert factors(condition, CHANGED - 1, CHANGED).keys() == condition.drift.keys()
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_a_chain_goes_through_every_cycle_in_pieces(name):
+    condition = CONDITIONS[name]
+    for cycle in range(20):
+        whole, closed = samples(condition, cycle)
+        assert whole % piece(condition) == 0 and 0 < closed < whole
+    if condition.lengths:
+        drawn = np.array([samples(condition, cycle) for cycle in range(200)])
+        seconds = condition.sample_time * np.r_[drawn[:, 1], drawn[:, 0] - drawn[:, 1]]
+        assert condition.lengths[0] - 1e-3 < seconds.min() < 0.02 and 0.18 < seconds.max() < condition.lengths[1] + 1e-3
+
+
+# what goes wrong between the parts
+
+
+def told_and_true(name: str, cycles: int = CHANGED + 2) -> list[dict[str, np.ndarray]]:
+    """What the controller reads of two actuators, and what is so, by cycle."""
+    condition = CONDITIONS[name]
+    loop = loop_of("contact", condition, 1, range(2))
+    signals = ("reading.voltage", "reading.current", "supply.voltage", "drive.voltage_mean", "sensor.current_measured")
+    chain = Chain(loop.chain.parts, signals, loop.chain.given, loop.chain.samples)
+    found = []
+    for recorded in recorded_cycles("contact", Loop(chain, loop.par), condition, 2, cycles):
+        found.append(dict(zip(signals, np.swapaxes(recorded, 0, 1))))
+    return found
+
+
+@pytest.mark.parametrize("name", [name for name, condition in CONDITIONS.items() if condition.disturbance])
+def test_a_disturbance_is_where_it_is_said_to_be(name):
+    error = CONDITIONS[name].disturbance
+    shares = []
+    for k, cycle in enumerate(told_and_true(name)):
+        driven, supplied = cycle["drive.voltage_mean"], cycle["supply.voltage"]
+        np.testing.assert_allclose(cycle["reading.voltage"], error.gain * supplied + error.offset, rtol=0, atol=1e-12)
+        shares.append(supplied[50, 0] / driven[50, 0] if driven[50, 0] else 0.0)
+        np.testing.assert_allclose(supplied, (shares[-1] or 1.0) * driven, rtol=1e-12)
+        added = cycle["reading.current"] - cycle["sensor.current_measured"]
+        expected = np.full_like(added, error.step * (k >= CHANGED))
+        expected[STRUCK] += error.spike * (k == CHANGED) if error.spike == error.spike else (0.0, np.nan)[k == CHANGED]
+        np.testing.assert_allclose(added, expected, rtol=0, atol=1e-12)
+        assert (not np.any(driven[:490])) == (error.is_missed and k == CHANGED)
+    sagged = np.array([share for share in shares if share])
+    assert (
+        sagged.min() >= 1.0 - error.supply and sagged.max() <= 1.0 and (np.ptp(sagged) > 0.05) == (error.supply > 0.0)
+    )
 
 
 # laws that learn nothing, and searches
@@ -354,7 +402,7 @@ def test_a_tuned_seed_is_told():
 
 
 def test_rows_are_those_of_the_conditions_or_as_asked():
-    assert study.rows(["late"], []) == [("late", "contact")]
+    assert study.rows(["late"], []) == [("late", "contact"), ("late", "both")]
     assert study.rows(["late"], ["model", "fisher"]) == [("late", "model"), ("late", "fisher")]
     assert {law for name in CONDITIONS for law in CONDITIONS[name].laws} == {*LAWS}
 

@@ -164,13 +164,11 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
     """The last operation: a new one with a landing, else with one more bounce if the mover is back from one."""
-    last, start = state.last, now.motion.start
-    longest = contact.debounce + 0.5 * contact.sample_time  # times are rounded
-    bounces = now.returns & (state.queue.landed > 0.0) & (start - last.rest_time <= longest)
+    last, bounces = state.last, now.bounces & (state.queue.landed > 0.0)
 
     def landed() -> Operation:
         time, speed = impact(found.mean, limit(contact.mode), contact.time, m)
-        return Operation(start, time, speed, bounces=0.0, rest_time=time)
+        return Operation(now.motion.start, time, speed, bounces=0.0, rest_time=time)
 
     def rested() -> Operation:
         count, time = where(bounces, last.bounces + 1.0, last.bounces), where(bounces, contact.time, last.rest_time)

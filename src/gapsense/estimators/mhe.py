@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_effort import USUAL
 from gapsense.estimators.mhe_model import Device, Point, advance, current, device, mean_of, model, point, with_device
+from gapsense.estimators.mhe_pass import JUMP, LARGE, drives
 from gapsense.estimators.mhe_records import (
     RING,
     START,
@@ -30,14 +31,14 @@ from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, ca
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.linalg import vector
 from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
-from gapsense.trace import clip, cond, fabs, floor, load, not_, square, store, where
+from gapsense.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
 
-JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
 SAME = 30.0  # samples over which the model's error of the current is the same
-LARGE = 20.0  # noises that such a current must have
+KNOWN = 4.0  # operations that were explained, after which innovations are judged
+STRANGE, STRANGE_SOFT = 5.0, 7.0  # deviations of a mean innovation that no healthy device has; where more is learnt
 WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 
 
@@ -109,6 +110,15 @@ class Held(NamedTuple):
     zero: Scalar  # current that was measured at the end of the last one without voltage that was long enough
 
 
+class Watch(NamedTuple):
+    """What the innovations of the causal estimate say of now."""
+
+    surprise: Scalar  # mean of the innovations, of late [A]
+    is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
+    is_moving: Scalar  # 1: there was a motion in this operation
+    is_suspect: Scalar  # 1: an operation was strange, and none since then was not
+
+
 class State(NamedTuple):
     """The samples, the model at the newest one, the window, and what was learnt."""
 
@@ -116,6 +126,7 @@ class State(NamedTuple):
     causal: Annotated[Array, Vector(10)]  # a `Point`
     believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
     held: Held
+    watch: Watch
     work: Work
     samples: Samples
     fluxes: Annotated[Array, Memory(RING)]  # of the last trial
@@ -209,10 +220,10 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
     held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING), zeros(RING))
-    state = State(inputs.command, vector(at), zeros(len(d)), held, work, samples, *smoothed)
+    state = State(inputs.command, vector(at), zeros(len(d)), held, Watch(0.0, 0.0, 0.0, 0.0), work, samples, *smoothed)
     is_lost = not_(has_voltage & _has_current(inputs, par))
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
-    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), is_lost, par)
+    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), is_lost, False, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -241,10 +252,37 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
+    watch = _watched(state.watch, innovation, has_current, is_edge, now, work.learnt, par)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
-    state = State(inputs.command, at, believed, held, work, samples, *smoothed)
-    is_lost = not_(has_voltage & has_current)
-    return state, _outputs(now, m.d, innovation, shown, work.learnt, get(work.learnt.deviations, START), is_lost, par)
+    state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
+    is_lost, known = not_(has_voltage & has_current), get(work.learnt.deviations, START)
+    is_strange = (watch.is_strange > 0.0) | (watch.is_suspect > 0.0)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, is_lost, is_strange, par)
+
+
+def _watched(
+    before: Watch,
+    innovation: Scalar,
+    counts: Scalar,
+    is_edge: Scalar,
+    now: Point,
+    learnt: Learnt,
+    par: Parameters,
+) -> Watch:
+    """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
+    usual = sqrt(square(par.noise_current) * 0.5 * RECENT + square(par.model_error))
+    surprise = before.surprise + where(counts & not_(is_edge), RECENT * (innovation - before.surprise), 0.0)
+    is_known = learnt.explained >= KNOWN
+    most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
+    is_strange = is_known & (fabs(surprise) > most * usual)
+    is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
+    between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
+    return Watch(
+        surprise=surprise,
+        is_strange=where(is_strange, 1.0, where(is_over, 0.0, before.is_strange)),
+        is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
+        is_suspect=where(is_over, before.is_strange, before.is_suspect),
+    )
 
 
 def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
@@ -258,7 +296,7 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
 
 
 def _is_edge(u: Scalar, before: Scalar, par: Parameters) -> Scalar:
-    return fabs(u - before) > par.edge + JUMP * par.noise_voltage
+    return drives(u - before, par)
 
 
 def _is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
@@ -356,11 +394,16 @@ def _outputs(
     learnt: Learnt,
     known: Array,
     is_lost: Scalar,
+    is_strange: Scalar,
     par: Parameters,
 ) -> Outputs:
     """The mode is that of the model; deviations of logarithms are relative."""
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
-    causes = {INNOVATION: learnt.misfit >= par.health_limit, LOST: is_lost, RESTARTED: learnt.given_up > 0.0}
+    causes = {
+        INNOVATION: (learnt.misfit >= par.health_limit) | is_strange,
+        LOST: is_lost,
+        RESTARTED: learnt.given_up > 0.0,
+    }
     sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
     stds = Certainty(*(size * std for size, std in zip(sizes, known)))
     motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)

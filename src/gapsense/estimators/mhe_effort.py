@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from gapsense.estimators.mhe_records import RING, START, Learnt, N, get, priors
+from gapsense.estimators.mhe_records import START, Learnt, N, get, priors
 from gapsense.records import Scalar
 from gapsense.trace import clip, where
 
@@ -38,18 +38,24 @@ class Effort(NamedTuple):
     bad: Scalar  # misfit with which a search begins
     starts: Scalar
     searches: Scalar  # among these
+    backlog: Scalar  # samples that may wait behind a window that nothing explained; more are dropped
 
 
-USUAL = Effort(5.0, 3.0, late=140.0, later=300.0, latest=RING, bad=6.0, starts=float(len(STARTS)), searches=1.0)
+USUAL = Effort(5.0, 3.0, 140.0, 300.0, 2000.0, bad=6.0, starts=float(len(STARTS)), searches=1.0, backlog=200.0)
+# after a window that nothing explained: the next one will hardly be
+HASTY = USUAL._replace(tries=2.0, late=0.0, later=0.0, latest=0.0, searches=0.0)
 # a window that was left too early makes the next ones worse: it is better to be late for some cycles
-THOROUGH = Effort(15.0, 5.0, 2500.0, 2500.0, 4000.0, bad=1.0, starts=float(len(MORE_STARTS)), searches=4.0)
+THOROUGH = Effort(
+    15.0, 5.0, 2500.0, 2500.0, 4000.0, bad=1.0, starts=float(len(MORE_STARTS)), searches=4.0, backlog=5000.0
+)
 
 
 def effort(learnt: Learnt, par: Parameters) -> Effort:
     """What a window is worth; a search that will find nothing, as the last one, is not."""
     bad = clip(WORSE * learnt.misfit, THOROUGH.bad, USUAL.bad)
     thorough = THOROUGH._replace(bad=bad)
-    return Effort(*(where(par.option_further > 0.0, more, usual) for usual, more in zip(USUAL, thorough)))
+    usual = [where(learnt.rejected > 0.0, hasty, one) for hasty, one in zip(HASTY, USUAL)]
+    return Effort(*(where(par.option_further > 0.0, more, one) for one, more in zip(usual, thorough)))
 
 
 def start_of(n: Scalar, learnt: Learnt, par: Parameters) -> list[Scalar]:

@@ -22,6 +22,7 @@ from gapsense.trace import clip, cond, exp, fabs, not_, square, where
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
+QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
 FULL = 0.97  # |m| from which S goes on linearly
 SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
@@ -59,6 +60,8 @@ class Model(NamedTuple):
     lower: Scalar
     upper: Scalar
     gap: Gap
+    quiet_voltage: Scalar
+    quiet_current: Scalar
     through: Scalar  # 1 / (1 + R g_e)
     load: Scalar  # R / (1 + R g_e) [ohm]
 
@@ -89,6 +92,8 @@ def model(par: Parameters, d: Device) -> Model:
         lower=par.stop_lower,
         upper=par.stop_upper,
         gap=make_gap(par),
+        quiet_voltage=QUIET_VOLTAGE * par.noise_voltage,
+        quiet_current=QUIET_CURRENT * par.noise_current,
         through=1.0,
         load=0.0,
     )
@@ -184,6 +189,11 @@ def is_resting(p: Point, m: Model) -> Scalar:
     return is_held_down | ((p.position >= m.upper) & (p.acceleration >= 0.0))
 
 
+def is_quiet(p: Point, mean: Scalar, m: Model) -> Scalar:
+    """No voltage but noise, and no current: noise turns the hysteresis to and fro, and would demagnetize the core."""
+    return (fabs(mean) < m.quiet_voltage) & (fabs(p.mmf) < m.quiet_current)
+
+
 class Electric(NamedTuple):
     """What drives the flux linkage at a point."""
 
@@ -215,12 +225,14 @@ def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
 
 def advance(p: Point, voltage: Scalar, m: Model) -> Point:
     """The next sample, whose voltage is given; the motion by Verlet's method."""
-    e, rests = electric(p, mean_of(p.voltage, voltage, m), m), is_resting(p, m)
+    mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
+    e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)
     free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
     z = where(rests, p.position, clip(free, m.lower, m.upper))
     change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
-    lam = p.flux_linkage + change
-    h = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
+    lam = p.flux_linkage + where(stays, 0.0, change)
+    turned = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
+    h = where(stays, p.hysteresis, turned)
     R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap_at(z, m))
     f, f_lam = magnetomotive(lam, h, R, m)
     stands, force = rests | not_(z == free), pull(z, lam, slope, m)
@@ -241,7 +253,7 @@ def derived(
     position and velocity are given.
     """
     e, dt = electric(p, mean, m), m.T_s * samples
-    step = gain(p, e, dt, m)
+    step = where(is_still & is_quiet(p, mean, m), 0.0, gain(p, e, dt, m))
     kept = exp(-fabs(step * e.rate) / e.length)
     drive, force = partials(p, e, m)
     rise = [*NOTHING._replace(hysteresis=(1.0 - kept) * e.goal), 0.0]

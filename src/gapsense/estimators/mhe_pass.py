@@ -36,7 +36,7 @@ from gapsense.estimators.mhe_records import (
 )
 from gapsense.linalg import matrix, outer, vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, load, loop, store, where
+from gapsense.trace import clip, cond, fabs, load, loop, not_, store, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 PACE = 7  # samples of a trial that are a piece of work
 FASTEST = 64  # pieces in a step, at most
 AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
+JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
+LARGE = 20.0  # noises that a current must have to say anything of the coil
 Smoothed = tuple[Array, Array]  # memory of the flux linkages and positions of a trial
 
 
@@ -74,8 +76,8 @@ def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Para
     def one(work: Work, smoothed: Smoothed, n: Scalar) -> tuple[tuple[Work, Smoothed, Scalar], Scalar]:
         work, smoothed = cond(
             work.phase == DERIVING,
-            lambda: (_followed(work, samples, m, par), smoothed),
-            lambda: _tried(work, samples, smoothed, m),
+            lambda: _followed(work, samples, smoothed, m, par),
+            lambda: _tried(work, samples, smoothed, m, par),
         )
         is_enough = (work.over > 0.0) | (work.walk.done >= work.age) | (n >= par.window_pace)
         return (work, smoothed, n + 1.0), is_enough
@@ -84,7 +86,7 @@ def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Para
     return work, smoothed
 
 
-def _followed(work: Work, samples: Samples, m: Model, par: Parameters) -> Work:
+def _followed(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Samples of a pass with derivatives; the first such pass finds the end of the window."""
     is_open = work.end <= 0.0
     limit = where(is_open | (work.age < work.end), work.age, work.end)
@@ -93,19 +95,22 @@ def _followed(work: Work, samples: Samples, m: Model, par: Parameters) -> Work:
     def is_over(walk: Walk) -> Scalar:
         by_landing = (walk.takeoff >= 0.0) & (walk.still >= tail)
         spot = place(samples.newest, work.age - walk.done)
-        ends = cond(par.option_command > 0.0, lambda: load(samples.commands, spot) > 0.0, lambda: by_landing)
+        by_voltage = (walk.driven == 1.0) & (walk.takeoff < 0.0) & (walk.done > 0.5 * longest)  # after a rest
+        ends = cond(
+            par.option_command > 0.0, lambda: load(samples.commands, spot) > 0.0, lambda: by_landing | by_voltage
+        )
         return (ends & (walk.done >= work.least)) | (walk.done >= longest)
 
-    def one(*entries: Scalar) -> tuple[Walk, Scalar]:
-        walk = Walk(*entries)
-        new, weighted = _visited(walk, work, samples, m)
+    def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
+        new, weighted = _visited(walk, work, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
-        return new, (new.done >= limit) | _is_full(new) | cond(is_open, lambda: is_over(new), lambda: False)
+        kept = remembered(smoothed, new, work, samples)
+        return (new, kept), (new.done >= limit) | _is_full(new) | cond(is_open, lambda: is_over(new), lambda: False)
 
-    walk = loop(int(max(AT_REST, MOVING)), one, work.walk)
+    walk, smoothed = loop(int(max(AT_REST, MOVING)), one, (work.walk, smoothed))
     ends = cond(is_open, lambda: is_over(walk), lambda: walk.done >= work.end)
     new = work._replace(walk=walk, over=where(ends, 1.0, 0.0))
-    return cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new)
+    return cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new), smoothed
 
 
 def _is_full(walk: Walk) -> Scalar:
@@ -113,36 +118,52 @@ def _is_full(walk: Walk) -> Scalar:
     return (walk.still == 1.0) | (walk.pending >= where(walk.still > 0.0, AT_REST, MOVING))
 
 
-def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model) -> tuple[Work, Smoothed]:
+def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Samples of a trial."""
     limit = where(work.age < work.end, work.age, work.end)
 
     def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
-        new, _ = _visited(walk, work, samples, m)
-        kept = remembered(smoothed, new.at[0], new.at[2], work.age - new.done, samples)
-        return (new, kept), new.done >= limit
+        new, _ = _visited(walk, work, samples, m, par)
+        return (new, remembered(smoothed, new, work, samples)), new.done >= limit
 
     walk, smoothed = loop(PACE, one, (work.walk, smoothed))
     return work._replace(walk=walk, over=where(walk.done >= work.end, 1.0, 0.0)), smoothed
 
 
-def _visited(walk: Walk, work: Work, samples: Samples, m: Model) -> tuple[Walk, Scalar]:
+def _visited(walk: Walk, work: Work, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, Scalar]:
     """The next sample, and w^2 r of it."""
     before, spot = Point(*walk.at), place(samples.newest, work.age - walk.done - 1.0)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
     at, mean = advance(before, u, m), mean_of(before.voltage, u, m)
-    r = i - current(at, mean, m)
+    i_model = current(at, mean, m)
+    r = i - i_model
     is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
     new = walk._replace(
         done=walk.done + 1.0,
         at=vector(at),
         mean=mean,
         still=where(is_on_stop, walk.still + 1.0, 0.0),
+        driven=walk.driven + where(drives(u, par) | (fabs(i_model) > LARGE * par.noise_current), 1.0, 0.0),
         cost=walk.cost + w * r * r,
         counted=walk.counted + w,
     )
     is_plain = (new.still > 1.0) | (new.still + walk.still < 1.0)
     return cond(is_plain, lambda: new, lambda: _event(walk, new, before, m)), w * r
+
+
+def drives(u: Scalar, par: Parameters) -> Scalar:
+    """Whether a voltage, or a change of it, is more than what noise and a controller at rest make."""
+    return fabs(u) > par.edge + JUMP * par.noise_voltage
+
+
+def is_idle(walk: Walk) -> Scalar:
+    """Neither voltage nor motion: the noise of the voltage would be all that such a window learns from."""
+    return (walk.driven < 2.0) & not_(has_moved(walk))
+
+
+def has_moved(walk: Walk) -> Scalar:
+    """Whether there is a motion, or a part of one."""
+    return (walk.takeoff >= 0.0) | (walk.landings > 0.0) | (walk.still < 1.0)
 
 
 def _event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
@@ -180,7 +201,7 @@ def _summed(work: Work, m: Model, par: Parameters) -> Work:
     return work._replace(walk=walk, summed=walk.counted, tangents=tangents, normal=normal, gradient=gradient)
 
 
-def remembered(smoothed: Smoothed, flux: Scalar, position: Scalar, age: Scalar, samples: Samples) -> Smoothed:
-    """The memory with a sample that a trial has passed, `age` samples ago."""
-    (fluxes, positions), spot = smoothed, place(samples.newest, age)
-    return store(fluxes, spot, flux), store(positions, spot, position)
+def remembered(smoothed: Smoothed, walk: Walk, work: Work, samples: Samples) -> Smoothed:
+    """The memory with the sample that a pass has come to."""
+    (fluxes, positions), spot = smoothed, place(samples.newest, work.age - walk.done)
+    return store(fluxes, spot, walk.at[0]), store(positions, spot, walk.at[2])

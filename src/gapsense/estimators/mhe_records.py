@@ -20,6 +20,7 @@ USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping
 PAIRS = triangle(N)
 DERIVING, SOLVING, TRYING, RENEWING = 0.0, 1.0, 2.0, 3.0  # phases
 FIXED = 1e-6  # least standard deviation of a correction
+MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
 
 
@@ -40,6 +41,7 @@ class Walk(NamedTuple):
     at: Annotated[Array, Vector(10)]  # a `Point`
     mean: Scalar  # voltage of the last sampling period
     still: Scalar  # samples on a stop
+    driven: Scalar  # samples with a voltage, or with more current than noise makes
     cost: Scalar
     counted: Scalar  # sum w^2
     pending: Scalar  # samples since the last derivatives
@@ -60,6 +62,8 @@ class Learnt(NamedTuple):
     windows: Scalar  # so far
     misfit: Scalar  # cost over what noise and model error make
     given_up: Scalar  # windows since then that were not solved before the memory was full
+    rejected: Scalar  # windows in a row that nothing explained
+    explained: Scalar  # windows with a motion that were
     deviations: Annotated[Array, Memory(11)]
 
 
@@ -78,6 +82,8 @@ class Work(NamedTuple):
     gradient: Annotated[Array, Memory(12)]
     whole: Annotated[Array, Memory(78)]  # H + Pi
     prior: Annotated[Array, Memory(78)]  # Pi
+    good: Annotated[Array, Memory(12)]  # corrections after the last good window
+    good_prior: Annotated[Array, Memory(78)]  # and their Pi
     phase: Scalar = DERIVING
     begins: Scalar = 2.0  # 1: a pass is to begin; 2: the very first one
     over: Scalar = 0.0  # 1: the pass is at the end of the window
@@ -104,9 +110,9 @@ class Work(NamedTuple):
 def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
     """The first window begins; what is known before it comes into memory with the next sample."""
     n = len(PAIRS)
-    learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, zeros(START))
+    learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, rejected=0.0, explained=0.0, deviations=zeros(START))
     vectors = (zeros(5), zeros(N), zeros(N), zeros(N), zeros(START))
-    rest = (zeros(4 * N), zeros(n), zeros(N), zeros(n), zeros(n))
+    rest = (zeros(4 * N), zeros(n), zeros(N), zeros(n), zeros(n), zeros(N), zeros(n))
     return Work(started(at, par), learnt, *vectors, *rest)
 
 
@@ -115,6 +121,11 @@ def priors(par: Parameters) -> list[Scalar]:
     given = [getattr(par, f"prior_{name}") for name in Device._fields]
     known = [where(s > FIXED, s, FIXED) for s in given]
     return [s if k in USUAL else where(par.option_further > 0.0, s, 1.0) for k, s in enumerate(known)]
+
+
+def bounds(par: Parameters) -> list[Scalar]:
+    """How far each correction may go: what is farther off than that is another device, or a fault."""
+    return [where(MOST * s < FARTHEST, MOST * s, FARTHEST) for s in priors(par)]
 
 
 def start_deviation(par: Parameters) -> Scalar:
@@ -135,7 +146,22 @@ def origin_of(at: Point) -> Array:
 def started(at: Point, par: Parameters) -> Walk:
     """A pass that begins at a point."""
     is_on_stop = (at.position <= par.stop_lower) | (at.position >= par.stop_upper)
-    return Walk(0.0, vector(at), at.voltage, where(is_on_stop, 1.0, 0.0), 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0)
+    still = where(is_on_stop, 1.0, 0.0)
+    return Walk(
+        done=0.0,
+        at=vector(at),
+        mean=at.voltage,
+        still=still,
+        driven=0.0,
+        cost=0.0,
+        counted=0.0,
+        pending=0.0,
+        residuals=0.0,
+        takeoff=-1.0,
+        landing=0.0,
+        speed=0.0,
+        landings=0.0,
+    )
 
 
 def place(newest: Scalar, age: Scalar) -> Scalar:

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gapsense.estimators.mhe_effort import effort, start_of
 from gapsense.estimators.mhe_model import Model, Point
-from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, walked
+from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, has_moved, is_idle, walked
 from gapsense.estimators.mhe_records import (
     DERIVING,
+    FARTHEST,
+    PAIRS,
     RENEWING,
     RING,
     SOLVING,
@@ -27,6 +29,7 @@ from gapsense.estimators.mhe_records import (
     Samples,
     Walk,
     Work,
+    bounds,
     get,
     get_matrix,
     origin_of,
@@ -37,25 +40,24 @@ from gapsense.estimators.mhe_records import (
     put_matrix,
     start_deviation,
 )
-from gapsense.linalg import deviation, diagonal, swept, vector
+from gapsense.linalg import deviation, diagonal, outer, swept, vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, exp, fabs, load, log, not_, square, store, where
+from gapsense.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
 
 if TYPE_CHECKING:
     from gapsense.estimators.mhe import Parameters
 
 LOGARITHMS = 9  # the first ones
-# standard deviations of what a window adds to the corrections, fields of `Device`
+# standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
+WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED = 0.25  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
-LARGEST, FARTHEST = 0.7, 2.0  # step of a logarithm, and the logarithm itself: what no motion tells stays finite
+LARGEST = 0.7  # step of a logarithm
 POOR = 2.0  # misfit of a window that goes before one that nothing explains, and what was learnt is wrong
 LITTLE, BAD = 0.03, 6.0  # of the cost that noise and model error make: see `_verdict`
-DOUBT, WIDEST = (
-    0.25,
-    4.0,
-)  # what is left of the information after a window that taught nothing, down to `priors` so often
+GOOD = 1.5  # misfit of a window that others may go back to
+PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 NOTHING = -1.0  # instead of a start: none is better
 JUMP = 0.03  # of R: a held voltage says better where to start
@@ -77,7 +79,8 @@ def work_on(
     what is believed before the first window.
     """
     work = work._replace(age=work.age + 1.0)
-    work = cond(work.age > RING - 2.0 * PACE, lambda: _given_up(work, causal), lambda: work)
+    is_behind = (work.age > RING - 2.0 * PACE) | _is_behind(work, par)
+    work = cond(is_behind, lambda: _given_up(work, causal), lambda: work)
     work = cond(work.begins > 1.0, lambda: _informed(work, causal, par), lambda: work)
     is_deriving = work.phase == DERIVING
 
@@ -97,7 +100,7 @@ def work_on(
             is_searching = ended.start > 0.0
             return cond(is_searching, lambda: _sought(ended, par), lambda: _judged(ended, samples, time, par))
 
-        return cond(is_deriving, lambda: _derived(ended, held, par), tried)
+        return cond(is_deriving, lambda: _derived(ended, held, samples, par), tried)
 
     is_passing = (is_deriving | (work.phase == TRYING)) & (work.over < 1.0)
     work, smoothed = cond(
@@ -129,9 +132,9 @@ def _deriving(work: Work) -> Work:
 
 def _informed(work: Work, causal: Point, par: Parameters) -> Work:
     """What is known before the first window."""
-    prior = put_matrix(work.prior, _blind(par))
+    prior, good_prior = (put_matrix(memory, _blind(par)) for memory in (work.prior, work.good_prior))
     known = work.learnt._replace(deviations=put(work.learnt.deviations, published(priors(par), par)))
-    return work._replace(origin=put(work.origin, origin_of(causal)), prior=prior, learnt=known)
+    return work._replace(origin=put(work.origin, origin_of(causal)), prior=prior, good_prior=good_prior, learnt=known)
 
 
 def _turned(work: Work, par: Parameters) -> Work:
@@ -147,28 +150,40 @@ def _turned(work: Work, par: Parameters) -> Work:
     return cond(work.turn < N, turned, inverted)
 
 
-def _derived(work: Work, held: Scalar, par: Parameters) -> Work:
+def _derived(work: Work, held: Scalar, samples: Samples, par: Parameters) -> Work:
     """The normal equations are complete; but if a held voltage says that R is another one, all begins with that."""
     R = load(work.device, 0)
     off = log(where(held > 0.0, held, R) / R)
     work = work._replace(end=work.walk.done)
 
     def jumped() -> Work:
-        q = clip(load(work.q, 0) + off, -FARTHEST, FARTHEST)
+        q = clip(load(work.q, 0) + off, -bounds(par)[0], bounds(par)[0])
         return _deriving(work._replace(q=store(work.q, 0, q), has_jumped=1.0))
 
-    again = (fabs(off) > JUMP) & (work.has_jumped < 1.0) & (work.tries < 1.0)
-    return cond(again, jumped, lambda: _solving(work, par))
+    def driven() -> Work:
+        again = (fabs(off) > JUMP) & (work.has_jumped < 1.0) & (work.tries < 1.0)
+        return cond(again, jumped, lambda: _solving(work, par))
+
+    return cond(is_idle(work.walk), lambda: _idled(_passed(work, samples), par), driven)
 
 
 def _solving(work: Work, par: Parameters) -> Work:
-    """The arrival cost joins the normal equations."""
+    """The arrival cost joins the normal equations; a coil that is held says what R is, and nothing of the others."""
+    work = cond(has_moved(work.walk), lambda: work, lambda: _held_only(work))
     Pi, d, gradient = get_matrix(work.prior), get(work.q, N) - get(work.q_prior, N), work.gradient
     pull = Pi @ d
     gradient = put(gradient, get(gradient, N) - pull)
     whole, total = get_matrix(work.normal) + Pi, work.walk.cost + d @ pull
     known = work._replace(gradient=gradient, total=total, whole=put_matrix(work.whole, whole), tries=work.tries + 1.0)
     return _damped(known, 0.0, par)
+
+
+def _held_only(work: Work) -> Work:
+    """The normal equations of R and of the flux linkage at the start."""
+    said = [k in (0, START) for k in range(N)]
+    normal = [x if said[i] and said[j] else 0.0 for x, (i, j) in zip(get(work.normal, len(PAIRS)), PAIRS)]
+    gradient = [x if counts else 0.0 for x, counts in zip(get(work.gradient, N), said)]
+    return work._replace(normal=put(work.normal, normal), gradient=put(work.gradient, gradient))
 
 
 def _damped(work: Work, n: Scalar, par: Parameters) -> Work:
@@ -194,7 +209,8 @@ def _solved(work: Work, par: Parameters) -> Work:
     is_little = is_first & (work.tries > 1.0) & is_little
     stays = is_little | (work.shortenings >= retries)
     steps = enumerate(zip(get(work.q, N), _limited(full, par)))
-    change = [_bounded(q, where(stays, 0.0, x), k) for k, (q, x) in steps]
+    most = [*bounds(par), FARTHEST]
+    change = [clip(q + where(stays, 0.0, x), -most[k], most[k]) - q for k, (q, x) in steps]
     return work._replace(
         phase=TRYING,
         begins=where(is_little, 0.0, 1.0),
@@ -213,11 +229,6 @@ def _limited(full: Array, par: Parameters) -> list[Scalar]:
     share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
     each = [clip(x, -LARGEST, LARGEST) for x in full]
     return [where(par.option_further > 0.0, one, share * x) for one, x in zip(each, full)]
-
-
-def _bounded(q: Scalar, step: Scalar, k: int) -> Scalar:
-    """The step, or what is left of it to the bounds of a logarithm."""
-    return clip(q + step, -FARTHEST, FARTHEST) - q if k < LOGARITHMS else step
 
 
 def usual(walk: Walk, par: Parameters) -> Scalar:
@@ -320,39 +331,46 @@ def _shortened(work: Work, n: Scalar, par: Parameters) -> Work:
 
 
 def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
-    """The smoothed estimate is ready; the posterior, wider by misfit and drift, is to become the next prior."""
-    wider = where(misfit > 1.0, misfit, 1.0) * (1.0 + damping(work, work.shortenings, par))
-    P = wider * -get_matrix(work.normal)
-    learnt = _learnt(work, misfit, P, time, par)
-    for k, drift in enumerate(DRIFT):
-        P[k, k] = P[k, k] + square(drift)
-    P[START, :] = P[:, START] = 0.0
-    P[START, START] = square(start_deviation(par))
-    finished = work._replace(
+    """The smoothed estimate is ready; what the window has taught is kept, and the next one begins where it ends."""
+    told = _passed(work._replace(learnt=_told(work, misfit, time, par)), samples)
+    is_lost = (par.option_further > 0.0) & (work.learnt.misfit >= POOR)
+
+    def rejected() -> Work:
+        return cond(is_lost, lambda: _forgotten(told, par), lambda: _rejected(told, par))
+
+    return cond(misfit < BAD, lambda: _explained(told, misfit, par), rejected)
+
+
+def _passed(work: Work, samples: Samples) -> Work:
+    """The samples of the window can be published, and the next one begins where it ends."""
+    return work._replace(
         origin=put(work.origin, origin_of(Point(*work.walk.at))),
         age=work.age - work.end,
         shown=where(work.ready > 0.0, work.shown, place(samples.newest, work.age)),
         ready=work.ready + work.end,
-        learnt=learnt,
     )
 
-    def renewing() -> Work:
-        q = store(work.q, START, 0.0)
-        return finished._replace(phase=RENEWING, turn=0.0, normal=put_matrix(work.normal, P), q=q)
 
-    is_lost = (par.option_further > 0.0) & (work.learnt.misfit >= POOR)
+def _explained(work: Work, misfit: Scalar, par: Parameters) -> Work:
+    """The posterior, wider by misfit and drift, is to become the next prior."""
+    wider = where(misfit > 1.0, misfit, 1.0) * (1.0 + damping(work, work.shortenings, par))
+    P, old = wider * -get_matrix(work.normal), work.learnt
+    deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
+    for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
+        P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance)
+    P[START, :] = P[:, START] = 0.0
+    P[START, START] = square(start_deviation(par))
+    explained = old.explained + where(has_moved(work.walk), 1.0, 0.0)
+    learnt = old._replace(rejected=0.0, explained=explained, deviations=deviations)
+    q = store(work.q, START, 0.0)
+    return work._replace(phase=RENEWING, turn=0.0, normal=put_matrix(work.normal, P), q=q, learnt=learnt)
 
-    def rejected() -> Work:
-        return cond(is_lost, lambda: _forgotten(finished, par), lambda: _rejected(finished, par))
 
-    return cond(misfit < BAD, renewing, rejected)
-
-
-def _learnt(work: Work, misfit: Scalar, P: Array, time: Scalar, par: Parameters) -> Learnt:
-    """What a window has told: its operation, if there was one, and how certain the corrections are."""
+def _told(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
+    """What a window has told of its operation, if there was one."""
     walk, T_s, old = work.walk, par.sample_time, work.learnt
     since, has_landed = time - work.age * T_s, walk.landings > 0.0
-    return Learnt(
+    return old._replace(
         takeoff_time=where(has_landed, since + walk.takeoff * T_s, old.takeoff_time),
         landing_time=where(has_landed, since + walk.landing * T_s, old.landing_time),
         impact_speed=where(has_landed, walk.speed, old.impact_speed),
@@ -360,18 +378,57 @@ def _learnt(work: Work, misfit: Scalar, P: Array, time: Scalar, par: Parameters)
         windows=old.windows + 1.0,
         misfit=misfit,
         given_up=0.0,
-        deviations=put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par)),
     )
 
 
+def _drifts(work: Work, par: Parameters) -> list[Scalar]:
+    """Variances that come to the corrections: to that of R with time, to the others with an operation."""
+    warming = square(DRIFT[0]) * work.end * par.sample_time / WARMING
+    return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in DRIFT[1:])]
+
+
+def _idled(work: Work, par: Parameters) -> Work:
+    """Nothing was learnt, and only R is known less well: P + s e e' has the inverse Pi - s p p' / (1 + s p_0)."""
+    before = work.learnt
+    known = load(before.deviations, 0)
+    s = clip(square(priors(par)[0]) - square(known), 0.0, _drifts(work, par)[0])
+    Pi = get_matrix(work.prior)
+    Pi = Pi - outer(Pi[0], s / (1.0 + s * Pi[0, 0]) * Pi[0])
+    wider = store(before.deviations, 0, sqrt(square(known) + s))
+    learnt = before._replace(windows=before.windows + 1.0, deviations=wider)
+    q = put(work.q, [*get(work.q_prior, START), 0.0])
+    return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi), learnt=learnt))
+
+
 def _rejected(work: Work, par: Parameters) -> Work:
-    """The currents were not explained: the parameters stay what they were, a little less certain."""
-    q, Pi = put(work.q, [*get(work.q_prior, START), 0.0]), get_matrix(work.prior)
-    Pi[:START, :START] = DOUBT * Pi[:START, :START]
-    for k, s in enumerate(priors(par)):
-        Pi[k, k] = Pi[k, k] + (1.0 - DOUBT) / square(WIDEST * s)
+    """The currents were not explained: the parameters stay what they were.
+
+    After some such windows in a row they go back to those of the last good window, and after as many more to what was
+    known at the start; then in turn.
+    """
+    n = work.learnt.rejected + 1.0
+    is_back, is_blind = n == PATIENCE, n >= 2.0 * PATIENCE
+    work = work._replace(learnt=work.learnt._replace(rejected=where(is_blind, 0.0, n)))
     origin = cond(par.option_command > 0.0, lambda: _by_voltage(work.origin, par), lambda: work.origin)
-    return _opened(work._replace(q=q, prior=put_matrix(work.prior, Pi), origin=origin))
+
+    def kept() -> tuple[Array, Array]:
+        return get(work.q_prior, START), get_matrix(work.prior)
+
+    def gone_back() -> tuple[Array, Array]:
+        return get(work.good, START), get_matrix(work.good_prior)
+
+    def blind() -> tuple[Array, Array]:
+        return vector([0.0] * START), _blind(par)
+
+    q, Pi = cond(is_back, gone_back, lambda: cond(is_blind, blind, kept))
+    q, prior = put(work.q, [*q, 0.0]), put_matrix(work.prior, Pi)
+    return _opened(work._replace(q=q, prior=prior, origin=origin))
+
+
+def _is_behind(work: Work, par: Parameters) -> Scalar:
+    """Whether more samples wait behind a window that nothing explained than are worth the work."""
+    is_new = (work.phase == DERIVING) & (work.begins > 0.0) & (work.end <= 0.0)
+    return is_new & (work.learnt.misfit >= BAD) & (work.age > effort(work.learnt, par).backlog)
 
 
 def _by_voltage(origin: Array, par: Parameters) -> Array:
@@ -393,5 +450,9 @@ def _blind(par: Parameters) -> Array:
 
 
 def _renewed(work: Work) -> Work:
-    """The next window begins."""
-    return _opened(work._replace(prior=put_matrix(work.prior, -get_matrix(work.normal))))
+    """The next window begins; what a good one has taught is noted."""
+    Pi = -get_matrix(work.normal)
+    is_good = work.learnt.misfit < GOOD
+    good = cond(is_good, lambda: put(work.good, get(work.q, N)), lambda: work.good)
+    good_prior = cond(is_good, lambda: put_matrix(work.good_prior, Pi), lambda: work.good_prior)
+    return _opened(work._replace(prior=put_matrix(work.prior, Pi), good=good, good_prior=good_prior))

@@ -1,8 +1,8 @@
 """The motions that a smoother waits for: which they are, where their samples lie, and whose turn it is.
 
 A motion begins where the contact signal says that the mover has left its stop, and ends where it says that it is on
-one.  If it is back on its stop within the time of debouncing it was none: a bounce, if contact had been made no longer
-ago, else a glitch.
+one.  If it comes back to the stop that it left, it was none in two cases.  If contact had been made within the time of
+debouncing, it was a bounce, however long.  If it was away for no longer than that time, it was a glitch.
 
 Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each.
 With its landing a motion's last sample is smoothed at once, before those that wait.  Then no sample waits for more than
@@ -43,6 +43,7 @@ class Motion(NamedTuple):
     count: Annotated[Scalar, Count]  # its samples so far; 0: the mover was not seen to take off
     start: Scalar  # time of the last sample before it [s]
     stop: Scalar  # that it left: 0 the lower, 1 the upper
+    contact: Scalar  # time of the last landing or bounce [s]
 
 
 class Followed(NamedTuple):
@@ -50,7 +51,7 @@ class Followed(NamedTuple):
 
     motion: Motion
     lands: Scalar
-    returns: Scalar  # too soon to have been a motion
+    bounces: Scalar  # it is back from a bounce: that was no motion
 
 
 class Queue(NamedTuple):
@@ -73,7 +74,7 @@ class Turn(NamedTuple):
 
 def nothing(time: Scalar) -> tuple[Motion, Queue]:
     """No motion, none that waits."""
-    return Motion(0.0, 0.0, time, 0.0), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
+    return Motion(0.0, 0.0, time, 0.0, time), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
 
 
 def slot(place: Scalar) -> Scalar:
@@ -89,16 +90,19 @@ def follow(motion: Motion, c: Contact) -> Followed:
     """The motion with this sample."""
     moves, moved = is_moving(c.mode), is_moving(c.mode_prev)
     takes_off, ends = moves & not_(moved), moved & not_(moves) & (motion.count > 0.0)
-    is_short = (motion.count - 0.5 <= c.debounce / c.sample_time) & (limit(c.mode) == motion.stop)
+    is_back, longest = ends & (limit(c.mode) == motion.stop), c.debounce + 0.5 * c.sample_time  # times are rounded
+    is_bounce = is_back & (motion.start - motion.contact <= longest) & (c.debounce > 0.0)
+    is_glitch = is_back & not_(is_bounce) & (motion.count * c.sample_time <= longest)
     grown = where(moves & (motion.count > 0.0), motion.count + 1.0, motion.count)
     after = motion.place + where(motion.count > 0.0, motion.count + 1.0, 0.0)  # the sample of the landing is kept too
     found = Motion(
         place=where(takes_off, slot(after), motion.place),
-        count=where(takes_off, 1.0, where(ends & is_short, 0.0, grown)),
+        count=where(takes_off, 1.0, where(is_bounce | is_glitch, 0.0, grown)),
         start=where(takes_off, c.time - c.sample_time, motion.start),
         stop=where(takes_off, limit(c.mode_prev), motion.stop),
+        contact=where(moved & not_(moves | is_glitch), c.time, motion.contact),
     )
-    return Followed(found, ends & not_(is_short), ends & is_short)
+    return Followed(found, ends & not_(is_bounce | is_glitch), is_bounce)
 
 
 def to_keep(now: Followed, c: Contact) -> Turn:

@@ -5,7 +5,7 @@ For studies and measured data; in a co-simulation the component `Ertss` does the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -21,6 +21,8 @@ from gapsense.estimators.reduced_model import Held, limit, normalised
 from gapsense.kernel import Kernel, trace
 from gapsense.linalg import vector
 from gapsense.records import names, record, triangle
+
+MOTION, BOUNCE, GLITCH = "motion", "bounce", "glitch"
 
 Floats = NDArray[np.float64]
 
@@ -84,12 +86,12 @@ def smooth_record(
     filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
     smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
-    for first, end, is_motion in _moving(q, debounce / T_s):
-        if is_motion:
+    for first, end, kind in _moving(q, debounce / T_s):
+        if kind == MOTION:
             for k in range(end - 1, first - 1, -1):
                 smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
             operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
-        elif operations and (first - 1) * T_s - operations[-1].rest_time <= debounce + 0.5 * T_s:
+        elif operations and kind == BOUNCE:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
 
@@ -103,21 +105,26 @@ def _operation(first: int, landed: int, last: tuple[float, ...], stop: float, pa
 def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:
     """First sample and landing sample of every motion that starts and ends at rest.
 
-    One of at most `debounce` samples that ends on the stop where it began is none.
+    None are a glitch of at most `debounce` samples, and a bounce that begins within as many after a landing, where they
+    end on the stop where they began.
     """
-    return [(first, end) for first, end, is_motion in _moving(mode, debounce) if is_motion]
+    return [(first, end) for first, end, kind in _moving(mode, debounce) if kind == MOTION]
 
 
-def _moving(mode: ArrayLike, debounce: float) -> list[tuple[int, int, bool]]:
-    """First sample of every time in motion, the sample at rest that ends it, and whether it was a motion."""
+def _moving(mode: ArrayLike, debounce: float) -> Iterator[tuple[int, int, str]]:
+    """First sample of every time in motion, the sample at rest that ends it, and what it was."""
     q = np.asarray(mode, float)
     moving = (q > 1.5) & (q < 2.5)
     change = np.flatnonzero(moving[1:] != moving[:-1]) + 1
     starts, ends = change[moving[change]], change[~moving[change]]
+    contact = ends[0] if len(ends) and (not len(starts) or ends[0] < starts[0]) else 0
     ends = ends[ends > starts[0]] if len(starts) else ends[:0]
-    return [
-        (int(a), int(b), bool(b - a - 0.5 > debounce or limit(q[a - 1]) != limit(q[b]))) for a, b in zip(starts, ends)
-    ]
+    for a, b in zip(starts, ends):
+        is_back = limit(q[a - 1]) == limit(q[b])
+        is_bounce = is_back and debounce > 0.0 and a - 1 - contact - 0.5 <= debounce
+        kind = BOUNCE if is_bounce else GLITCH if is_back and b - a - 0.5 <= debounce else MOTION
+        contact = contact if kind == GLITCH else b
+        yield int(a), int(b), kind
 
 
 def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.table import Table
 
 from gapsense.report.table import add_row, quantity, table
@@ -70,6 +69,8 @@ def grouped(swept: Sweep) -> dict[tuple[Value, ...], list[int]]:
 
 def by_value(scenario: Scenario, swept: Sweep, groups: Mapping[tuple[Value, ...], list[int]]) -> list[Table]:
     """Median and 5-95 % range of each metric for each of the first combinations of swept values."""
+    import numpy as np  # here, so that commands start fast
+
     made: dict[str, Table] = {}
     heads = ("metric", *swept.grid, "runs", "median", "5 %", "95 %")
     left = f"; {len(groups) - MOST_GROUPS} more combinations are in the CSV" if len(groups) > MOST_GROUPS else ""

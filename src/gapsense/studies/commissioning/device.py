@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe import Parameters
-from gapsense.estimators.mhe_model import Point, advance, current, device, model, point
+from gapsense.estimators.mhe_model import Device, Model, Point, advance, current, device, model, point
 from gapsense.records import Scalar
 from gapsense.trace import clip
 
@@ -35,12 +35,17 @@ class Outputs(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Without flux, on the stop to which the spring pushes."""
     d = device(par)
-    at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, inputs.voltage, model(par, d))
+    at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, inputs.voltage, _model(par, d))
     return at, Outputs(0.0, at.flux_linkage, at.position)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """The next step."""
-    m, u = model(par, device(par)), inputs.voltage
+    m, u = _model(par, device(par)), inputs.voltage
     at = advance(state._replace(voltage=u), u, m)
     return at, Outputs(current(at, u, m), at.flux_linkage, at.position)
+
+
+def _model(par: Parameters, d: Device) -> Model:
+    """The model without a rest that begins at a threshold, which no fit could take derivatives of."""
+    return model(par, d)._replace(quiet_voltage=0.0, quiet_current=0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +13,20 @@ from gapsense.control.judging import LOWER, MOVING, UPPER
 from gapsense.control.run_to_run import BACK
 from gapsense.studies.run_to_run import forward, searches
 from gapsense.studies.run_to_run.chain import Running
-from gapsense.studies.run_to_run.conditions import CONDITIONS, Condition, drifted, samples
-from gapsense.studies.run_to_run.loops import LAWS, OF_LAW, RECORDED, Loop, controller, loop_of
+from gapsense.studies.run_to_run.conditions import CHANGED, CONDITIONS, Condition, Disturbance, factors, samples
+from gapsense.studies.run_to_run.loops import (
+    ADDED,
+    AT_REST,
+    COMMAND,
+    ENABLE,
+    LAWS,
+    OF_LAW,
+    RECORDED,
+    VOLTAGE,
+    Loop,
+    controller,
+    loop_of,
+)
 from gapsense.studies.tasks import Facts
 
 Floats = npt.NDArray[np.float64]
@@ -21,6 +34,7 @@ NEVER = 2.0  # impact speed of an operation that did not arrive [m/s]
 DRAWN, AT = 6, (0, 1, 2, 5, 10, 20)  # actuators, and cycles besides the last one, whose motions are kept
 EVERY = 100e-6  # of a motion that is kept [s]
 DIGITS = 7
+STRUCK = 110  # sample of a closing, in motion, whose reading is wild or lost
 VOLTS = "volts"  # the voltage that is recorded
 
 
@@ -69,34 +83,57 @@ def read(found: Facts) -> Outcome:
 def outcome(law: str, condition: Condition, seed: int, runs: range, cycles: int) -> Outcome:
     """Some of the actuators of a seed, from their first cycle on."""
     loop = loop_of(law, condition, seed, runs)
-    made = [*gone(law, loop, condition, len(runs), cycles)]
     every, shown = round(EVERY / condition.sample_time), max(0, DRAWN - runs.start)
-    kept = [k for k in {*AT, cycles - 1} if k < cycles]
-    motions = {str(k): made[k].position[::every, :shown] for k in sorted(kept) if shown}
+    rows, motions = [], {}
+    for k, cycle in enumerate(gone(law, loop, condition, len(runs), cycles)):
+        rows.append(cycle[:-1])
+        if shown and k in {*AT, cycles - 1}:
+            motions[str(k)] = cycle.position[::every, :shown].copy()
     mass = np.broadcast_to(loop.par["plant.mover_mass"][0], len(runs))
-    rows = zip(*(cycle[:-1] for cycle in made))
-    speeds, energy, is_ordinary, warnings = (np.array(row) for row in rows)
+    speeds, energy, is_ordinary, warnings = (np.array(column) for column in zip(*rows))
     return Outcome(speeds, energy, is_ordinary, warnings, mass, motions)
 
 
 def gone(law: str, loop: Loop, condition: Condition, runs: int, cycles: int) -> Iterator[Cycle]:
-    """The cycles of a loop; a search learns from each but the first one, which is an ordinary one."""
-    dt, counts = condition.sample_time, samples(condition)
-    told, is_search = controller(condition), LAWS[law].kind == "given"
-    volts = forward.nominal(counts, told) if law == "nominal" else forward.ordinary(counts, told)
-    given = np.transpose([np.arange(counts[0]) < counts[1], volts])
+    """The cycles of a loop."""
+    for cycle, recorded in enumerate(recorded_cycles(law, loop, condition, runs, cycles)):
+        yield cycle_of(recorded, samples(condition, cycle)[1], condition.sample_time)
+
+
+def recorded_cycles(law: str, loop: Loop, condition: Condition, runs: int, cycles: int) -> Iterator[Floats]:
+    """What is recorded of each cycle; a search learns from each but the first one, which is an ordinary one."""
+    dt, told, is_search = condition.sample_time, controller(condition), LAWS[law].kind == "given"
+    volts = cache(partial(forward.nominal if law == "nominal" else forward.ordinary, par=told))
     trials = searches.begun(law, runs, told) if is_search else None
-    running = Running(loop.chain, loop.par, [0.0, 0.0], dt, runs)
+    running = Running(loop.chain, loop.par, [AT_REST[name] for name in loop.chain.given], dt, runs)
     for cycle in range(cycles):
-        par = {**loop.par, **(searches.columns(trials) if trials else {}), **_drifted(loop, condition, cycle, cycles)}
-        found = cycle_of(running.go(par, given), counts[1], dt)
-        trials = searches.told(trials, found.speeds) if trials and cycle else trials
-        yield found
+        counts = samples(condition, cycle)
+        par = {**loop.par, **(searches.columns(trials) if trials else {}), **_changed(loop, condition, cycle, cycles)}
+        signals = _given(condition, cycle, counts, volts(counts))
+        given = np.transpose([signals[name] for name in loop.chain.given])
+        pieces = np.split(given, len(given) // loop.chain.samples)
+        recorded = np.concatenate([running.go(par, piece) for piece in pieces])
+        if trials and cycle:
+            trials = searches.told(trials, cycle_of(recorded, counts[1], dt).speeds)
+        yield recorded
 
 
-def _drifted(loop: Loop, condition: Condition, cycle: int, cycles: int) -> dict[str, Floats]:
-    factors = drifted(condition, cycle, cycles)
-    return {f"plant.{name}": factor * loop.par[f"plant.{name}"] for name, factor in factors.items()}
+def _given(condition: Condition, cycle: int, counts: tuple[int, int], volts: Floats) -> dict[str, Floats]:
+    """What is given at every sample of a cycle."""
+    error, k = condition.disturbance or Disturbance(), np.arange(counts[0])
+    is_on, added = np.ones(k.size), np.full(k.size, error.step if cycle >= CHANGED else 0.0)
+    if cycle == CHANGED:
+        added[STRUCK] += error.spike
+        is_on[: counts[1]] = not error.is_missed
+    return {COMMAND: k < counts[1], VOLTAGE: volts, ENABLE: is_on, ADDED: added}
+
+
+def _changed(loop: Loop, condition: Condition, cycle: int, cycles: int) -> dict[str, Any]:
+    """Parameters that are others in a cycle."""
+    plant = {f"plant.{name}": x * loop.par[f"plant.{name}"] for name, x in factors(condition, cycle, cycles).items()}
+    error = condition.disturbance
+    lower = error.supply * np.random.default_rng(cycle).uniform() if error else 0.0
+    return {**plant, **({"supply.gain": np.full((1, 1), 1.0 - lower)} if error else {})}
 
 
 def cycle_of(recorded: Floats, closed: int, dt: float) -> Cycle:

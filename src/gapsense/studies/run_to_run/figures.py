@@ -23,6 +23,7 @@ COLORS = {
     "fisher": "#bf8700",
     "contact": plot.FIRST,
     "model": plot.SECOND,
+    "both": "#1b7c83",
 }
 TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 BOUNDS = (0.04, 2.2)  # of the axes of speeds [m/s]

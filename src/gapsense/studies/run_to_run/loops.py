@@ -18,10 +18,10 @@ from gapsense.kernel import Kernel
 from gapsense.records import names
 from gapsense.sensor import sensor
 from gapsense.studies.estimators.parameters import VALVE, blind, reduced
-from gapsense.studies.run_to_run import converter, given, late
+from gapsense.studies.run_to_run import converter, disturbed, given, late
 from gapsense.studies.run_to_run.actuators import drawn
 from gapsense.studies.run_to_run.chain import Chain, Part
-from gapsense.studies.run_to_run.conditions import Condition, samples
+from gapsense.studies.run_to_run.conditions import Condition, Disturbance, piece
 from gapsense.studies.run_to_run.taught import core
 
 NOISE = 2e-3  # of the current [A]
@@ -38,17 +38,20 @@ FURTHER: dict[str, float] = {  # what an estimator that serves `RunToRun` is tol
     "window_longest": 30e-3,
     "window_pace": 32.0,
 }
+ESTIMATING = ("model", "both")  # kinds with `Mhe`
 GENTLE = {"approach_first": 0.17, "approach_least": 0.06}  # what the law `model` can be told
 
 
 class Kind(NamedTuple):
-    """A law for people, and the kind of its loop: `forward`, `given`, `contact` or `model`."""
+    """A law for people, and the kind of its loop: `forward`, `given`, `contact`, `model` or `both`."""
 
     title: str
     kind: str
 
 
 COMMAND, VOLTAGE = "command", "voltage"  # what is given at every sample
+ENABLE, ADDED = "enable", "added"  # the same where signals are disturbed
+AT_REST = {COMMAND: 0.0, VOLTAGE: 0.0, ENABLE: 1.0, ADDED: 0.0}
 RECORDED = tuple(f"plant.{name}" for name in ("position", "mode", "current", "impact_speed"))  # and the voltage
 OF_LAW = ("law.state", "law.warnings")  # recorded too, where there is a controller
 LAWS = {
@@ -58,6 +61,7 @@ LAWS = {
     "fisher": Kind("Fisher basis", "given"),
     "contact": Kind("RunToRun, contact", "contact"),
     "model": Kind("RunToRun, model", "model"),
+    "both": Kind("RunToRun, contact and Mhe", "both"),
 }
 ESTIMATED = {
     **{name: f"mhe.{name}" for name in ("windows", "misfit", "landing_time")},
@@ -101,35 +105,39 @@ def _column(value: Any) -> Any:
 
 def chain_of(kind: str, condition: Condition) -> Chain:
     """The chain of a kind of law under a condition."""
-    return made_chain(kind, condition.plant, samples(condition)[0], condition.fine)
+    return made_chain(kind, condition.plant, piece(condition), condition.fine, condition.disturbance is not None)
 
 
 @cache
-def made_chain(kind: str, plant: str, count: int, fine: int) -> Chain:
-    """Parts in their order; an estimator is there for the law `model` only, a converter if samples have parts."""
+def made_chain(kind: str, plant: str, count: int, fine: int, is_disturbed: bool) -> Chain:
+    """Parts in their order; an estimator is there for some laws only, a converter if samples have parts."""
     reference = VOLTAGE if kind == "forward" else "law.voltage_reference"
-    actuator = Kernel(import_module(f"gapsense.actuators.{plant}"))
-    volts, amperes = ("converter.voltage", "converter.current") if fine > 1 else ("drive.voltage_mean", "plant.current")
+    actuator, drive = Kernel(import_module(f"gapsense.actuators.{plant}")), "drive.voltage_mean"
+    supplied = "supply.voltage" if is_disturbed else drive
+    volts, amperes = ("converter.voltage", "converter.current") if fine > 1 else (supplied, "plant.current")
     seen = {"voltage": volts, "current": amperes, "position": "plant.position", "mode": "plant.mode"}
-    heard = {"voltage": "drive.voltage_mean", "current": "plant.current"}
+    heard = {"voltage": supplied, "current": "plant.current"}
+    told = {"voltage": volts, "current": "sensor.current_measured"}
     parts = [
-        Part("drive", Kernel(drive_voltage), {"enable": 1.0, "reference": reference}, True),
-        Part("plant", actuator, {"voltage": "drive.voltage_mean"}, True),
+        Part("drive", Kernel(drive_voltage), {"enable": ENABLE if is_disturbed else 1.0, "reference": reference}, True)
     ]
+    parts += [Part("supply", Kernel(disturbed), {"voltage": drive}, True)] if is_disturbed else []
+    parts += [Part("plant", actuator, {"voltage": supplied}, True)]
     parts += [Part("converter", Kernel(converter), heard, True)] if fine > 1 else []
-    parts += [Part("sensor", Kernel(sensor), seen), *([] if kind == "forward" else _controlling(kind, volts))]
+    parts += [Part("sensor", Kernel(sensor), seen)]
+    parts += [Part("reading", Kernel(disturbed), {**told, "added": ADDED})] if is_disturbed else []
+    read = {name: f"reading.{name}" for name in told} if is_disturbed else told
+    parts += [] if kind == "forward" else _controlling(kind, {**read, "command": COMMAND})
     recorded = (*RECORDED, volts, *(() if kind == "forward" else OF_LAW))
-    return Chain(parts, recorded, (COMMAND, VOLTAGE), count, fine)
+    return Chain(parts, recorded, tuple(AT_REST) if is_disturbed else (COMMAND, VOLTAGE), count, fine)
 
 
-def _controlling(kind: str, volts: str) -> list[Part]:
-    seen = {"voltage": volts, "current": "sensor.current_measured", "command": COMMAND}
-    if kind == "model":
-        controller = Part("law", Kernel(run_to_run), {"enable": 1.0, **seen, **ESTIMATED})
-        return [Part("mhe", Kernel(mhe), seen), controller]
+def _controlling(kind: str, seen: Mapping[str, str]) -> list[Part]:
+    estimator = [Part("mhe", Kernel(mhe), seen)] if kind in ESTIMATING else []
+    contact = [] if kind == "model" else [Part("late", Kernel(late), {"mode": "sensor.mode_measured"})]
     kernel = Kernel(given if kind == "given" else run_to_run)
-    contact = Part("late", Kernel(late), {"mode": "sensor.mode_measured"})
-    return [contact, Part("law", kernel, {"enable": 1.0, **seen, "mode": "late.mode"})]
+    wires = {**seen, **(ESTIMATED if estimator else {}), **({"mode": "late.mode"} if contact else {})}
+    return [*estimator, *contact, Part("law", kernel, {"enable": 1.0, **wires})]
 
 
 def _parameters(part: str, kind: str, condition: Condition, seed: int, runs: range) -> dict[str, Any]:
@@ -141,7 +149,9 @@ def _parameters(part: str, kind: str, condition: Condition, seed: int, runs: ran
     par |= {"seed": 1000.0 * seed + np.array(runs)} if part == "sensor" else {}
     par |= {"law": float(LawKind.model), **GENTLE} if (part, kind) == ("law", "model") else {}
     par |= dict.fromkeys(names(given.Parameters)[len(TOLD) :], 0.0) if (part, kind) == ("law", "given") else {}
-    return {**par, **{name: value for name, value in condition.changes.items() if name in par}}
+    changes = condition.changes
+    own_changes = {name: changes[f"{part}.{name}"] for name in par if f"{part}.{name}" in changes}
+    return {**par, **{name: value for name, value in changes.items() if name in par}, **own_changes}
 
 
 def _drive(_: Condition) -> dict[str, Any]:
@@ -153,6 +163,11 @@ def _drive(_: Condition) -> dict[str, Any]:
 def _sensor(condition: Condition) -> dict[str, Any]:
     par = kernel_parameters(own("sensor"), {})._asdict()
     return {**par, "sample_time": condition.sample_time, "noise_current": NOISE, "noise_voltage": 0.0}
+
+
+def _reading(condition: Condition) -> dict[str, Any]:
+    error = condition.disturbance or Disturbance()
+    return {"gain": error.gain, "offset": error.offset}
 
 
 def _late(condition: Condition) -> dict[str, Any]:
@@ -174,7 +189,9 @@ def _law(condition: Condition) -> dict[str, Any]:
 PARAMETERS: dict[str, Callable[[Condition], dict[str, Any]]] = {
     "drive": _drive,
     "converter": lambda condition: {"parts": condition.fine},
+    "supply": lambda _: {"gain": 1.0, "offset": 0.0},
     "sensor": _sensor,
+    "reading": _reading,
     "late": _late,
     "mhe": _estimator,
     "law": _law,

@@ -37,6 +37,7 @@ class Demand(NamedTuple):
     bound: float
 
 
+STRUCK = ("missed", "spike", "lost")  # conditions with one thing that goes wrong, once
 DEMANDS = (
     Demand("plain", "contact", "median", 5, 0.12),
     Demand("plain", "contact", "90 %", 10, 0.25),
@@ -50,6 +51,14 @@ DEMANDS = (
     *(Demand("noise", law, "median", -LAST, 0.13) for law in ("contact", "model")),
     *(Demand(name, law, "median", 20, 0.12) for name in ("offset", "negative-offset") for law in ("contact", "model")),
     Demand("half-bridge", "contact", "median", -LAST, 0.22),
+    *(Demand(name, law, "median", 10, 0.12) for name in ("lengths", "gain") for law in ("contact", "model")),
+    *(Demand(name, law, "worst", 10, 0.40) for name in ("lengths", "gain") for law in ("contact", "model")),
+    *(Demand(name, law, "median", 18, 0.12) for name in STRUCK for law in ("contact", "model")),
+    *(Demand(name, law, "90 %", 18, 0.18) for name in STRUCK for law in ("contact", "model")),
+    Demand("voltage-offset", "contact", "90 %", 10, 0.20),
+    *(Demand("supply", law, "90 %", -LAST, 0.30) for law in ("contact", "model")),
+    *(Demand(name, "both", "median", 10, 0.15) for name in ("bounce", "late")),
+    *(Demand(name, "both", "90 %", 20, 0.30) for name in ("bounce", "late")),
 )
 EARLY = slice(2, 11)  # cycles in which the hardest impact of `model` is held to that of `contact`
 MISSED = 1e-3  # share of the operations that need not arrive
