@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -14,11 +13,11 @@ from typing import IO, Any
 
 import numpy as np
 
+from gapsense.checked import Entry, append_lines, damage, read_lines
 from gapsense.files import naming, sha256
 from gapsense.locks import lock
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
 
-Entry = dict[str, Any]
 LOG = logging.getLogger(__name__)
 PAUSE = 0.1  # seconds between two looks whether a file is free
 SOURCES = (".py", ".c", ".h", ".csv")
@@ -70,28 +69,22 @@ class Ledger:
             yield
 
     def read(self) -> dict[int, Entry]:
-        """Entries with this key by run index; a line torn by a kill is skipped."""
-        return {entry["index"]: entry for entry in self.entries() if entry.get("key") == self.key}
+        """Entries with this key by run index; what is damaged is told, and counts as not computed."""
+        entries, damaged = self.entries()
+        if damaged and self.file:
+            LOG.warning("%s. What they held is computed again; delete them.", damage(self.file, damaged))
+        return {entry["index"]: entry for entry in entries if entry.get("key") == self.key}
 
-    def entries(self) -> list[Entry]:
-        """All entries of the file, also those with other keys."""
-        if self.file is None or not self.file.is_file():
-            return []
-        lines = self.file.read_text(encoding="utf-8", errors="replace").splitlines()
-        return [entry for entry in map(parsed, lines) if entry]
+    def entries(self) -> tuple[list[Entry], list[int]]:
+        """All entries of the file, also those with other keys, and the lines that are damaged."""
+        lines = [] if self.file is None else [*read_lines(self.file)]
+        return [entry for _, entry in lines if entry], [number for number, entry in lines if not entry]
 
     def append(self, *entries: Entry) -> None:
         """Add entries and see them on the disk."""
-        if self.file is None:
-            return
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        lines = "".join(json.dumps({**self.about, **entry}) + "\n" for entry in entries)
-        with naming(self.file), self.file.open("ab+") as file:
-            file.seek(max(file.tell() - 1, 0))
-            is_torn = file.read(1) not in (b"", b"\n")
-            file.write((b"\n" if is_torn else b"") + lines.encode())
-            file.flush()
-            os.fsync(file.fileno())
+        if self.file is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            append_lines(self.file, ({**self.about, **entry} for entry in entries))
 
 
 @contextmanager
@@ -119,12 +112,3 @@ def is_locked(file: IO[bytes]) -> bool:
 def kept(folder: Path, index: int) -> Path:
     """File for the recorded signals of a run."""
     return folder / f"{index:05d}.csv"
-
-
-def parsed(line: str) -> Entry:
-    """Entry of a line, empty if it is none."""
-    try:
-        entry = json.loads(line)
-    except ValueError:
-        return {}
-    return entry if isinstance(entry, dict) and isinstance(entry.get("index"), int) else {}

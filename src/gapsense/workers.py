@@ -8,8 +8,9 @@ from queue import Empty, Queue
 from threading import Lock, Thread
 from typing import Any, NamedTuple, Protocol
 
+from gapsense.checked import Entry
 from gapsense.interrupts import counted
-from gapsense.ledger import Entry, Ledger
+from gapsense.ledger import Ledger
 from gapsense.processes import Died, Marks
 from gapsense.spare import process
 

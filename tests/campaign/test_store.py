@@ -13,7 +13,7 @@ from contextlib import suppress
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapsense.campaign import store as of
@@ -152,6 +152,99 @@ def test_what_is_no_campaign_is_refused(tmp_path, content):
         read(tmp_path)
     with pytest.raises(InputError, match="The folder of a campaign's result is expected"):
         read(tmp_path / "none")
+
+
+# damage
+
+
+def filled(folder):
+    """Two files of runs and of signals, and a journal."""
+    store = Store(folder, new())
+    for group in ([9, 1, 5], [7, 3], [2, 8, 0]):
+        store.append([line(k, "broken" if k == 5 else None) for k in group])
+        if 2 not in group:
+            store.fold()
+    return store
+
+
+RUNS_OF_FILLED = [0, 1, 2, 3, 5, 7, 8, 9]
+
+
+def content(folder):
+    """All that a result tells."""
+    campaign = read(folder)
+    good = [run for run in campaign.column("run").tolist() if run != 5]
+    return campaign.table().to_pydict(), {run: campaign.trajectory(run)["a.y"].tolist() for run in good}
+
+
+def computed_again(folder):
+    """What a writer does: it computes what is not there."""
+    again = Store(folder, read_manifest(folder))
+    missing = [run for run in RUNS_OF_FILLED if not again.known(10)[run]]
+    again.append([line(run, "broken" if run == 5 else None) for run in missing])
+    again.fold()
+    again.compact()
+    return missing
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_flipped_bit_is_told_or_changes_nothing(tmp_path_factory, caplog, data):
+    folder = tmp_path_factory.mktemp("flipped")
+    filled(folder)
+    expected = content(folder)
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    assert len(files) == 7
+    file = data.draw(st.sampled_from(files))
+    damaged = bytearray(file.read_bytes())
+    place = data.draw(st.integers(0, len(damaged) - 1))
+    damaged[place] ^= 1 << data.draw(st.integers(0, 7))
+    file.write_bytes(damaged)
+    caplog.clear()
+    is_torn = file.name.startswith("journal") and place == len(damaged) - 1  # as if it were being written
+    try:
+        found = content(folder)
+        assert is_torn or found == expected
+        is_told = file.name in caplog.text  # damage of the manifest costs nothing but a word
+    except InputError as error:
+        assert (file.name in str(error) and "damaged" in str(error)) or "checksum" in str(error)
+        is_told = True
+    caplog.clear()
+    missing = computed_again(folder)
+    assert content(folder) == expected
+    assert len(missing) <= 3 and (
+        is_torn or file.name.startswith("campaign") or not missing or file.name in caplog.text
+    )
+    assert is_told or is_torn or file.name == of.COPY
+
+
+def test_a_file_that_is_gone_is_computed_again(tmp_path, caplog):
+    store = filled(tmp_path)
+    expected = content(tmp_path)
+    for part in (store.manifest.parts[0], store.manifest.trajectories[1]):
+        (tmp_path / part.file).unlink()
+    with pytest.raises(InputError, match=r"it is damaged or gone\. Run the campaign again"):
+        read(tmp_path).table()
+    assert computed_again(tmp_path) == [1, 3, 5, 7, 9]
+    assert "It held runs 1 to 9; they are computed again." in caplog.text
+    assert content(tmp_path) == expected
+
+
+def test_a_damaged_file_is_put_aside(tmp_path):
+    part = filled(tmp_path).manifest.parts[0]
+    (tmp_path / part.file).write_bytes(b"nothing")
+    computed_again(tmp_path)
+    assert next(tmp_path.glob("runs/_damaged-*")).read_bytes() == b"nothing"
+    assert pq.read_table(tmp_path / "runs").num_rows == len(RUNS_OF_FILLED)  # readers pass over it
+
+
+def test_of_two_damaged_manifests_neither_is_believed(tmp_path):
+    filled(tmp_path)
+    for name in (of.MANIFEST, of.COPY):
+        text = (tmp_path / name).read_text()
+        (tmp_path / name).write_text(text.replace('"runs": 100', '"runs": 101'))
+    with pytest.raises(InputError, match=r"it is damaged\. Choose another folder"):
+        read(tmp_path)
 
 
 def test_unknown_column_is_told(tmp_path):

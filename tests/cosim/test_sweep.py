@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
@@ -193,6 +195,40 @@ def test_ledger_keeps_entries_of_others(tmp_path):
     Ledger(file, "a").append({"index": 2, "metrics": {}})
     assert sorted(Ledger(file, "a").read()) == [1, 2]
     assert sorted(Ledger(file, "b").read()) == [1]
+
+
+@pytest.fixture(scope="module")
+def swept_noise(tmp_path_factory, fmus):
+    """Scenario, metrics and ledger of a sweep of four runs."""
+    folder = tmp_path_factory.mktemp("damage")
+    (folder / "demo").mkdir()
+    (folder / "demo" / "scenario.toml").write_text(NOISE)
+    found = sweep(folder / "demo", 4, out=folder, fmus=fmus, workers=1)
+    return folder, found.metrics["spread"].tolist(), (folder / "demo_sweep.jsonl").read_bytes()
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_a_flipped_bit_of_a_ledger_costs_its_run_and_no_more(swept_noise, fmus, caplog, place, bit):
+    folder, expected, ledger = swept_noise
+    damaged, k = bytearray(ledger), int(place * len(ledger))
+    damaged[k] ^= 1 << bit
+    (folder / "demo_sweep.jsonl").write_bytes(damaged)
+    caplog.clear()
+    again = sweep(folder / "demo", 4, out=folder, fmus=fmus, workers=1)
+    is_last, is_end = k == len(ledger) - 1, ledger[k : k + 1] == b"\n"
+    assert again.metrics["spread"].tolist() == expected and again.computed == 1 + (is_end and not is_last)
+    number = ledger[:k].count(b"\n") + 1
+    told = f"demo_sweep.jsonl, line {number}: no checksum, or a wrong one. What they held is computed again"
+    assert is_last or told in caplog.text.replace(f"line {number}, {number + 1}:", f"line {number}:")
+
+
+def test_kept_signals_that_were_changed_are_computed_again(write, fmus, tmp_path):
+    first = sweep(write(NOISE), 2, out=tmp_path / "out", fmus=fmus, keep=True)
+    before = first.kept[1].read_bytes()
+    first.kept[1].write_bytes(before[:-2] + (b"1\n" if before[-2:] != b"1\n" else b"2\n"))
+    again = sweep(write(NOISE), 2, out=tmp_path / "out", fmus=fmus, keep=True)
+    assert again.computed == 1 and again.kept[1].read_bytes() == before
 
 
 FAULTY = NOISE + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0 }\n[inputs]\n"coil.u" = 0.0\n'

@@ -25,7 +25,7 @@ from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
 from gapsense.campaign.site import Pack, Site, identity, perform
 from gapsense.campaign.task import asked
-from gapsense.ledger import Entry
+from gapsense.checked import Entry
 from gapsense.problems import InputError
 from gapsense.workers import LOOK, Answers, Pending
 

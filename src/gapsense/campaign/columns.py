@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from base64 import b64decode
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -101,10 +100,3 @@ def flat(line: Line) -> dict[str, Any]:
 def text(value: Value | None) -> str | None:
     """A value of a column of texts."""
     return None if value is None else str(value)
-
-
-def parsed(lines: Iterable[str]) -> Iterator[Line]:
-    """Lines of a journal, without one that was torn by a kill."""
-    for line in lines:
-        if line.endswith("\n"):
-            yield json.loads(line)

@@ -13,9 +13,21 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.dataset as ds
+import pyarrow.parquet as pq
 
-from gapsense.campaign.columns import UNIT
-from gapsense.campaign.store import MANIFEST, Manifest, lines, read_manifest, without_signals
+from gapsense.campaign.columns import SIGNALS, UNIT, Line
+from gapsense.campaign.store import (
+    AGAIN,
+    MANIFEST,
+    Manifest,
+    Part,
+    Signals,
+    is_whole,
+    read_journal,
+    read_manifest,
+    without_signals,
+)
+from gapsense.checked import damage
 from gapsense.problems import InputError, suggest
 
 Vector = npt.NDArray[Any]
@@ -71,13 +83,19 @@ class Campaign:
             raise InputError(
                 [f"{self.folder}: there is no column `{name}`. {suggest(name, known)}" for name in unknown]
             )
-        files = [self.folder / part.file for part in self.manifest.parts]
-        if not all(file.is_file() for file in files):
-            raise InputError([f"{self.folder}: it has changed since it was read. Read it again."])
-        if files:
+        if files := self.files(self.manifest.parts):
             runs = ds.dataset([*map(str, files)], schema=self.manifest.columns.runs, format="parquet")
             yield from runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
         yield from self.recent.select(list(names)).to_batches()
+
+    def files(self, parts: Sequence[Part | Signals]) -> list[Path]:
+        """Files that are as they were written; an InputError if one is not."""
+        files = {self.folder / part.file: part.sha256 for part in parts}
+        if not all(file.is_file() for file in files) and read_manifest(self.folder) != self.manifest:
+            raise InputError([f"{self.folder}: it has changed since it was read. Read it again."])
+        if damaged := [file for file, expected in files.items() if not is_whole(file, expected)]:
+            raise InputError([f"{file}: it is damaged or gone. {AGAIN}." for file in damaged])
+        return [*files]
 
     def arrays(self, *names: str) -> Iterator[list[Vector]]:
         """The same as arrays of numpy; a number that is missing is NaN."""
@@ -117,16 +135,20 @@ class Campaign:
 
     def trajectory(self, run: int) -> Mapping[str, Vector]:
         """Time [s] and the kept signals of a run; an InputError if there are none."""
-        files = [str(self.folder / file) for file in self.manifest.trajectories]
         columns = self.manifest.columns
-        fresh = [line for line in lines(self.folder / self.manifest.journal) if line["run"] == run]
-        if fresh and "trajectory" in fresh[0]:
-            table = columns.trajectory(fresh[0])
-        else:
-            table = ds.dataset(files, schema=columns.trajectories).to_table(filter=ds.field("run") == run)
+        fresh = [line for line in self.journal() if line["run"] == run and SIGNALS in line]
+        table = columns.trajectory(fresh[0]) if fresh else columns.trajectories.empty_table()
+        for file in () if fresh else reversed(self.files(self.manifest.trajectories)):  # the last one of a run counts
+            table = pq.read_table(file, schema=columns.trajectories, filters=pc.field("run") == run)
+            if table.num_rows:
+                break
         if not table.num_rows:
             raise InputError([f"{self.folder}: no signals of run {run} were kept. Was it run, with `[trajectories]`?"])
         return {name: table[name].to_numpy() for name in table.column_names if name != "run"}
+
+    def journal(self) -> list[Line]:
+        """What is not in a file of its own yet; an InputError if it is damaged."""
+        return whole_journal(self.folder / self.manifest.journal)
 
     def __repr__(self) -> str:
         missing = f" of {self.runs}" if self.rows < self.runs else ""
@@ -138,6 +160,14 @@ def quantiles(values: Vector, levels: Sequence[float]) -> tuple[float, ...]:
     """Quantiles of what is a number; NaN where nothing is."""
     good = values[np.isfinite(values)]
     return tuple(np.quantile(good, levels).tolist()) if good.size else (float("nan"),) * len(levels)
+
+
+def whole_journal(file: Path) -> list[Line]:
+    """What a journal holds; an InputError if it is damaged."""
+    found, damaged = read_journal(file)
+    if damaged:
+        raise InputError([f"{damage(file, damaged)}. {AGAIN}."])
+    return found
 
 
 def read(folder: str | Path) -> Campaign:
@@ -155,11 +185,11 @@ def read(folder: str | Path) -> Campaign:
     Raises
     ------
     InputError
-        If there is no campaign.
+        If there is no campaign, or what it tells is damaged.
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
     if manifest is None:
         raise InputError([f"{folder}: there is no `{MANIFEST}`. The folder of a campaign's result is expected."])
-    recent = [without_signals(line) for line in lines(folder / manifest.journal)]
+    recent = [without_signals(line) for line in whole_journal(folder / manifest.journal)]
     return Campaign(folder, manifest, manifest.columns.table(recent))

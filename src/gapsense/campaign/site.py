@@ -15,9 +15,10 @@ from distributed import WorkerPlugin, get_worker
 
 import gapsense
 from gapsense.campaign.task import job
+from gapsense.checked import Entry
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Component, Scenario
-from gapsense.ledger import Entry, key
+from gapsense.ledger import key
 from gapsense.locks import temporary_folder
 from gapsense.parameters import is_file
 from gapsense.tables import Value

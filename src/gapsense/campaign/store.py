@@ -1,15 +1,17 @@
 """The folder of a campaign's result: a journal that every finished run goes to at once, folded into Parquet files.
 
-`campaign.json` names the files that count and is renamed into its place last, so that it tells a state that is whole
-at whatever moment a writer is killed; what it does not name is left over from one, and removed by the next.
+`campaign.json` names the files that count, with their hashes, and is renamed into its place last, so that it tells a
+state that is whole at whatever moment a writer is killed; what it does not name is left over from one, and removed by
+the next.  It has a hash of its own and a copy.  What is damaged is told; a writer computes its runs again.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+import logging
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import IO, Any, NamedTuple, TextIO
 
@@ -20,12 +22,17 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from gapsense.campaign.columns import SIGNALS, Columns, Line, from_facts, parsed
-from gapsense.files import naming, read_json, write_atomically, write_json
+from gapsense.campaign.columns import SIGNALS, Columns, Line, from_facts
+from gapsense.checked import append_lines, damage, read_lines
+from gapsense.files import naming, read_json, sha256, state, write_atomically, write_json
+from gapsense.ledger import fingerprint
 from gapsense.problems import InputError
 
-FORMAT = "gapsense campaign 1"
-MANIFEST, STUDY, RUNS, TRAJECTORIES = "campaign.json", "study.toml", "runs", "trajectories"
+LOG = logging.getLogger(__name__)
+FORMAT = "gapsense campaign 2"
+MANIFEST, COPY, STUDY, RUNS, TRAJECTORIES = "campaign.json", "campaign-copy.json", "study.toml", "runs", "trajectories"
+DAMAGED = "_damaged-"  # before the name of a file that is put aside: readers of Parquet pass over such names
+AGAIN = "Run the campaign again: it computes what is damaged, and keeps the rest"
 FOLD_RUNS, FOLD_BYTES = 5000, 32 * 2**20  # of a journal that is folded
 FILE_RUNS = 250_000  # of a file when all is done
 COMPRESSION = "zstd"
@@ -39,6 +46,14 @@ class Part(NamedTuple):
     failed: int
     first: int
     last: int
+    sha256: str
+
+
+class Signals(NamedTuple):
+    """A file of trajectories."""
+
+    file: str
+    sha256: str
 
 
 @dataclass(frozen=True)
@@ -48,7 +63,7 @@ class Manifest:
     about: Mapping[str, Any]  # title, hashes, versions, number of runs, ...
     columns: Columns
     parts: tuple[Part, ...] = ()
-    trajectories: tuple[str, ...] = ()
+    trajectories: tuple[Signals, ...] = ()
     number: int = 0  # of the next files, and of the journal before them
 
     @property
@@ -59,28 +74,56 @@ class Manifest:
 
 def read_manifest(folder: Path) -> Manifest | None:
     """What is in a folder; None if that is no campaign, an InputError if it is one that cannot be read."""
-    try:
-        data = read_json(folder / MANIFEST)
-        if data.pop("format") != FORMAT:
-            raise KeyError
-        parts, columns = tuple(Part(*part) for part in data.pop("parts")), from_facts(data.pop("columns"))
-        return Manifest(columns=columns, parts=parts, trajectories=tuple(data.pop("trajectories")), **data)
-    except FileNotFoundError:
+    file, copy = folder / MANIFEST, folder / COPY
+    if not file.is_file():
         return None
-    except (ValueError, KeyError, TypeError):
-        raise InputError([f"{folder / MANIFEST}: no campaign of this version. Choose another folder."]) from None
+    if found := read_checked(file):
+        return found
+    if found := read_checked(copy):
+        LOG.warning("%s: it is damaged; %s is taken instead. %s.", file, copy.name, AGAIN)
+        return found
+    raise InputError([f"{file}: no campaign of this version, or it is damaged. Choose another folder."])
+
+
+def read_checked(file: Path) -> Manifest | None:
+    """A manifest, or None if there is none that is whole."""
+    try:
+        data = read_json(file)
+        if data["format"] != FORMAT or data.pop("sha256") != fingerprint(data):
+            return None
+        columns, parts = from_facts(data.pop("columns")), tuple(Part(*part) for part in data.pop("parts"))
+        signals = tuple(Signals(*part) for part in data.pop("trajectories"))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    del data["format"]
+    return Manifest(columns=columns, parts=parts, trajectories=signals, **data)
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Make it the state of the folder."""
-    own = {**vars(manifest), "columns": manifest.columns.facts()}
-    write_atomically(folder / MANIFEST, lambda file: write_json(file, {"format": FORMAT, **own}))
+    data = {"format": FORMAT, **vars(manifest), "columns": manifest.columns.facts()}
+    for name in (MANIFEST, COPY):
+        write_atomically(folder / name, lambda file: write_json(file, {**data, "sha256": fingerprint(data)}))
 
 
-def lines(file: Path) -> Iterator[Line]:
-    """What a journal holds; nothing if there is none."""
-    with suppress(FileNotFoundError), file.open(encoding="utf-8") as opened:
-        yield from parsed(opened)
+def is_whole(file: Path, expected: str) -> bool:
+    """Whether a file is there as it was written."""
+    try:
+        return hash_of(file, state(file)) == expected
+    except OSError:
+        return False
+
+
+@cache
+def hash_of(file: Path, _: tuple[int, int, int]) -> str:
+    """Hash of a file, taken once in each of its states."""
+    return sha256(file)
+
+
+def read_journal(file: Path) -> tuple[list[Line], list[int]]:
+    """What a journal holds, and its lines that are damaged; nothing if there is none."""
+    lines = [*read_lines(file)]
+    return [entry for _, entry in lines if entry], [number for number, entry in lines if not entry]
 
 
 class Store:
@@ -88,80 +131,111 @@ class Store:
 
     def __init__(self, folder: Path, manifest: Manifest) -> None:
         self.folder, self.manifest = folder, manifest
-        self.journal: IO[bytes] | None = None
         self.count = 0  # runs in the journal
         for name in (RUNS, TRAJECTORIES):
-            (folder / name).mkdir(parents=True, exist_ok=True)
+            with naming(folder / name):
+                (folder / name).mkdir(parents=True, exist_ok=True)
         self.commit(manifest)
         self.fold()
+        self.mend()
 
     def commit(self, manifest: Manifest) -> None:
         """Make this the state of the folder, and remove what does not count in it."""
         write_manifest(self.folder, manifest)
         self.manifest = manifest
-        named = {manifest.journal, *(part.file for part in manifest.parts), *manifest.trajectories}
+        named = {manifest.journal, *(p.file for p in manifest.parts), *(p.file for p in manifest.trajectories)}
         for pattern in ("journal-*.jsonl", f"{RUNS}/*.parquet", f"{TRAJECTORIES}/*.parquet"):
             for file in self.folder.glob(pattern):
-                if file.relative_to(self.folder).as_posix() not in named:
+                if not file.name.startswith(DAMAGED) and file.relative_to(self.folder).as_posix() not in named:
                     file.unlink()
 
+    def mend(self) -> None:
+        """Put aside what is damaged, and forget its runs, so that they are computed again."""
+        manifest = self.manifest
+        parts = tuple(part for part in manifest.parts if self.is_good(part, f"runs {part.first} to {part.last}"))
+        signals = tuple(part for part in manifest.trajectories if self.is_good(part, "signals of some runs"))
+        if len(parts) < len(manifest.parts) or len(signals) < len(manifest.trajectories):
+            self.commit(replace(manifest, parts=parts, trajectories=signals))
+        if len(signals) < len(manifest.trajectories):
+            there = pa.chunked_array([run for part in signals for run in self.runs_of(part).chunks], pa.int64())
+            self.keep_only(lambda table: pc.or_(pc.is_in(table["run"], there), pc.is_valid(table["error"])), parts)
+
+    def is_good(self, part: Part | Signals, what: str) -> bool:
+        """Whether a file is whole; one that is not is told and put aside."""
+        file = self.folder / part.file
+        if is_good := is_whole(file, part.sha256):
+            return is_good
+        LOG.warning("%s: it is damaged or gone. It held %s; they are computed again.", file, what)
+        if file.is_file():
+            with naming(file):
+                file.replace(file.with_name(DAMAGED + file.name))
+        return False
+
+    def runs_of(self, part: Part | Signals) -> pa.ChunkedArray:
+        """Numbers of the runs in a file."""
+        return pq.read_table(self.folder / part.file, columns=["run"])["run"]
+
     def append(self, came: Sequence[Line]) -> None:
-        """Take what is finished: it survives a kill from here on."""
-        file = self.folder / self.manifest.journal
-        with naming(file):
-            self.journal = self.journal or file.open("ab")
-            self.journal.write("".join(json.dumps(line) + "\n" for line in came).encode())
-            self.journal.flush()
+        """Take what is finished: it survives a kill, and the loss of power, from here on."""
+        size = append_lines(self.folder / self.manifest.journal, came)
         self.count += len(came)
-        if self.count >= FOLD_RUNS or self.journal.tell() >= FOLD_BYTES:
+        if self.count >= FOLD_RUNS or size >= FOLD_BYTES:
             self.fold()
 
     def fold(self) -> None:
         """Make files of the journal, and begin another one."""
-        self.close()
         journal, manifest = self.folder / self.manifest.journal, self.manifest
-        if kept := [without_signals(line) for line in lines(journal)]:
-            parts = (*manifest.parts, self.write(manifest.number, manifest.columns.table(kept).sort_by("run")))
-            signals = (*manifest.trajectories, self.write_signals(journal)) if manifest.columns.signals else ()
+        lines, damaged = read_journal(journal)
+        if damaged:
+            LOG.warning("%s. What they held is computed again.", damage(journal, damaged))
+        if lines:
+            kept = manifest.columns.table(map(without_signals, lines)).sort_by("run")
+            parts = (*manifest.parts, self.write(manifest.number, kept))
+            signals = (*manifest.trajectories, self.write_signals(lines)) if manifest.columns.signals else ()
             self.commit(replace(manifest, parts=parts, trajectories=signals, number=manifest.number + 1))
-        journal.unlink(missing_ok=True)  # one that has but a torn line
+        journal.unlink(missing_ok=True)  # one that has but damaged lines
         self.count = 0
 
     def write(self, number: int, table: pa.Table) -> Part:
         """Write a file of runs, which does not count yet."""
         name, runs = f"{RUNS}/{number:06d}.parquet", table["run"]
         put(self.folder / name, lambda file: pq.write_table(table, file, compression=COMPRESSION))
-        return Part(name, table.num_rows, table.num_rows - table["error"].null_count, runs[0].as_py(), runs[-1].as_py())
+        failed = table.num_rows - table["error"].null_count
+        return Part(name, table.num_rows, failed, runs[0].as_py(), runs[-1].as_py(), sha256(self.folder / name))
 
-    def write_signals(self, journal: Path) -> str:
-        """Write the trajectories of a journal to a file, which does not count yet: a group of rows for each run."""
+    def write_signals(self, lines: Collection[Line]) -> Signals:
+        """Write trajectories to a file, which does not count yet: a group of rows for each run."""
         name, columns = f"{TRAJECTORIES}/{self.manifest.number:06d}.parquet", self.manifest.columns
 
         def write(file: IO[bytes]) -> None:
             with pq.ParquetWriter(file, columns.trajectories, compression=COMPRESSION) as writer:
-                for line in lines(journal):
+                for line in lines:
                     if SIGNALS in line:
                         writer.write_table(columns.trajectory(line))
 
         put(self.folder / name, write)
-        return name
+        return Signals(name, sha256(self.folder / name))
 
     def known(self, total: int) -> npt.NDArray[np.bool_]:
         """Which of the first `total` runs are there."""
         there = np.zeros(total, dtype=bool)
         for part in self.manifest.parts:
-            runs = pq.read_table(self.folder / part.file, columns=["run"])["run"].to_numpy()
+            runs = self.runs_of(part).to_numpy()
             there[runs[runs < total]] = True
         return there
 
     def forget_failed(self) -> None:
         """Take the runs that failed out, so that they are tried again."""
-        for part in [part for part in self.manifest.parts if part.failed]:
+        self.keep_only(lambda table: pc.is_null(table["error"]), [part for part in self.manifest.parts if part.failed])
+
+    def keep_only(self, wanted: Callable[[pa.Table], Any], parts: Sequence[Part]) -> None:
+        """Leave out all other rows of some files."""
+        for part in parts:
             table, number = pq.read_table(self.folder / part.file), self.manifest.number
-            good = table.filter(pc.is_null(table["error"]))
+            good = table.filter(wanted(table))
             new = (self.write(number, good),) if good.num_rows else ()
-            parts = (*(other for other in self.manifest.parts if other != part), *new)
-            self.commit(replace(self.manifest, parts=parts, number=number + 1))
+            rest = (*(other for other in self.manifest.parts if other != part), *new)
+            self.commit(replace(self.manifest, parts=rest, number=number + 1))
 
     def compact(self) -> None:
         """Put the runs in order, in few files."""
@@ -177,12 +251,6 @@ class Store:
                 table = ds.dataset(files, format="parquet").to_table(filter=inside).sort_by("run")
                 made += [self.write(number + len(made), table)] if table.num_rows else []
         self.commit(replace(self.manifest, parts=tuple(made), number=number + len(made)))
-
-    def close(self) -> None:
-        """Let go of the journal."""
-        if self.journal:
-            self.journal.close()
-        self.journal = None
 
 
 def is_compact(parts: Sequence[Part]) -> bool:
@@ -201,5 +269,7 @@ def put(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
     def write_bytes(file: TextIO) -> None:
         write(file.buffer)
+        file.flush()
+        os.fsync(file.fileno())
 
     write_atomically(path, write_bytes)

@@ -9,12 +9,12 @@ from typing import Any
 from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
 from gapsense.campaign.worker import CampaignRuns
+from gapsense.checked import Entry
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sweep import mourner
 from gapsense.cosim.worker import request
-from gapsense.ledger import Entry
 from gapsense.processes import Died, Marks
 from gapsense.workers import Job
 

@@ -43,6 +43,15 @@ def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     return data, content
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a result is there as it was written."""
+    try:
+        read_whole(path)
+    except (OSError, InputError):
+        return False
+    return True
+
+
 def read_sidecar(path: Path) -> dict[str, Any] | None:
     """Side-car of the result `path` (CSV), or None if there is none; its hash is not looked at."""
     try:

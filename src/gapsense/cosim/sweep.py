@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.checked import Entry
 from gapsense.cosim import show, sweep_table
 from gapsense.cosim.ahead import sweep_ahead
 from gapsense.cosim.apart import limit_of
@@ -31,13 +32,13 @@ from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
 from gapsense.cosim.scenario import Points, Port, Scenario
-from gapsense.cosim.sidecar import refuse_other, relative
+from gapsense.cosim.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
 from gapsense.cosim.told import told
 from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.importable import facts, importable_name
-from gapsense.ledger import Entry, Ledger, kept, key
+from gapsense.ledger import Ledger, kept, key
 from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import ScenarioError
 from gapsense.processes import Died, Marks
@@ -205,15 +206,14 @@ def source_of(scenario: Scenario, file: Path | None) -> str:
     if file is None:
         return ""
     own = relative(str(scenario.path.resolve()), file.parent)
-    for entry in Ledger(file, "").entries():
+    for entry in Ledger(file, "").entries()[0]:
         refuse_other(file, entry.get("source", own), own)
     return own
 
 
 def is_there(entry: Entry, store: Path | None) -> bool:
     """True if a run is known, with its signals where they are kept."""
-    files = () if store is None else (kept(store, entry["index"]), kept(store, entry["index"]).with_suffix(".json"))
-    return "metrics" in entry and all(file.is_file() for file in files)
+    return "metrics" in entry and (store is None or is_whole(kept(store, entry["index"])))
 
 
 def columns(scenario: Scenario, indices: Sequence[int]) -> dict[str, tuple[Value, ...]]:
