@@ -140,10 +140,10 @@ def swept(
     points = read.points()
     runs = range(seeds * len(points))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
-    ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
-    store = ledger.folder if keep else None
     if file is not None:
         refuse_unwritable(*(file.with_suffix(ending) for ending in (".jsonl", ".csv", ".json")))
+    ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
+    store = ledger.folder if keep else None
     runnable = read if measure or keep else thrifty(read)
     task = {
         "pickled": b64encode(pickle.dumps((runnable, descriptions))).decode(),
