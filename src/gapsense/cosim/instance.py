@@ -52,18 +52,27 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 
 @contextmanager
+def folder_kept() -> Iterator[None]:
+    """Let components go to other working folders: relative paths mean the same before and after."""
+    folder = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+
+
+@contextmanager
 def process_kept() -> Iterator[None]:
     """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
 
     What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
     """
-    folder, keeps_nothing = Path.cwd(), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
+    keeps_nothing, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
-        yield
+        with folder_kept():
+            yield
     finally:
         sys.dont_write_bytecode = keeps_nothing
-        os.chdir(folder)
         sys.path[:] = dict.fromkeys(sys.path)
 
 
