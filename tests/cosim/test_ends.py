@@ -162,3 +162,16 @@ def test_commands_take_an_orderly_end_for_no_failure(write, foreign, tmp_path, m
     code, said = gapsense("sweep", folder)
     assert code == 0 and "2 of 2 runs were ended by a component; run 0: `a` ended the run at t = 0.5 s" in said
     assert "2 of 2 runs were ended" in gapsense("sweep", folder)[1]  # from what is known
+
+
+def test_campaign_tells_which_runs_a_component_has_ended(write, foreign, tmp_path):
+    from gapsense import campaign
+    from gapsense.report.campaigns import summary
+
+    folder = written(write, 2, ENDS).parent
+    study = folder / "study.toml"
+    study.write_text(f'title = "Ends"\nscenario = "{folder}"\n[grid]\n"a.end" = [0.5, 5.0]\n')
+    found = campaign.run(study, 1, tmp_path / "out", foreign)
+    assert found.failed == 0 and [run for run, _ in found.ended(5)] == [0]
+    assert found.column("ended").tolist() == ["`a` ended the run at t = 0.5 s, in an orderly way; `stop` is 1 s.", None]
+    assert [line for line in summary(found) if isinstance(line, str)][-1].startswith("run 0: `a` ended the run")

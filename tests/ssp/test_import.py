@@ -473,6 +473,15 @@ def test_a_damaged_archive_is_refused(tmp_path, stock):
     assert [file.name for file in tmp_path.iterdir()] == ["a.ssp"]
 
 
+def test_a_member_that_nobody_reads_may_not_be_damaged_either(tmp_path, stock):
+    path = packed(tmp_path / "a.ssp", structure(CHAIN), stock, *FMUS)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_STORED) as archive:
+        archive.writestr("documentation/readme.txt", "what it is")
+    path.write_bytes(path.read_bytes().replace(b"what it is", b"what it if"))
+    with pytest.raises(InputError, match=r"its member `documentation/readme\.txt` is damaged"):
+        bring(path, tmp_path / "mine")
+
+
 @pytest.mark.slow
 @settings(max_examples=100)
 @given(st.data())

@@ -36,7 +36,8 @@ class Columns:
         """Of the table with one row per run."""
         own = [pa.field(name, NAMES[kind], metadata={UNIT: unit}) for name, (kind, unit) in self.factors.items()]
         own += [pa.field(name, pa.float64(), metadata={UNIT: unit}) for name, unit in self.metrics.items()]
-        ends = [pa.field("wall", pa.float64(), metadata={UNIT: "s"}), pa.field("error", pa.string())]
+        texts = [pa.field(name, pa.string()) for name in ("error", "ended")]
+        ends = [pa.field("wall", pa.float64(), metadata={UNIT: "s"}), *texts]
         return pa.schema([pa.field("run", pa.int64()), pa.field("seed", pa.int64()), *own, *ends])
 
     @property

@@ -30,7 +30,7 @@ from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 
 NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")
-OWN_COLUMNS = ("run", "seed", "wall", "error")  # of a result, beside parameters and metrics
+OWN_COLUMNS = ("run", "seed", "wall", "error", "ended")  # of a result, beside parameters and metrics
 
 
 @dataclass(frozen=True)

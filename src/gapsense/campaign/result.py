@@ -125,10 +125,18 @@ class Campaign:
 
     def errors(self, most: int) -> list[tuple[int, str]]:
         """The first runs that failed, and why."""
+        return self.texts("error", most)
+
+    def ended(self, most: int) -> list[tuple[int, str]]:
+        """The first runs that a component has ended in an orderly way, and which."""
+        return self.texts("ended", most)
+
+    def texts(self, name: str, most: int) -> list[tuple[int, str]]:
+        """The first runs that have a text in a column, and the text."""
         found: list[tuple[int, str]] = []
-        for batch in self.batches("run", "error"):
-            bad = batch.filter(pc.is_valid(batch["error"]))
-            found += zip(bad["run"].to_pylist(), bad["error"].to_pylist())
+        for batch in self.batches("run", name):
+            told = batch.filter(pc.is_valid(batch[name]))
+            found += zip(told["run"].to_pylist(), told[name].to_pylist())
             if len(found) >= most:
                 break
         return sorted(found)[:most]

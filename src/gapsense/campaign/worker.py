@@ -22,7 +22,8 @@ class CampaignRuns(Runs):
 
     def answer(self, result: Result, index: int) -> dict[str, Any]:
         """Metrics, wall time, and signals as bytes: time first, one after the other."""
-        answer = {"metrics": self.metrics(result), "wall": result.wall}
+        ended = {"ended": result.ended} if result.ended else {}
+        answer = {"metrics": self.metrics(result), "wall": result.wall, **ended}
         if not self.patterns:
             return answer
         kept = [result.times, *(result[name] for name in matching(self.patterns, result.signals))]

@@ -27,6 +27,7 @@ def summary(campaign: Campaign) -> list[Table | str]:
     heading = f"{about['title']}: {about['scenario']}, {state}"
     shown: list[Table | str] = [heading, *factors(campaign), *metrics(campaign)]
     shown += [f"run {run}: {error}" for run, error in campaign.errors(SHOWN)]
+    shown += [f"run {run}: {sentence} See column `ended`." for run, sentence in campaign.ended(1)]
     more = campaign.failed - SHOWN
     return [*shown, f"{more} more failed: column `error`."] if more > 0 else shown
 

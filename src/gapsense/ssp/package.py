@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense.cosim.archive import UnusableError, refuse_dangerous, refuse_document_type, shown
+from gapsense.cosim.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, shown
 from gapsense.problems import InputError
 from gapsense.ssp.schema import violations
 from gapsense.ssp.words import DESCRIPTION
@@ -59,6 +59,7 @@ def opened(path: Path) -> Iterator[Package]:
     try:
         with zipfile.ZipFile(path) as archive:
             names = refuse_dangerous(archive.infolist(), path.stat().st_size)
+            refuse_damaged(archive)
             if DESCRIPTION not in names:
                 raise UnusableError(f"the archive has no {DESCRIPTION}, so it is no SSP. Export it again.")
             yield Package(path, archive, names)
