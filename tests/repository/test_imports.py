@@ -23,8 +23,8 @@ OF_KERNELS = (  # in order: each may import those before it
     "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
-    "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked", "ledger", "importable",
-    "interrupts", "processes", "spare", "workers",
+    "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked", "ledger",
+    "importable", "interrupts", "processes", "spare", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
