@@ -28,6 +28,7 @@ from gapsense.campaign.store import (
     without_signals,
 )
 from gapsense.checked import damage
+from gapsense.cosim.kinds import CAMPAIGN, other_kind
 from gapsense.problems import InputError, suggest
 
 Vector = npt.NDArray[Any]
@@ -190,6 +191,8 @@ def read(folder: str | Path) -> Campaign:
     folder = Path(folder)
     manifest = read_manifest(folder)
     if manifest is None:
+        if wrong := other_kind(folder, CAMPAIGN):
+            raise InputError([wrong])
         raise InputError([f"{folder}: there is no `{MANIFEST}`. The folder of a campaign's result is expected."])
     recent = [without_signals(line) for line in whole_journal(folder / manifest.journal)]
     return Campaign(folder, manifest, manifest.columns.table(recent))
