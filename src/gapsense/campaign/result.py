@@ -29,6 +29,7 @@ from gapsense.campaign.store import (
 )
 from gapsense.checked import damage
 from gapsense.cosim.kinds import CAMPAIGN, other_kind
+from gapsense.files import naming
 from gapsense.problems import InputError, suggest
 
 Vector = npt.NDArray[Any]
@@ -86,7 +87,9 @@ class Campaign:
             )
         if files := self.files(self.manifest.parts):
             runs = ds.dataset([*map(str, files)], schema=self.manifest.columns.runs, format="parquet")
-            yield from runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
+            with naming(self.folder):
+                batches = runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
+                yield from batches
         yield from self.recent.select(list(names)).to_batches()
 
     def files(self, parts: Sequence[Part | Signals]) -> list[Path]:
