@@ -152,7 +152,7 @@ class Campaign:
 
     def journal(self) -> list[Line]:
         """What is not in a file of its own yet; an InputError if it is damaged."""
-        return whole_journal(self.folder / self.manifest.journal)
+        return whole_journal(self.folder / self.manifest.journal, self.runs)
 
     def __repr__(self) -> str:
         missing = f" of {self.runs}" if self.rows < self.runs else ""
@@ -166,9 +166,9 @@ def quantiles(values: Vector, levels: Sequence[float]) -> tuple[float, ...]:
     return tuple(np.quantile(good, levels).tolist()) if good.size else (float("nan"),) * len(levels)
 
 
-def whole_journal(file: Path) -> list[Line]:
+def whole_journal(file: Path, runs: int) -> list[Line]:
     """What a journal holds; an InputError if it is damaged."""
-    found, damaged = read_journal(file)
+    found, damaged = read_journal(file, runs)
     if damaged:
         raise InputError([f"{damage(file, damaged)}. {AGAIN}."])
     return found
@@ -197,5 +197,5 @@ def read(folder: str | Path) -> Campaign:
         if wrong := other_kind(folder, CAMPAIGN):
             raise InputError([wrong])
         raise InputError([f"{folder}: there is no `{MANIFEST}`. The folder of a campaign's result is expected."])
-    recent = [without_signals(line) for line in whole_journal(folder / manifest.journal)]
+    recent = [without_signals(line) for line in whole_journal(folder / manifest.journal, int(manifest.about["runs"]))]
     return Campaign(folder, manifest, manifest.columns.table(recent))

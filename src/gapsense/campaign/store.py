@@ -122,10 +122,16 @@ def hash_of(file: Path, _: tuple[int, int, int]) -> str:
     return sha256(file)
 
 
-def read_journal(file: Path) -> tuple[list[Line], list[int]]:
-    """What a journal holds, and its lines that are damaged; nothing if there is none."""
-    lines = [*read_lines(file)]
-    return [entry for _, entry in lines if entry], [number for number, entry in lines if not entry]
+def read_journal(file: Path, runs: int) -> tuple[list[Line], list[int]]:
+    """The first line of each run below `runs` in a journal, and lines that are damaged; nothing if there is none."""
+    found: dict[int, Line] = {}
+    damaged = []
+    for number, entry in read_lines(file):
+        if entry is None:
+            damaged.append(number)
+        elif isinstance(run := entry.get("run"), int) and 0 <= run < runs:
+            found.setdefault(run, entry)
+    return [*found.values()], damaged
 
 
 class Store:
@@ -189,7 +195,7 @@ class Store:
     def fold(self) -> None:
         """Make files of the journal, and begin another one."""
         journal, manifest = self.folder / self.manifest.journal, self.manifest
-        lines, damaged = read_journal(journal)
+        lines, damaged = read_journal(journal, int(manifest.about["runs"]))
         if damaged:
             LOG.warning("%s. What they held is computed again.", damage(journal, damaged))
         if lines:
