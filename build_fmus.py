@@ -7,9 +7,10 @@ import sys
 
 sys.path.append(sys.path.pop(0))  # other files beside this one stand in nobody's way
 
-from pathlib import Path
-
-from gapsense.cli import app
+from gapsense.__main__ import main
 
 if __name__ == "__main__":
-    app(["build", "--root", str(Path(__file__).resolve().parent), *sys.argv[1:]])
+    from pathlib import Path
+
+    sys.argv[1:1] = ["build", "--root", str(Path(__file__).resolve().parent)]
+    main()

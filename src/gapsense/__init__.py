@@ -6,6 +6,8 @@
 What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
 """
 
+from __future__ import annotations
+
 import os
 import sys
 
@@ -13,8 +15,7 @@ import sys
 _is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
 sys.path.extend([sys.path.pop(0)] if _is_module else [])
 
-from typing import TYPE_CHECKING, Any  # noqa: E402
-
+TYPE_CHECKING = False  # that of `typing` takes a while to load, in which a Ctrl-C would be shown as a traceback
 if TYPE_CHECKING:
     from gapsense.cosim.model import Scenario as Scenario
     from gapsense.cosim.prepare import check as check
@@ -31,7 +32,7 @@ OFFERED = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     from importlib import import_module
 
     if name not in OFFERED:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
 ZIG = "0.17.1"  # another version may give other bytes
@@ -41,6 +41,11 @@ def zig_version() -> str | None:
         return version("ziglang")
     except PackageNotFoundError:
         return None
+
+
+def zig_compiler() -> tuple[str, ...]:
+    """Command of Zig's C compiler: its program itself, since `python -m` looks into the working folder first."""
+    return str(distribution("ziglang").locate_file("ziglang/zig")), "cc"
 
 
 def own_compiler() -> tuple[str, ...] | None:
@@ -103,7 +108,7 @@ class Library:
                 f"`{self.source.name}` is compiled with ziglang {ZIG}; found {found or 'none'}."
                 f" Run `pip install ziglang=={ZIG}`."
             )
-        return self.compile_with((sys.executable, "-m", "ziglang", "cc", *ZIG_FLAGS), destination)
+        return self.compile_with((*zig_compiler(), *ZIG_FLAGS), destination)
 
     def problems(self, binary: Path | None = None) -> list[str]:
         """What is wrong with a binary, found without a compiler; empty if it belongs to the sources."""

@@ -6,7 +6,12 @@ import errno
 import os
 import re
 import stat
+import tempfile
+from collections.abc import Iterable
+from itertools import takewhile
 from pathlib import Path
+
+from gapsense.problems import InputError
 
 FOREIGN = frozenset('<>:"/\\|?*')  # characters
 DEVICE = re.compile(
@@ -15,8 +20,10 @@ DEVICE = re.compile(
 LONGEST_NAME = 150  # bytes, so that there is room for what results have in front and behind
 UNBLOCKED = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # does not wait for bytes
 LARGEST = 2 * 10**9  # bytes of a file that is read at once
+NAME_MAX = 255  # bytes of a name, of most systems
+FILE, FOLDER = "a file", "a folder"
 KINDS = {
-    stat.S_IFDIR: "a folder",
+    stat.S_IFDIR: FOLDER,
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
@@ -41,6 +48,45 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     if max(len(content), about.st_size) > most:
         raise OSError(errno.EINVAL, f"it has more than {most / 1e6:.9g} MB, which is too large", str(path))
     return content
+
+
+def refuse_unwritable(*files: Path, folders: Iterable[Path] = ()) -> None:
+    """Raise an InputError that tells which files and folders cannot be written, before anything is done for them."""
+    reasons: dict[str, Path] = {}  # each is told once
+    for path, is_folder in (*((file, False) for file in files), *((folder, True) for folder in folders)):
+        reasons.setdefault(unwritable(path, is_folder), path)
+    if problems := [f"`{p}` cannot be written: {why}. Choose another place." for why, p in reasons.items() if why]:
+        raise InputError(problems)
+
+
+def unwritable(path: Path, is_folder: bool = False) -> str:
+    """Why nothing can be written to a file, or into a folder, that may have to be made; or nothing.
+
+    Rights do not tell, so a file without a name is made where the new ones would be.
+    """
+    place = path if is_folder else path.parent
+    try:
+        if not is_folder and kind(path) not in ("", FILE):
+            return f"it is {kind(path)}, a file is expected"
+        missing = [*takewhile(lambda folder: not kind(folder), (place, *place.parents))]
+        place = missing[-1].parent if missing else place
+        if kind(place) != FOLDER:
+            return f"`{place}` is {kind(place)}, a folder is expected"
+        if any(len(os.fsencode(folder.name)) > NAME_MAX for folder in (path, *missing)):
+            return f"a name in it is longer than {NAME_MAX} bytes"
+        with tempfile.TemporaryFile(dir=place):
+            return ""
+    except OSError as error:
+        return f"there cannot be a new file in `{place}` ({error.strerror})"
+
+
+def kind(path: Path) -> str:
+    """What is at a path: a file, a folder, or something else; nothing if there is nothing."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return "a link to nothing" if path.is_symlink() else ""
+    return FILE if stat.S_ISREG(mode) else KINDS.get(stat.S_IFMT(mode), "something else")
 
 
 def unfit(name: str, foreign: frozenset[str] = FOREIGN) -> str:

@@ -36,16 +36,17 @@ def cluster(start, tmp_path, monkeypatch):
     """Starter of a scheduler with so many workers."""
     monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "10s")
 
-    def make(count: int, **options: object) -> Cluster:
+    def make(count: int, protocol: str = "tcp", **options: object) -> Cluster:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             port = free.getsockname()[1]
-        address = f"tcp://127.0.0.1:{port}"
+        address = f"{protocol}://127.0.0.1:{port}"
         (tmp_path / "there").mkdir(exist_ok=True)
         where = {**QUIET, "cwd": tmp_path / "there"}
         scheduler = start(
-            "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard", **where
-        )
+            "distributed.cli.dask_scheduler", "--protocol", protocol, "--host", "127.0.0.1", "--port", port,
+            "--no-dashboard", **where,
+        )  # fmt: skip
 
         def add(*arguments: str, **more: object) -> subprocess.Popen:
             words = [address, "--no-dashboard", *(arguments or ("--nthreads", "1", "--no-nanny"))]
@@ -209,10 +210,66 @@ def test_cluster_that_cannot_do_it_is_refused_with_what_to_do(write, fmus, clust
     monkeypatch.setattr("gapsense.campaign.cluster.PATIENCE", 3.0)
     with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `tcp://127.0.0.1:9`"):
         campaign.run(write(), None, tmp_path / "out", fmus, "tcp://127.0.0.1:9")
-    with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `here`"):
-        campaign.run(write(), None, tmp_path / "out", fmus, "here")
+    for address in ("here", "", "tcp://", "tcp://here", "tls:nope", "mail://here:8786", "tcp://here:port"):
+        with pytest.raises(InputError, match=rf"`{address}` is no address of a Dask scheduler \(.*Give one such as"):
+            campaign.run(write(), None, tmp_path / "out", fmus, address)
     with pytest.raises(InputError, match=r"has no workers. Start some: `dask worker tcp://"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(0).address)
+
+
+TLS = "DASK_DISTRIBUTED__COMM__TLS__"
+
+
+@pytest.fixture
+def certificate(tmp_path):
+    """Settings of Dask for encryption, with a certificate that signs itself."""
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    made = ("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost")
+    subprocess.run([*made, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    roles = {f"{TLS}{role}__{what}": file for role in ("SCHEDULER", "WORKER", "CLIENT")
+             for what, file in (("CERT", certificate), ("KEY", key))}  # fmt: skip
+    return {name: str(file) for name, file in {f"{TLS}CA_FILE": certificate, **roles}.items()}
+
+
+@pytest.fixture
+def encrypted(monkeypatch):
+    """Gives this process settings of Dask, which it reads when it starts."""
+    import dask
+
+    def give(settings: dict[str, str]) -> None:
+        for name, value in settings.items():
+            monkeypatch.setenv(name, value)
+        dask.config.refresh()
+
+    yield give
+    monkeypatch.undo()
+    dask.config.refresh()
+
+
+def test_encrypted_cluster_by_the_settings_of_dask(write, fmus, cluster, certificate, encrypted, tmp_path):
+    encrypted(certificate)
+    study, made = write(), cluster(1, "tls")
+    result = campaign.run(study, None, tmp_path / "out", fmus, made.address)
+    assert made.address.startswith("tls://") and (result.rows, result.failed) == (12, 0)
+    assert rows(result) == rows(campaign.run(study, 1, tmp_path / "alone", fmus))
+
+
+@pytest.mark.parametrize("wrong", ["none", "no client", "no file", "no certificate", "open"])
+def test_settings_for_encryption_that_do_not_do_are_told(write, fmus, certificate, encrypted, tmp_path, wrong):
+    (tmp_path / "text.pem").write_text("no certificate")
+    changes = {
+        "none": (dict.fromkeys(certificate, ""), "needs settings for TLS that there are not"),
+        "no client": ({f"{TLS}CLIENT__CERT": ""}, "needs settings for TLS that there are not"),
+        "no file": ({f"{TLS}CLIENT__CERT": "/nope"}, r"the settings for TLS cannot be used \(.*No such file"),
+        "no certificate": ({f"{TLS}CA_FILE": str(tmp_path / "text.pem")}, "the settings for TLS cannot be used"),
+        "open": ({"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"}, "is not encrypted, which Dask's settings"),
+    }
+    settings, why = changes[wrong]
+    encrypted({**certificate, **settings})
+    address = "127.0.0.1:9" if wrong == "open" else "tls://127.0.0.1:9"
+    with pytest.raises(InputError, match=why) as caught:
+        campaign.run(write(), None, tmp_path / "out", fmus, address)
+    assert len(caught.value.problems) == 1
 
 
 def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path):

@@ -31,7 +31,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the FMUs Types2 and Types3, written in C."""
+    """Folder with the FMUs Types2, Types3 and Arrays, written in C."""
     gcc = shutil.which("gcc")
     if gcc is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
         pytest.skip("gcc on Linux on x86-64 compiles the FMUs")
@@ -40,6 +40,7 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("foreign")
     for version in (2, 3):
         foreign_fmus.build(gcc, version, folder)
+    foreign_fmus.build_arrays(gcc, folder)
     return folder
 
 

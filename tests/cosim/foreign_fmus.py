@@ -98,15 +98,51 @@ def description3() -> str:
     )
 
 
+ARRAYS = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="Arrays" instantiationToken="arrays">
+<CoSimulation modelIdentifier="arrays"/><UnitDefinitions><Unit name="V"/></UnitDefinitions><ModelVariables>
+<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>
+<UInt64 name="n" valueReference="0" causality="structuralParameter" variability="fixed" start="2" min="0" max="4"/>
+<Float64 name="K" valueReference="1" causality="parameter" variability="tunable" start="1 2 3 4">
+<Dimension valueReference="0"/><Dimension start="2"/></Float64>
+<Float64 name="bias" valueReference="2" causality="parameter" variability="fixed" start="0.5" unit="V">
+<Dimension valueReference="0"/></Float64>
+<Float64 name="u" valueReference="3" causality="input" start="0 0" unit="V"><Dimension start="2"/></Float64>
+<Float64 name="y" valueReference="4" causality="output" unit="V"><Dimension valueReference="0"/></Float64>
+<Float64 name="total" valueReference="5" causality="output" unit="V"/>
+<Int32 name="count" valueReference="6" causality="input" start="1 2 3"><Dimension start="3"/></Int32>
+<Int32 name="count_out" valueReference="7" causality="output"><Dimension start="3"/></Int32>
+<Boolean name="flag" valueReference="8" causality="input" start="false true"><Dimension start="2"/></Boolean>
+<Boolean name="flag_out" valueReference="9" causality="output"><Dimension start="2"/></Boolean>
+<Float32 name="single" valueReference="10" causality="input" start="0.25"><Dimension start="2"/></Float32>
+<Float32 name="single_out" valueReference="11" causality="output"><Dimension start="2"/></Float32>
+<String name="words" valueReference="12" causality="output"><Dimension start="2"/></String>
+</ModelVariables><ModelStructure>
+<Output valueReference="4" dependencies="3"/><Output valueReference="5" dependencies="3"/>
+<Output valueReference="7" dependencies="6"/><Output valueReference="9" dependencies="8"/>
+<Output valueReference="11" dependencies="10"/><Output valueReference="12" dependencies=""/>
+</ModelStructure></fmiModelDescription>"""
+
+
 def build(gcc: str, version: int, folder: Path) -> Path:
     """`Types2.fmu` or `Types3.fmu` for Linux on x86-64."""
-    library = folder / f"types{version}.so"
-    sources = [str(HERE / name) for name in (f"fmi{version}.c", "absent.c")]
+    about = description2() if version == 2 else description3()
+    return packed(gcc, version, folder, f"fmi{version}.c", f"types{version}", about)
+
+
+def build_arrays(gcc: str, folder: Path) -> Path:
+    """`Arrays.fmu`, of FMI 3.0 too."""
+    return packed(gcc, 3, folder, "arrays.c", "arrays", ARRAYS)
+
+
+def packed(gcc: str, version: int, folder: Path, source: str, name: str, description: str) -> Path:
+    """An FMU of a source."""
+    library, platform = folder / f"{name}.so", "linux64" if version == 2 else "x86_64-linux"
+    sources = [str(HERE / file) for file in (source, "absent.c")]
     command = [gcc, *OPTIONS, f"-DFMI={version}", f"-I{HEADERS}", *sources, "-o", str(library), "-lm"]
     subprocess.run(command, check=True, capture_output=True, text=True)
-    platform = "linux64" if version == 2 else "x86_64-linux"
-    path = folder / f"Types{version}.fmu"
+    path = folder / f"{name.capitalize()}.fmu"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", description2() if version == 2 else description3())
+        archive.writestr("modelDescription.xml", description)
         archive.write(library, f"binaries/{platform}/{library.name}")
     return path

@@ -220,9 +220,6 @@ def test_wrong_guid_is_told_in_the_words_of_the_component(write, foreign, tmp_pa
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('name="single" valueReference="10" causality="input" variability="continuous" start="0"/>',
-         'name="single" valueReference="10" causality="input" variability="continuous" start="0 0">'
-         '<Dimension start="2"/></Float32>', "its variable `single` is an array"),
         ("CoSimulation", "ModelExchange", "FMI 3.0 without co-simulation"),
         ('valueReference="11"', 'valueReference="10"', "has the same value reference"),
         ('<Output valueReference="11"', '<Output valueReference="98"', "refers to variable 98"),

@@ -30,7 +30,7 @@ COUNT, EVERY = 500, 251
 
 
 def recorded(folder: str, variant: str | None, fmus: Path, count: int = COUNT) -> tuple[dict[str, bytes], list[str]]:
-    """Bytes of the signals in the first base steps, and the messages; one that only FMI 3.0 has is left out."""
+    """Bytes of the signals in the first base steps, and the messages; what only FMI 3.0 has is left out."""
     scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=count))
     take = Subject(scenario, descriptions).taken()
@@ -38,7 +38,7 @@ def recorded(folder: str, variant: str | None, fmus: Path, count: int = COUNT) -
         done = master.run(take.columns, take.seeds, values=take.values)
     assert not done.error and np.isfinite(done.data[: done.rows]).all()
     names = [str(port) for place, port in enumerate(ports(descriptions)) if place in take.columns]
-    both = {name: k for k, name in enumerate(names) if not name.endswith(".smoothed_motion.count")}
+    both = {name: k for k, name in enumerate(names) if not name.endswith((".smoothed_motion.count", "]"))}
     return {name: done.data[: done.rows, k].tobytes() for name, k in both.items()}, done.messages
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -75,6 +76,23 @@ def test_what_fails_is_told_in_the_words_of_the_command(project):
     done.assert_outcomes(passed=1, failed=1)
     done.stdout.fnmatch_lines(["*scenario valve?tight?*", "metric current: current = * A*: outside its bounds."])
     assert "Traceback" not in done.stdout.str() and "pytest_plugin.py" not in done.stdout.str()
+
+
+def test_modules_in_the_working_folder_are_not_imported(project):
+    for name in ("csv", "queue", "json", "numpy", "signal"):
+        (project.path / f"{name}.py").write_text('open("PWNED", "w"); raise ImportError("shadowed")\n')
+    words = (
+        Path(sys.executable).with_name("pytest"),
+        *PLUGIN,
+        "-p",
+        "no:cacheprovider",
+        "scenarios",
+        "-k",
+        "not tight",
+    )
+    done = subprocess.run(words, cwd=project.path, capture_output=True, text=True)  # `project.run` would put it first
+    assert "1 passed, 1 deselected" in done.stdout, done.stdout + done.stderr
+    assert not (project.path / "PWNED").exists()
 
 
 @pytest.mark.slow

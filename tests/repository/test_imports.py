@@ -41,10 +41,11 @@ MAY_IMPORT = {
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"report", "ssp", "studies", "cli"},
+    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__"},
     "studies": NUMBERS | {"report", "studies"},
     "command": NUMBERS | {"report", "studies", "cli"},
-    "build_fmus": {"cli"},
+    "build_fmus": {"__main__"},
+    "__main__": {"cli"},
 }
 REACHES_UP = {"src/gapsense/cosim/show.py": {"report"}}  # in functions, when someone wants to see a result
 PACKAGES = {  # beside the standard library
@@ -61,6 +62,7 @@ PACKAGES = {  # beside the standard library
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
     "build_fmus": set(),
+    "__main__": set(),
 }
 HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed", "bokeh", "lxml"}
 SHOWING = {"rich", "typer"}
@@ -142,6 +144,11 @@ def test_no_more_modules_import_each_other_in_a_circle_than_are_known():
     _, group = connected_components(graph, connection="strong")
     circles = [sorted(n for n in names if group[place[n]] == k) for k in set(group) if sum(group == k) > 1]
     assert sum(map(len, circles)) <= IN_CIRCLES, circles
+
+
+def test_one_module_alone_says_how_another_python_is_started():
+    """`-m`, `-c` or a script would each import from a folder that is not ours."""
+    assert [path.name for path in PYTHON if "executable" in path.read_text("utf-8")] == ["importable.py"]
 
 
 HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare
+from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare, run
 from gapsense.cosim.apart import Plan, Watch, record_apart
 from gapsense.cosim.checkpoint import keeper
 from gapsense.cosim.subject import Subject
@@ -52,3 +52,15 @@ def test_resumed_run_has_the_same_bits(fmus, tmp_path, folder, variant, method):
     assert np.isfinite(whole.data[: whole.rows]).all()
     assert (whole.parameters, whole.calls, whole.messages) == (resumed.parameters, resumed.calls, resumed.messages)
     assert all(done == 0 or done >= EVERY for done in rows)
+
+
+def test_checkpoint_of_a_relative_path_stays_where_it_was_asked_for(fmus, tmp_path, monkeypatch):
+    (tmp_path / "away").mkdir()
+    monkeypatch.chdir(tmp_path)
+
+    def wander(*_):
+        monkeypatch.chdir(tmp_path / "away")
+
+    run(SCENARIOS / "semera_valve", fmus=fmus, progress=wander, checkpoint=Checkpoint(Path("a.checkpoint"), 0.02))
+    assert (tmp_path / "a.checkpoint").is_file() and not list((tmp_path / "away").iterdir())
+    assert Path.cwd() == tmp_path

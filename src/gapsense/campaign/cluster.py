@@ -16,8 +16,10 @@ from time import monotonic
 from typing import Any
 from uuid import uuid4
 
-from distributed import Client, KilledWorker
+from distributed import Client, KilledWorker, Security
 from distributed.client import FutureCancelledError
+from distributed.comm.addressing import parse_address
+from distributed.comm.registry import get_backend
 
 from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
@@ -33,6 +35,11 @@ LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
 LOST = "the Dask scheduler has gone. What was finished is kept: the same command goes on when it is back."
 LOG = logging.getLogger(__name__)
+ENCRYPTED = ("tls", "wss")
+SETTINGS = (
+    "the client's certificate, its key and the authority that signed all certificates: "
+    "`DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT`, `..__CLIENT__KEY` and `..__CA_FILE`"
+)
 ASKING = 1.0  # seconds between two questions to the scheduler
 
 
@@ -48,8 +55,9 @@ class Cluster:
 
     def start(self, pending: Pending, answers: Answers) -> None:
         """Give every worker what it needs, and a thread of ours the work."""
+        options = {"security": secured(self.address), "timeout": PATIENCE, "set_as_default": False, "name": "gapsense"}
         try:
-            self.client = Client(self.address, timeout=PATIENCE, set_as_default=False, name="gapsense")  # type: ignore[no-untyped-call]
+            self.client = Client(self.address, **options)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:  # of a timeout too
             said = str(error).partition("\n")[0].rstrip(".")
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
@@ -162,6 +170,33 @@ class Feeder:
             return []
         self.seconds = sum(entry.get("wall", 0.0) for entry in entries) / len(entries)
         return entries
+
+
+def scheme_of(address: str) -> str:
+    """How an address is spoken to; an InputError if it is none, of which a client would be rid after a minute only."""
+    try:
+        scheme, place = parse_address(address)
+        get_backend(scheme).get_address_host(place)  # type: ignore[no-untyped-call]
+    except (ValueError, OSError) as error:
+        problem = f"`{address}` is no address of a Dask scheduler ({error}). Give one such as `tcp://HOST:8786`."
+        raise InputError([problem]) from None
+    return str(scheme)
+
+
+def secured(address: str) -> Security:
+    """What Dask's own settings say of encryption; an InputError if the address does not go with them."""
+    security = Security()  # type: ignore[no-untyped-call]
+    if scheme_of(address) not in ENCRYPTED:
+        if security.require_encryption:
+            raise InputError([f"`{address}` is not encrypted, which Dask's settings demand. Name one of `tls://`."])
+        return security
+    try:
+        has_all = security.get_connection_args("client")["ssl_context"]  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise InputError([f"`{address}`: the settings for TLS cannot be used ({error}). Correct {SETTINGS}."]) from None
+    if not has_all:
+        raise InputError([f"`{address}` needs settings for TLS that there are not. Give Dask {SETTINGS}."])
+    return security
 
 
 def refuse_others(client: Any, address: str) -> None:

@@ -1,21 +1,12 @@
 """The command line: one module per group of commands here and one in each study's folder, found by walking."""
 
-import os
-import signal
-import sys
-
-# Before all else, since a Ctrl-C may come at once; a program that has a handler of its own keeps it.
-if is_early := signal.getsignal(signal.SIGINT) is signal.default_int_handler and "threading" not in sys.modules:
-    signal.signal(signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._exit(130)))
-
 import atexit
+import signal
 from importlib import import_module
 from pathlib import Path
 
 from gapsense.interrupts import ended_like_ctrl_c, handled, leave
 
-if is_early:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 with ended_like_ctrl_c(), handled(leave):  # loading takes a while
     from gapsense import studies
     from gapsense.cli.common import app

@@ -1,5 +1,5 @@
 """`python -m gapsense.cli`."""
 
-from gapsense.cli import app
+from gapsense.__main__ import main
 
-app()
+main()

@@ -46,7 +46,9 @@ def run(
     ] = None,
     fmus: cli.Fmus = None,
     to: Annotated[
-        Path | None, typer.Option("--out", help="Folder of the result", show_default="results/<study>")
+        Path | None,
+        cli.Output.FOLDER,
+        typer.Option("--out", help="Folder of the result", show_default="results/<study>"),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run those again that failed")] = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
@@ -83,7 +85,9 @@ def figure(
     result: Result,
     metric: Annotated[list[str] | None, typer.Option(help="Metric to draw", show_default="the first 4")] = None,
     factor: Annotated[list[str] | None, typer.Option(help="Parameter to draw", show_default="the first 4")] = None,
-    to: Annotated[Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="<result>.png")] = None,
+    to: Annotated[
+        Path | None, cli.Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file", show_default="<result>.png")
+    ] = None,
 ) -> None:
     """Draw every metric over every parameter: points, or where they are many how many lie where."""
     from gapsense.report import campaigns, plot

@@ -11,15 +11,19 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import Enum
+from functools import wraps
 from importlib.metadata import version
+from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from gapsense import cosim, interrupts
+from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
@@ -118,8 +122,17 @@ def folder(path: Path) -> Path:
     return path
 
 
-Out = Annotated[Path, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
-FigureFile = Annotated[Path, typer.Option("--out", help="PNG, PDF or SVG file")]
+class Output(Enum):
+    """What a command writes to a path: beside an option's type, so that it is looked at before the command begins."""
+
+    FILE = "file"
+    FOLDER = "folder"
+
+
+Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
+FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
+SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
+Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
 Data = Annotated[
     list[Path],
@@ -150,7 +163,22 @@ Function = TypeVar("Function", bound=Callable[..., None])
 
 def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
     """Register a function as a command; errors that the user can mend end it with one sentence and an exit code."""
-    return lambda function: group.command(name)(reported()(function))
+    return lambda function: group.command(name)(reported()(checked(function)))
+
+
+def checked(function: Function) -> Function:
+    """Let a command refuse, before it begins, outputs that cannot be written."""
+
+    @wraps(function)
+    def call(*arguments: Any, **options: Any) -> None:
+        known = signature(function, eval_str=True)
+        given = known.bind(*arguments, **options).arguments
+        notes = {name: getattr(known.parameters[name].annotation, "__metadata__", ()) for name in given}
+        files, folders = ([given[n] for n in given if given[n] and kind in notes[n]] for kind in Output)
+        refuse_unwritable(*files, folders=folders)
+        function(*arguments, **options)
+
+    return cast(Function, call)
 
 
 def study(name: str) -> Callable[[Function], Function]:

@@ -38,7 +38,7 @@ def compare(
     ] = None,
     after: Annotated[float, typer.Option(help="Only rows from this time on [s]", show_default=False)] = -math.inf,
     before: Annotated[float, typer.Option(help="Only rows up to this time [s]", show_default=False)] = math.inf,
-    figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file to draw", show_default=False)] = None,
+    figure: cli.Picture = None,
 ) -> None:
     """Hold a result against another one, signal by signal: |result - reference| <= atol + rtol x nominal.
 

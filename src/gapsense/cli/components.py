@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import FAILED, Fmus, command, notice, problem, show
+from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
+from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import InputError
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
@@ -35,6 +36,7 @@ def build(
     ] = None,
     to: Annotated[
         Path | None,
+        Output.FOLDER,
         typer.Option("--out", help="Where to write them", show_default="build/fmus of the checkout, or here"),
     ] = None,
     parameters: Annotated[
@@ -65,6 +67,7 @@ def build(
         notice(f"assumed in the parameter file, not known: {assumed}. The FMUs start with these values all the same.")
     is_native = bool(native or platforms or scalars)
     to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if is_native else FMU_FOLDER)
+    refuse_unwritable(folders=[to])  # also where nobody has named it
     made = natives(folders, to, values, platforms, with_arrays=not scalars) if is_native else fmus(folders, to, values)
     failures = 0
     for path, given in made:

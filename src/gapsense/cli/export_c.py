@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import command, show, written
+from gapsense.cli.common import Output, command, show, written
 from gapsense.cli.components import Root
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.problems import InputError
@@ -22,7 +22,7 @@ FLOAT = Real("float")
 @command("export-c")
 def export_c(
     names: Annotated[list[str], typer.Argument(help="Components, see `gapsense list`", show_default=False)],
-    to: Annotated[Path, typer.Option("--out", help="Folder to write to", show_default=False)],
+    to: Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder to write to", show_default=False)],
     real: Annotated[Real, typer.Option(help="Type of all numbers")] = FLOAT,
     outputs: Annotated[
         list[str] | None,

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import command, show
-from gapsense.plain_files import LONGEST_NAME, mask, unfit
+from gapsense.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 
@@ -37,6 +37,7 @@ def new(
         raise InputError([f"the name `{folder.name[:LONGEST_NAME]}` {why or 'is empty'}. Choose another one."])
     if os.path.lexists(folder):
         raise InputError([f"`{folder}` exists already. Choose another name, or remove it."])
+    refuse_unwritable(folders=[folder.parent])
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = Path(mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
     try:

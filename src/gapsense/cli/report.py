@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import command, notice, written
-from gapsense.plain_files import read_bytes
+from gapsense.cli.common import Output, command, notice, written
+from gapsense.plain_files import read_bytes, refuse_unwritable
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"
@@ -23,6 +23,7 @@ def report(
     ],
     to: Annotated[
         Path | None,
+        Output.FILE,
         typer.Option("--out", help="HTML file", show_default="the name of the first result, ending in .html"),
     ] = None,
     show: Annotated[bool, typer.Option("--open", help="Open it in the browser")] = False,
@@ -34,7 +35,9 @@ def report(
     """
     from gapsense.report.html.page import write_report
 
-    file = write_report(results, to or free(beside(results[0])))
+    to = to or free(beside(results[0]))
+    refuse_unwritable(to)
+    file = write_report(results, to)
     written(file)
     if show:
         shown(file)

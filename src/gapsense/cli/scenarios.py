@@ -14,6 +14,7 @@ from gapsense.cli.compare import draw
 from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
 from gapsense.interrupts import counted
+from gapsense.plain_files import refuse_unwritable
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
@@ -57,6 +58,7 @@ def run(
         return check(scenario, variant, fmus, settings)
     source = cosim.changed(scenario, settings or ())
     file = cosim.result_file(to, scenario, variant, settings or ())
+    refuse_unwritable(file, file.with_suffix(".json"))
     saved = file.with_suffix(".checkpoint")
     checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
     try:
@@ -147,7 +149,9 @@ def figure(
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[
-        Path | None, typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png")
+        Path | None,
+        cli.Output.FILE,
+        typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png"),
     ] = None,
     settings: cli.Set = None,
 ) -> None:
@@ -181,7 +185,9 @@ def read_saved(file: Path, *options: object) -> cosim.Result:
 def test(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios at any depth")] = Path("scenarios"),
     fmus: cli.Fmus = None,
-    junit: Annotated[Path | None, typer.Option(help="JUnit XML file to write", show_default=False)] = None,
+    junit: Annotated[
+        Path | None, cli.Output.FILE, typer.Option(help="JUnit XML file to write", show_default=False)
+    ] = None,
     native: cli.Native = False,
     figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
 ) -> None:
@@ -194,6 +200,8 @@ def test(
         if junit:
             cosim.write_junit(outcomes, junit)
 
+    if figures != FAILED:  # what nobody has asked for may be missing
+        refuse_unwritable(folders=[figures])
     outcomes = cosim.test_scenarios(folder, cli.chosen(folder, fmus, native), report, isolation="process")
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")

@@ -8,12 +8,14 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import command, show, written
+from gapsense.cli.common import Output, command, show, written
 
 
 @command("schema")
 def schema(
-    to: Annotated[Path | None, typer.Option("--out", help="File to write", show_default="print it")] = None,
+    to: Annotated[
+        Path | None, Output.FILE, typer.Option("--out", help="File to write", show_default="print it")
+    ] = None,
 ) -> None:
     """Show or write the JSON schema of scenario files, by which editors complete and check them.
 

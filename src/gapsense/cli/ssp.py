@@ -17,7 +17,9 @@ Method = Enum("Method", {"gauss-seidel": "gauss-seidel", "jacobi": "jacobi"}, ty
 @cli.command("export-ssp")
 def export_ssp(
     scenario: cli.Scenario,
-    to: Annotated[Path, typer.Option("--out", help="Package to write, with the ending .ssp", show_default=False)],
+    to: Annotated[
+        Path, cli.Output.FILE, typer.Option("--out", help="Package to write, with the ending .ssp", show_default=False)
+    ],
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     settings: cli.Set = None,
@@ -38,7 +40,7 @@ def export_ssp(
 @cli.command("import-ssp")
 def import_ssp(
     package: Annotated[Path, typer.Argument(help="System structure package (.ssp)", show_default=False)],
-    to: Annotated[Path, typer.Option("--out", help="Folder to make", show_default=False)],
+    to: Annotated[Path, cli.Output.FOLDER, typer.Option("--out", help="Folder to make", show_default=False)],
     step: Annotated[
         float | None, typer.Option(help="Base step [s]", show_default="what annotations of known tools tell")
     ] = None,

@@ -28,12 +28,12 @@ from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.rules import broken_rules
-from gapsense.cosim.scenario import Points, Port, Scenario
+from gapsense.cosim.scenario import Component, Points, Port, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.files import state
 from gapsense.problems import suggest
 from gapsense.shipped import NATIVE_FOLDER
-from gapsense.tables import Value
+from gapsense.tables import Value, is_integer
 
 MOST_POINTS = 10**6  # of a sweep
 MOST_JUDGED = 1000  # combinations for a component, and all its values; the FMU tells the others
@@ -54,8 +54,20 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
             known[path] = read_description(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
         description = known[path]
         if description is not None:
-            out[name] = description
+            out[name] = sized(description, component, problems)
     return out
+
+
+def sized(description: Description, component: Component, problems: list[str]) -> Description:
+    """The same with arrays of the sizes that a component has."""
+    structural = [v for v in description.variables.values() if v.is_structural]
+    given = {v.name: component.values[v.name] for v in structural if v.name in component.values}
+    sizes = {name: int(value) for name, value in given.items() if is_integer(value) and int(value) >= 0}
+    try:
+        return described(description.path, tuple(sizes.items())) if sizes else description
+    except UnusableError as error:
+        problems.append(f"components.{component.name}: `{description.path}` cannot be used so: {error}")
+        return description
 
 
 def read_description(path: Path, place: str, remedy: str, problems: list[str]) -> Description | None:
@@ -72,15 +84,15 @@ def read_description(path: Path, place: str, remedy: str, problems: list[str]) -
         return None
 
 
-def described(path: Path) -> Description:
+def described(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
     """Model description of an FMU file, read again only if the file has changed."""
-    return remembered(path.resolve(), *state(path))
+    return remembered(path.resolve(), sizes, *state(path))
 
 
 @lru_cache(maxsize=64)
-def remembered(path: Path, *_: int) -> Description:
+def remembered(path: Path, sizes: tuple[tuple[str, int], ...], *_: int) -> Description:
     """Model description of a file in some state."""
-    return describe(path)
+    return describe(path, dict(sizes))
 
 
 def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: frozenset[str] = frozenset()) -> list[str]:

@@ -53,6 +53,10 @@ def check_values(component: Component, description: Description) -> Iterator[str
         problem = value_problem(name, value, description)
         if problem:
             yield f"components.{component.name} (from {component.origin[name]}): {problem}"
+    touched = {description.variables[name].array for name in component.values if name in description.variables}
+    for array in sorted(touched - {""}):
+        if missing := [v.name for v in description.arrays[array] if v.start is None and v.name not in component.values]:
+            yield f"components.{component.name}: `{missing[0]}` is missing. Give all elements of `{array}`, or none."
 
 
 def value_problem(name: str, value: Value, description: Description) -> str | None:
@@ -139,6 +143,9 @@ def check_swept(
     place = f"sweep.{component.name}.{name}"
     if problem := name_problem(name, description.variables, True):
         yield f"{place}: {problem}"
+        return
+    if description.variables[name].is_structural:
+        yield f"{place}: it decides the sizes of arrays. Set it in `components.{component.name}.set`, or in variants."
         return
     unit = description.variables[name].unit or ""
     if column and column.unit not in ("", unit):

@@ -152,7 +152,8 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
         ]
     if problems:
         raise ScenarioError(problems)
-    return Keeper(checkpoint.file, facts, round(min(ratio, experiment.count)), checkpoint.resume)
+    file = checkpoint.file.absolute()  # components may go to other folders
+    return Keeper(file, facts, round(min(ratio, experiment.count)), checkpoint.resume)
 
 
 def run_facts(scenario: Scenario, descriptions: Descriptions, take: Take) -> Facts:

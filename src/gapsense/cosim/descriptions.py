@@ -10,18 +10,18 @@ from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from gapsense.cosim.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.cosim.model_xml import mended
 from gapsense.cosim.rules import read_rules
-from gapsense.cosim.variables import Variable, variable
+from gapsense.cosim.variables import Variable, scalars
 from gapsense.files import sha256
 from gapsense.fmi.ports import Component
 
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
-NOT_MOVED = ("Binary", "Clock")  # types that a run leaves alone
-USED = ("input", "output", "parameter")  # causalities that a run moves
+NO_SIZES: Mapping[str, int] = {}
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,19 @@ class Description:
         return [v for v in self.variables.values() if v.causality == causality]
 
     @cached_property
+    def arrays(self) -> Mapping[str, list[Variable]]:
+        """Elements of each array, which move in one call."""
+        found: dict[str, list[Variable]] = {}
+        for v in self.variables.values():
+            if v.array:
+                found.setdefault(v.array, []).append(v)
+        return found
+
+    def whole(self, variables: Iterable[Variable]) -> list[Variable]:
+        """Variables, with all elements of an array for any of them."""
+        return [*{e.name: e for v in variables for e in (self.arrays[v.array] if v.array else [v])}.values()]
+
+    @cached_property
     def direct_inputs(self) -> frozenset[str]:
         """Inputs that some output depends on directly."""
         return frozenset().union(*self.feedthrough.values())
@@ -60,13 +73,15 @@ def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
     return scenario.parent / name if name.endswith(".fmu") else fmus / f"{name}.fmu"
 
 
-def describe(path: Path) -> Description:
+def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
     """Model description of an FMU file.
 
     Parameters
     ----------
     path : Path
         Co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
+    sizes : mapping of str to int, optional
+        Values of structural parameters, on which the sizes of arrays depend, other than their start values.
 
     Returns
     -------
@@ -77,7 +92,7 @@ def describe(path: Path) -> Description:
     UnusableError
         Saying why the FMU cannot be used, and what to do.
     """
-    model, variables, rules, members = opened(path)
+    model, variables, rules, members = opened(path, sizes)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
@@ -88,7 +103,7 @@ def describe(path: Path) -> Description:
         identifier=model.coSimulation.modelIdentifier,
         version=model.version or "",
         variables=variables,
-        feedthrough=feedthrough(model),
+        feedthrough=feedthrough(model, variables),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
         fmi=int(model.fmiVersion[0]),
@@ -97,7 +112,9 @@ def describe(path: Path) -> Description:
     )
 
 
-def opened(path: Path) -> tuple[Any, dict[str, Variable], Component | None, list[str]]:
+def opened(
+    path: Path, sizes: Mapping[str, int] = NO_SIZES
+) -> tuple[Any, dict[str, Variable], Component | None, list[str]]:
     """What fmpy makes of the model description of any FMU file, its variables that a run can move, its rules, and the
     names of the archive's members.
     """
@@ -105,13 +122,23 @@ def opened(path: Path) -> tuple[Any, dict[str, Variable], Component | None, list
     try:
         root, text = mended(data)
         model = read_model(text)
-        variables = {v.name: variable(v) for v in model.modelVariables if is_scalar(v)}
+        add_limits(model, root)
+        moved = [v for v in model.modelVariables if not is_second(v)]
+        variables = {scalar.name: scalar for v in moved for scalar in scalars(v, sizes)}
         return model, variables, read_rules(root, variables), members
     except UnusableError:
         raise
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
         why = shortened(" ".join(str(error).split()))
         raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
+
+
+def add_limits(model: Any, root: Element) -> None:
+    """Add the limits of unsigned numbers, which fmpy leaves out."""
+    elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*") if e.tag.startswith("UInt")}
+    for v in model.modelVariables:
+        if v.name in elements:
+            v.min, v.max = elements[v.name].get("min"), elements[v.name].get("max")
 
 
 def step_size(model: Any) -> float | None:
@@ -134,9 +161,9 @@ def read_model(text: bytes) -> Any:
 
 
 def refuse_unusable(model: Any, members: list[str]) -> None:
-    """Raise unless the FMU is for co-simulation, without arrays as inputs, and has a library for this platform.
+    """Raise unless the FMU is for co-simulation and has a library for this platform.
 
-    Binary variables and clocks are left alone: without event mode nobody needs to move them.
+    Binary variables, clocks and arrays of texts are left alone: without event mode nobody needs to move them.
     """
     import fmpy
 
@@ -144,10 +171,6 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
         found = f"FMI {model.fmiVersion} without co-simulation found, co-simulation expected"
         raise UnusableError(f"{found}. Export it as that.")
     refuse_identifier(model.coSimulation.modelIdentifier)
-    for v in model.modelVariables:
-        if v.causality in USED and v.dimensions and v.type not in NOT_MOVED and not is_spare(v):
-            found = f"its variable `{shown(v.name)}` is an array; inputs that are scalars are supported"
-            raise UnusableError(f"{found}. Export it without.")
     folder = f"binaries/{fmpy.platform if model.fmiVersion == '2.0' else fmpy.platform_tuple}/"
     library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
     if folder + library not in members:
@@ -162,21 +185,15 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
     for v in variables:
         if v.causality in ("input", "parameter"):
             kind = "Integer" if v.type == "Enumeration" else v.type
-            other = first.setdefault((v.size or kind, v.reference), v.name)
-            if other != v.name:
+            other = first.setdefault((v.size or kind, v.reference), v.array or v.name)
+            if other != (v.array or v.name):
                 found = f"its variables `{shown(other)}` and `{shown(v.name)}` have one value reference, {v.reference}"
                 raise UnusableError(f"{found}. Export it again.")
 
 
-def is_scalar(v: Any) -> bool:
-    """True for a variable that a run can move; a second name of one that can be set does not count."""
-    is_second = v.alias is not None and v.causality in ("input", "parameter")
-    return not v.dimensions and v.type not in NOT_MOVED and not is_second
-
-
-def is_spare(v: Any) -> bool:
-    """True for an array that a run can do without: an output, or a parameter, which then keeps its start value."""
-    return bool(v.dimensions) and v.causality in ("output", "parameter")
+def is_second(v: Any) -> bool:
+    """True for a second name of a variable that can be set."""
+    return v.alias is not None and v.causality in ("input", "parameter")
 
 
 def shortened(text: str) -> str:
@@ -184,11 +201,14 @@ def shortened(text: str) -> str:
     return text.rstrip(".") if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def feedthrough(model: Any) -> dict[str, frozenset[str]]:
+def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, frozenset[str]]:
     """Inputs that each output depends on; FMI says that missing `dependencies` mean all inputs."""
-    inputs = frozenset(v.name for v in model.modelVariables if v.causality == "input")
-    out = {v.name: inputs for v in model.modelVariables if v.causality == "output" and is_scalar(v)}
-    for unknown in model.outputs:
-        if unknown.dependencies is not None and unknown.variable.name in out:
-            out[unknown.variable.name] = inputs & {v.name for v in unknown.dependencies}
-    return out
+    said = {u.variable.name: u.dependencies for u in model.outputs if u.dependencies is not None}
+    inputs = [v for v in variables.values() if v.causality == "input"]
+
+    def direct(output: Variable) -> frozenset[str]:
+        known = said.get(output.array or output.name)
+        names = None if known is None else {v.name for v in known}
+        return frozenset(v.name for v in inputs if names is None or (v.array or v.name) in names)
+
+    return {v.name: direct(v) for v in variables.values() if v.causality == "output"}

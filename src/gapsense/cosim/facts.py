@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from gapsense.cosim.archive import UnusableError, printable
 from gapsense.cosim.descriptions import describe, opened
-from gapsense.cosim.variables import Variable, variable
+from gapsense.cosim.variables import NOT_MOVED, Variable, variable
 from gapsense.problems import InputError, suggest
 from gapsense.tables import Value
 
@@ -108,7 +108,7 @@ def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
     size = "x".join(map(str, v.shape or ()))
     kind = f"{v.type}{f', array of {size}' if size else ''}"
     found = moved
-    if found is None and v.type not in ("Binary", "Clock") and not v.dimensions:
+    if found is None and v.type not in NOT_MOVED and not v.dimensions:
         found = variable(v)
     if found is None:
         return Line(printable(v.name), printable(v.unit or ""), shortened(v.start), kind, told(v.description))

@@ -52,18 +52,27 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 
 @contextmanager
+def folder_kept() -> Iterator[None]:
+    """Let components go to other working folders: relative paths mean the same before and after."""
+    folder = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+
+
+@contextmanager
 def process_kept() -> Iterator[None]:
     """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
 
     What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
     """
-    folder, keeps_nothing = Path.cwd(), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
+    keeps_nothing, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
-        yield
+        with folder_kept():
+            yield
     finally:
         sys.dont_write_bytecode = keeps_nothing
-        os.chdir(folder)
         sys.path[:] = dict.fromkeys(sys.path)
 
 
@@ -169,13 +178,20 @@ class Instance:
         self.call("fmi2EnterInitializationMode")
 
     def set_all(self, values: Mapping[str, Value]) -> None:
-        """Set variables by name, those of one type in one call."""
-        for alike in of_one_type(self.description.variables[name] for name in values):
-            self.move("Set", alike, [raw(variable, values[variable.name]) for variable in alike])
+        """Set variables by name, those of one type in one call; other elements of an array keep their start values."""
+        named = self.description.whole(self.description.variables[name] for name in values)
+        for alike in of_one_type(named):
+            self.move("Set", alike, [raw(v, values.get(v.name, v.start or 0)) for v in alike])
+
+    def change(self, name: str, value: Value) -> None:
+        """Set a variable during a run; other elements of its array stay as they are."""
+        others = self.description.arrays.get(self.description.variables[name].array, ())
+        self.set_all({**self.get_all(others), name: value})
 
     def get_all(self, variables: Sequence[Variable]) -> dict[str, Value]:
         """Read variables, those of one type in one call; their values by name, in the order of the variables."""
-        found = {v.name: value for alike in of_one_type(variables) for v, value in zip(alike, self.move("Get", alike))}
+        groups = of_one_type(self.description.whole(variables))
+        found = {v.name: value for alike in groups for v, value in zip(alike, self.move("Get", alike))}
         return {variable.name: plain(variable, found[variable.name]) for variable in variables}
 
     def move(self, action: str, alike: Sequence[Variable], values: Sequence[Any] = ()) -> Any:
@@ -196,9 +212,9 @@ class Instance:
 
     def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
         """Function that gets or sets the values of variables of one type, an array, and returns the status."""
-        references = (ctypes.c_uint * len(variables))(*(v.reference for v in variables))
         entry, pointer = self.function(self.accessor(action, variables[0])), self.pointer
-        arguments = (references, ctypes.c_size_t(len(variables)), values, *self.after(len(variables)))
+        references = referring(variables)
+        arguments = (references, ctypes.c_size_t(len(references)), values, *self.after(len(variables)))
         return lambda: entry(pointer, *arguments)
 
     def after(self, _: int) -> tuple[Any, ...]:
@@ -281,6 +297,12 @@ def reached(start: float, duration: float, last: float, *, ends: bool, early: bo
     if ends:
         return ENDS_WITHIN if is_short else ENDS
     return ASTRAY if early or is_short else 0
+
+
+def referring(variables: Sequence[Variable]) -> Any:
+    """References of variables as an array of C; the elements of an array, one after the other, have one reference."""
+    numbers = [variable.reference for variable in variables if variable.place == 0]
+    return (ctypes.c_uint * len(numbers))(*numbers)
 
 
 def of_one_type(variables: Iterable[Variable]) -> Iterable[list[Variable]]:

@@ -43,7 +43,7 @@ def collector(messages: deque[Message]) -> Callable[..., None]:
 
 
 class Instance3(Instance):
-    """An FMU of FMI 3.0, without event mode, early return, clocks and arrays."""
+    """An FMU of FMI 3.0, without event mode, early return and clocks."""
 
     def instantiated(self, folder: Path) -> Any:
         """What fmpy makes of the library."""
@@ -65,7 +65,12 @@ class Instance3(Instance):
     def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
         """Everything before and at the start of the initialization mode."""
         yes, no, none = ctypes.c_bool(True), ctypes.c_bool(False), ctypes.c_double(0.0)
-        self.set_all(values)
+        sizes = {name: value for name, value in values.items() if self.description.variables[name].is_structural}
+        if sizes:
+            self.call("fmi2EnterConfigurationMode")
+            self.set_all(sizes)
+            self.call("fmi2ExitConfigurationMode")
+        self.set_all({name: value for name, value in values.items() if name not in sizes})
         self.call("fmi2EnterInitializationMode", no, none, ctypes.c_double(start), yes, ctypes.c_double(stop))
 
     def c_type(self, variable: Variable) -> Any:

@@ -18,7 +18,7 @@ from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.inputs import constants, place
-from gapsense.cosim.instance import ENDS_WITHIN, Instance
+from gapsense.cosim.instance import ENDS_WITHIN, Instance, folder_kept
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
@@ -118,12 +118,14 @@ class Master:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @folder_kept()
     def close(self) -> None:
         """Free all instances."""
         for part in self.parts:
             part.instance.close()
         self.parts = []
 
+    @folder_kept()
     def run(
         self,
         columns: list[int],

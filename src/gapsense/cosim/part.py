@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.slots import Slot, inlets, slots
-from gapsense.cosim.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance
+from gapsense.cosim.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance, referring
 from gapsense.cosim.record import FmuError
 from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
@@ -148,9 +148,10 @@ class Part:
         """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
         variables, count = [self.places.variables[port] for port in ports], len(ports)
         first = self.places.index[ports[0]] if ports else 0
-        references = (ctypes.c_uint * count)(*(variable.reference for variable in variables))
+        references = referring(variables)
         values = (ctypes.c_double * count).from_buffer(self.buffer, 8 * first)
-        arguments = (self.instance.pointer, references, ctypes.c_size_t(count), values, *self.instance.after(count))
+        length, after = ctypes.c_size_t(len(references)), self.instance.after(count)
+        arguments = (self.instance.pointer, references, length, values, *after)
         function = self.instance.accessor(action, variables[0]) if ports else ""
         entry = self.instance.function(function) if ports else nothing
         return Exchange(function, entry, references, values, arguments)

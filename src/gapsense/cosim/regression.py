@@ -20,7 +20,7 @@ from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Baseline, Scenario
 from gapsense.cosim.sidecar import read_sidecar
 from gapsense.files import write_atomically, write_columns
-from gapsense.plain_files import unfit
+from gapsense.plain_files import unfit, unwritable
 from gapsense.problems import ScenarioError
 from gapsense.tables import parsed, read_toml
 
@@ -261,6 +261,8 @@ def refuse_foreign(scenario: Scenario) -> None:
         problem = f"`{inner}` is there and is no baseline"
     elif not problem and not file.parent.is_dir():
         problem = f"there is no folder `{file.parent}`"
+    elif not problem and (why := unwritable(file)):
+        problem = f"`{inner}` cannot be written: {why}"
     if problem:
         raise ScenarioError([f"{place}: {problem}, so no baseline is written there. Choose another name."])
 

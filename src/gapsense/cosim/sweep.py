@@ -39,6 +39,7 @@ from gapsense.cosim.told import told
 from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Ledger, kept, key
+from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import ScenarioError
 from gapsense.processes import Died, Marks
 from gapsense.tables import Value
@@ -139,6 +140,8 @@ def swept(
     points = read.points()
     runs = range(seeds * len(points))
     file = None if out is None else Path(out) / f"{file_stem(read)}.jsonl"
+    if file is not None:
+        refuse_unwritable(*(file.with_suffix(ending) for ending in (".jsonl", ".csv", ".json")))
     ledger = Ledger(file, key_of(read, descriptions, measure), source_of(read, file))
     store = ledger.folder if keep else None
     runnable = read if measure or keep else thrifty(read)

@@ -1,10 +1,11 @@
-"""Scalar variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts."""
+"""Variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts, arrays by their elements."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 from gapsense.cosim.archive import UnusableError, shown
@@ -21,12 +22,15 @@ RANGES: Mapping[str, tuple[int, int]] = {
     **{f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)},
 }
 HAVE_STARTS = ("output", "local")  # causalities besides inputs and parameters
+NOT_MOVED = ("Binary", "Clock")  # types that a run leaves alone
+MOST_ELEMENTS = 100  # of an array; larger ones are left alone too
+STRUCTURAL = "structuralParameter"  # causality of the numbers that sizes of arrays are
 OF_TYPES = {kind: RANGES["Int32"] for kind in ("Integer", "Enumeration")}  # where the type names no size
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable: its type and causality as FMI names them, limits and start as numbers where they are."""
+    """A scalar variable, or an element of an array: its type and causality as FMI names them, limits and start."""
 
     name: str
     reference: int
@@ -41,6 +45,9 @@ class Variable:
     has_start: bool = False  # an output or a local variable with a start value that may be set
     items: Mapping[str, int] = field(default_factory=dict)  # of an Enumeration
     variability: str = ""
+    array: str = ""  # that it is an element of
+    place: int = 0  # in that, row by row
+    is_structural: bool = False  # a parameter that decides sizes of arrays
 
     @property
     def is_parameter(self) -> bool:
@@ -67,23 +74,55 @@ class Variable:
         return self.items.get(value, value) if isinstance(value, str) else value
 
 
-def variable(v: Any) -> Variable:
-    """A variable of fmpy's model description with its texts turned into numbers."""
-    kind = TYPES.get(v.type, v.type)
+def scalars(v: Any, sizes: Mapping[str, int]) -> list[Variable]:
+    """A variable of fmpy's model description, or the elements of an array: `y[1]`, `A[2,1]`, row by row.
+
+    `sizes` are values of structural parameters that are not their start values.  What a run does not move has none.
+    """
+    if v.type in NOT_MOVED or (v.dimensions and v.type == "String"):
+        return []
+    if not v.dimensions:
+        return [variable(v)]
+    shape = [sizes.get(d.variable.name, n) if d.variable else n for d, n in zip(v.dimensions, v.shape)]
+    count = math.prod(shape)
+    if count > MOST_ELEMENTS and v.causality != "input":
+        return []
+    if count > MOST_ELEMENTS:
+        size = "x".join(map(str, shape))
+        found = f"its input `{shown(v.name)}` is an array of {size}, at most {MOST_ELEMENTS} elements are supported"
+        raise UnusableError(f"{found}. Make it smaller.")
+    texts = (v.start or "").split()
+    if len(texts) not in (0, 1, count) and count == math.prod(v.shape):
+        found = f"its array `{shown(v.name)}` has {len(texts)} start values, {count} or one expected"
+        raise UnusableError(f"{found}. Export it again.")
+    starts = texts * count if len(texts) == 1 else texts if len(texts) == count else [None] * count
+    like, places = variable(v, None), product(*(range(1, n + 1) for n in shape))
+    return [
+        replace(
+            like, name=f"{v.name}[{','.join(map(str, at))}]", start=start_value(like.type, text), array=v.name, place=k
+        )
+        for k, (at, text) in enumerate(zip(places, starts))
+    ]
+
+
+def variable(v: Any, start: str | None = "") -> Variable:
+    """A variable of fmpy's model description with its texts turned into numbers; another start if one is given."""
+    kind, start = TYPES.get(v.type, v.type), v.start if start == "" else start
     low, high, nominal = (number(v, name) for name in ("min", "max", "nominal"))
     return Variable(
         name=v.name,
         reference=v.valueReference,
         type=kind,
-        causality=v.causality or "local",
+        causality="parameter" if v.causality == STRUCTURAL else v.causality or "local",
         unit=of_type(v, "unit"),
         min=low,
         max=high,
         nominal=abs(nominal or 1.0),
-        start=start_value(kind, v.start),
+        start=start_value(kind, start),
         size=v.type if v.type in TYPES else "",
         has_start=v.causality in HAVE_STARTS and v.initial in ("exact", "approx") and v.variability != "constant",
-        variability=v.variability or "",
+        variability="fixed" if v.causality == STRUCTURAL else v.variability or "",
+        is_structural=v.causality == STRUCTURAL,
         items={item.name: int(item.value) for item in v.declaredType.items} if v.declaredType else {},
     )
 

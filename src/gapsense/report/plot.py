@@ -21,7 +21,7 @@ from gapsense.cosim import Result, own_file, refuse_other, relative
 from gapsense.cosim.sidecar import ELSEWHERE
 from gapsense.cosim.signals import matching
 from gapsense.files import write_atomically
-from gapsense.plain_files import read_bytes
+from gapsense.plain_files import read_bytes, refuse_unwritable
 from gapsense.problems import InputError, suggest
 from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS
@@ -45,6 +45,12 @@ class Picture(Figure):
 
 def check_file(path: Path) -> None:
     """Refuse a file that a figure cannot be written to, before a long run."""
+    check_ending(path)
+    refuse_unwritable(path)
+
+
+def check_ending(path: Path) -> None:
+    """Refuse a file whose ending is no format of figures."""
     if path.suffix not in ENDINGS:
         raise ValueError(f"`{path}`: figures are written as .png, .pdf or .svg. Change the ending.")
 
@@ -69,7 +75,7 @@ def refuse_foreign(file: Path, own: str) -> None:
 
 def save(figure: Figure, path: Path, source: str = "") -> Path:
     """Write a figure, complete or not at all; the ending of `path` says the format, a PNG tells the file it is of."""
-    check_file(path)
+    check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     about = {"Software": None, **({SOURCE: quote(relative(source, path.parent))} if source else {})}
     options: dict[str, Any] = {"format": path.suffix[1:], "dpi": 120}

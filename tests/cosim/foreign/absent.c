@@ -1,6 +1,6 @@
 /* What co-simulation with fixed steps does not call, though fmpy wants it to be there. Without the headers, because
- * the arguments do not matter. */
-#define ABSENT(name) __attribute__((visibility("default"))) int name(void) { return 3; }
+ * the arguments do not matter; weak, because some FMUs have more than others. */
+#define ABSENT(name) __attribute__((visibility("default"), weak)) int name(void) { return 3; }
 
 #if FMI == 2
 ABSENT(fmi2SetDebugLogging)
@@ -61,4 +61,28 @@ ABSENT(fmi3GetNumberOfContinuousStates)
 ABSENT(fmi3EnterStepMode)
 ABSENT(fmi3GetOutputDerivatives)
 ABSENT(fmi3ActivateModelPartition)
+ABSENT(fmi3GetFloat64)
+ABSENT(fmi3SetFloat64)
+ABSENT(fmi3GetFloat32)
+ABSENT(fmi3SetFloat32)
+ABSENT(fmi3GetInt8)
+ABSENT(fmi3SetInt8)
+ABSENT(fmi3GetUInt8)
+ABSENT(fmi3SetUInt8)
+ABSENT(fmi3GetInt16)
+ABSENT(fmi3SetInt16)
+ABSENT(fmi3GetUInt16)
+ABSENT(fmi3SetUInt16)
+ABSENT(fmi3GetInt32)
+ABSENT(fmi3SetInt32)
+ABSENT(fmi3GetUInt32)
+ABSENT(fmi3SetUInt32)
+ABSENT(fmi3GetInt64)
+ABSENT(fmi3SetInt64)
+ABSENT(fmi3GetUInt64)
+ABSENT(fmi3SetUInt64)
+ABSENT(fmi3GetBoolean)
+ABSENT(fmi3SetBoolean)
+ABSENT(fmi3GetString)
+ABSENT(fmi3SetString)
 #endif

@@ -24,6 +24,14 @@ class Faulty(Fmi2Slave):
         self.register_variable(Real("u", causality=Fmi2Causality.input))
         self.register_variable(Real("y", causality=Fmi2Causality.output))
 
+    def enter_initialization_mode(self):
+        if self.fault == "chdir_at_start":
+            os.chdir("/")
+
+    def terminate(self):
+        if self.fault == "chdir_at_end":
+            os.chdir("/")
+
     def exit_initialization_mode(self):
         if self.fault == "initialization":
             raise ValueError("cannot start")

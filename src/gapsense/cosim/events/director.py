@@ -162,7 +162,7 @@ class Tuned:
             return self.actors[0].following(k)
         self.marks[COMPONENT] = self.number
         try:
-            self.part.instance.set_all({self.name: value})
+            self.part.instance.change(self.name, value)
         except FmuError as error:
             names = " and ".join(f"`{actor.event.name}`" for actor in self.actors)
             cause = f"{error.cause.rstrip('.')}; event {names} sets `{self.name}` to {value}."

@@ -140,7 +140,7 @@ def condition(watch: Watch) -> library.Watch:
 def exchange(call: Exchange) -> library.Exchange:
     """A call that moves values, for C."""
     entry = library.address(call.entry) if call.function else None
-    return library.Exchange(entry, call.references, len(call.values), call.values)
+    return library.Exchange(entry, call.references, len(call.references), call.values, len(call.values))
 
 
 def whole(work: Work, parts: Any) -> Loop:

@@ -37,6 +37,7 @@ class Exchange(ctypes.Structure):
         ("references", ctypes.POINTER(ctypes.c_uint)),
         ("count", Count),
         ("values", Doubles),
+        ("value_count", Count),
     ]
 
 

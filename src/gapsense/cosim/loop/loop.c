@@ -28,8 +28,9 @@ typedef struct {
 typedef struct {
     void *entry;
     const unsigned *references;
-    size_t count;
+    size_t count;   /* of them; an array has one for all its elements */
     double *values; /* in the buffer */
+    size_t value_count;
 } Exchange;
 
 typedef struct {
@@ -110,7 +111,7 @@ static bool is_bad(Loop *l, int status)
 static int move(const Part *p, const Exchange *e)
 {
     if (p->fmi == 3)
-        return ((Exchange3 *)e->entry)(p->instance, e->references, e->count, e->values, e->count);
+        return ((Exchange3 *)e->entry)(p->instance, e->references, e->count, e->values, e->value_count);
     return ((Exchange2 *)e->entry)(p->instance, e->references, e->count, e->values);
 }
 
@@ -141,7 +142,7 @@ static int do_step(Loop *l, Part *p, double start)
 
 static bool are_finite(const Exchange *e)
 {
-    for (size_t i = 0; i < e->count; i++)
+    for (size_t i = 0; i < e->value_count; i++)
         if (!isfinite(e->values[i]))
             return false;
     return true;

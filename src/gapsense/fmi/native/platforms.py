@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import platform
-import sys
 from typing import NamedTuple
 
-from gapsense.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_version
+from gapsense.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_compiler, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 SMALL = ("-Os",)  # besides, for what is not arithmetic
@@ -58,8 +57,7 @@ def compilers(name: str) -> list[Compiler]:
     """The compilers of a platform's binary, one for each processor; a NativeError says what to install."""
     binary = PLATFORMS[name]
     if zig_version() == ZIG:
-        zig = (sys.executable, "-m", "ziglang", "cc")
-        return [Compiler((*zig, "-target", target, *ZIG_FLAGS), binary, target) for target in binary.targets]
+        return [Compiler((*zig_compiler(), "-target", target, *ZIG_FLAGS), binary, target) for target in binary.targets]
     own = own_compiler()
     if name == here() and own:
         return [Compiler(own, binary, "")]

@@ -8,7 +8,20 @@ from typing import Annotated
 import typer
 
 from gapsense import shipped
-from gapsense.cli.common import FAILED, Clipped, Column, Decimal, Fmus, Separator, bar, command, problem, show, written
+from gapsense.cli.common import (
+    FAILED,
+    Clipped,
+    Column,
+    Decimal,
+    Fmus,
+    Output,
+    Separator,
+    bar,
+    command,
+    problem,
+    show,
+    written,
+)
 
 
 @command("estimate")
@@ -43,9 +56,11 @@ def estimate(
         typer.Option(help="QUANTITY=VALUE: what it is off by, beside what it is at rest", show_default=False),
     ] = None,
     fmus: Fmus = None,
-    to: Annotated[Path | None, typer.Option("--out", help="CSV file of the estimates", show_default=False)] = None,
+    to: Annotated[
+        Path | None, Output.FILE, typer.Option("--out", help="CSV file of the estimates", show_default=False)
+    ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
+        Path | None, Output.FILE, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
     ] = None,
 ) -> None:
     """Run estimators, through their FMUs, on a measured record, and draw what they say.

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Assume, Column, command, show, written
+from gapsense.cli.common import Assume, Column, Picture, SetFile, command, show, written
 
 
 @command("gap-law")
@@ -16,13 +16,13 @@ def gap_law(
         Path,
         typer.Argument(help="CSV file: gap [mm], inductance [mH], or inductance 100Hz [mH], ...", show_default=False),
     ],
-    to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("gap.toml"),
+    to: SetFile = Path("gap.toml"),
     turns: Annotated[
         float | None, typer.Option(help="Turns of the coil", show_default="of --parameters", min=1e-9)
     ] = None,
     parameters: Annotated[Path | None, typer.Option(help="What else is known of the valve", show_default=False)] = None,
     assume: Assume = False,
-    figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
+    figure: Picture = None,
     column: Column = None,
 ) -> None:
     """Make a gap law of the inductance of a coil, measured at known gaps.

@@ -15,7 +15,9 @@ from gapsense.cli.common import (
     Column,
     Data,
     Decimal,
+    Picture,
     Separator,
+    SetFile,
     Validate,
     bar,
     command,
@@ -38,7 +40,7 @@ def identify(
     commission: Annotated[
         bool, typer.Option("--commission", help="All parameters of `Mhe`: the command `gapsense commission`")
     ] = False,
-    to: Annotated[Path, typer.Option("--out", help="Parameter-set file to write")] = Path("valve.toml"),
+    to: SetFile = Path("valve.toml"),
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -50,7 +52,7 @@ def identify(
     ] = None,
     assume: Assume = False,
     validate: Validate = None,
-    figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
+    figure: Picture = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     temperatures: Annotated[

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Clipped, Column, Data, Decimal, Separator, command, show, written
+from gapsense.cli.common import Clipped, Column, Data, Decimal, Picture, Separator, command, show, written
 
 
 @command("inspect")
 def inspect(
     data: Data,
-    figure: Annotated[Path | None, typer.Option(help="PNG, PDF or SVG file", show_default=False)] = None,
+    figure: Picture = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     resistance: Annotated[
         float | None, typer.Option(help="Of the coil, by a meter, in Ohm", show_default=False)

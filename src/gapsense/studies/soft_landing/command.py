@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import FigureFile, bar, command, show, study, written
+from gapsense.cli.common import FigureFile, Output, bar, command, show, study, written
 from gapsense.studies.soft_landing.trajectory import FIG_5, Trajectory
 
 File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
@@ -15,7 +15,7 @@ File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator
 
 @command("soft-landing")
 def soft_landing(
-    to: Annotated[Path, typer.Option("--out", help="CSV file for DriveVoltage")] = Path("drive.csv"),
+    to: Annotated[Path, Output.FILE, typer.Option("--out", help="CSV file for DriveVoltage")] = Path("drive.csv"),
     parameters: File = None,
     period: Annotated[float, typer.Option(help="Period of the cycles [s]")] = FIG_5.period,
     making_start: Annotated[float, typer.Option(help="Start of the closing motion [s]")] = FIG_5.making_start,

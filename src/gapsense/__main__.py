@@ -1,0 +1,17 @@
+"""The program, `gapsense` or `python -m gapsense`: a Ctrl-C ends it with a word from its first moment on."""
+
+import _signal  # type: ignore[import-not-found]  # what `signal` is made of, which takes a while to load
+import os
+
+_signal.signal(_signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._exit(130)))
+
+
+def main() -> None:
+    """Load all commands and run the one that the arguments name."""
+    from gapsense.cli import app
+
+    app()
+
+
+if __name__ == "__main__":
+    main()
