@@ -67,6 +67,14 @@ class Process:
         self.limit, self.is_overdue, self.is_busy, self.is_limited = limit, False, False, False
         self.seen, self.since = b"", monotonic()
         self.folder = temporary_folder()
+        try:
+            self.start(guest, load)
+        except OSError as error:  # no pipe has a name
+            error.filename = error.filename or str(self.folder)
+            raise
+
+    def start(self, guest: Callable[..., Any] | None, load: Sequence[str]) -> None:
+        """Start it, in a folder of its own."""
         (self.folder / "marks").write_bytes(bytes(8 * MARKS))
         self.marks = mapped(self.folder / "marks")
         behind = str(root(guest)) if guest else ""

@@ -247,6 +247,14 @@ def test_of_two_damaged_manifests_neither_is_believed(tmp_path):
         read(tmp_path)
 
 
+def test_a_run_counts_once_and_only_if_it_is_asked_for(tmp_path):
+    store = Store(tmp_path, new(runs=4))
+    store.append([line(1), line(3), line(1, "again"), line(4), line(-1), {**line(2), "run": "2"}])
+    assert held(tmp_path) == [1, 3] and read(tmp_path).failed == 0
+    store.fold()
+    assert held(tmp_path) == [1, 3] and read(tmp_path).failed == 0
+
+
 def test_unknown_column_is_told(tmp_path):
     Store(tmp_path, new()).append([line(1)])
     with pytest.raises(InputError, match=r"no column `wal`\. Did you mean `wall`"):

@@ -143,6 +143,29 @@ def test_units_and_cells_of_rows_are_told_with_their_lines(write, fmus, tmp_path
     assert '(rows.csv, line 3, column 1): `slope` is `"steep"`' in problems[1]
 
 
+@pytest.mark.parametrize("place", [999, 1_000, 2_345])
+@pytest.mark.parametrize(
+    ("name", "good", "wrong", "told"),
+    [
+        ("source.inverted", "true", "upwards", '`inverted` is `"upwards"`, a value of type Boolean'),
+        ("source.slope", "2.0", "steep", '`slope` is `"steep"`, a value of type Real'),
+        ("source.seed", "3", "1.5", "`seed` is `1.5`, a value of type Integer"),
+    ],
+)
+def test_wrong_cell_is_told_in_whichever_row(write, fmus, tmp_path, place, name, good, wrong, told):
+    cells = [good] * 3_000
+    cells[place] = wrong
+    (tmp_path / "rows.csv").write_text("\n".join([name, *cells]))
+    found = campaign.check(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
+    assert len(found) == 1 and told in found[0] and f"rows.csv, line {place + 2}," in found[0], found
+
+
+def test_wrong_sample_time_is_told_in_whichever_row(write, fmus, tmp_path):
+    (tmp_path / "rows.csv").write_text("\n".join(["noise.sample_time", *["0.1", "0.05"] * 1_000, "0.07", "0.1"]))
+    found = campaign.check(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
+    assert len(found) == 1 and "`sample_time` is 0.07 s" in found[0], found
+
+
 def test_input_that_the_scenario_holds_constant_can_be_varied(write, fmus):
     gain = '[components.gain]\nfmu = "Gain"\n[inputs]\n"gain.u" = 1.0\n'
     gain = NOISE + gain + '[metrics.out]\nkind = "final"\nsignal = "gain.y"\n'

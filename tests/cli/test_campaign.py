@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import subprocess
 import sys
 
 import pytest
@@ -61,3 +64,49 @@ def test_missing_package_is_told(study, fmus, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     code, said = call(study, "--fmus", fmus)
     assert (code, said) == (2, "campaigns need pyarrow, which is not installed: `pip install 'gapsense[campaign]'`.\n")
+
+
+@pytest.mark.parametrize("left", range(8))
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EMFILE])
+def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(
+    study, fmus, tmp_path, monkeypatch, left, number
+):
+    calls = []
+
+    def limited(handle):
+        calls.append(handle)
+        if len(calls) > left:
+            raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", limited)
+        code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1)
+    assert len(calls) > left
+    words = {errno.ENOSPC: "Make room on its disk", errno.EMFILE: "Allow more open files (`ulimit -n`)"}[number]
+    said = " ".join(said.split())
+    assert code == 2 and f"{os.strerror(number)}. {words}, or " in said, said
+    assert said.startswith(f"`{tmp_path / 'out'}/") and "Errno" not in said and "None" not in said, said
+    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1)
+    assert code == 0 and "2 of 2 runs" in said, said
+
+
+LIMITED = """
+import resource, sys
+from gapsense.cli import app
+resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv.pop(1)),) * 2)
+app()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sets a limit of POSIX")
+@pytest.mark.parametrize("most", [8, 12, 15])
+@pytest.mark.parametrize("command", ["campaign", "sweep"])
+def test_too_many_open_files_are_told_with_what_to_do(study, fmus, tmp_path, most, command):
+    given = study if command == "campaign" else "semera_valve"
+    words = [str(most), command, str(given), "--fmus", str(fmus), "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", LIMITED, *words], capture_output=True, text=True, check=False)
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 2 and "Too many open files" in said and "Allow more open files (`ulimit -n`)" in said, (
+        said
+    )
+    assert said.startswith("`") and "Errno" not in said and "Traceback" not in said, said

@@ -43,6 +43,42 @@ def test_report_on_a_record_does_not_say_run_again(folder):
     assert code == 2 and "Run again" not in said and "gapsense inspect" in said
 
 
+OTHERS = {  # what there is, which command is right for it, and commands that it is not for
+    "x_sweep.jsonl": ("gapsense report x_sweep.csv", "figure report compare run sweep inspect campaign"),
+    "x_sweep.csv": ("gapsense report x_sweep.csv", "figure compare run check inspect campaign"),
+    "x_sweep.json": ("x_sweep.csv", "figure report compare run inspect campaign"),
+    "run.csv": ("gapsense figure run.csv", "run check campaign"),
+    "mine.csv": ("gapsense inspect mine.csv", "figure report run campaign"),
+    "out": ("gapsense report out", "figure run sweep compare"),
+    "out/campaign.json": ("gapsense report out", "figure report compare run inspect campaign"),
+    "out/journal-000000.jsonl": ("gapsense report out", "figure report compare run inspect campaign"),
+    "out/runs/000000.parquet": ("gapsense report out", "figure report compare run inspect campaign"),
+    "my valve.fmu": ("gapsense info 'my valve.fmu'", "figure report compare run inspect campaign"),
+    "study.toml": ("gapsense campaign study.toml", "figure report compare run check inspect"),
+    "scenario.toml": ("gapsense run scenario.toml", "report compare inspect campaign"),
+    "page.html": ("it is a picture or a page", "figure compare run inspect campaign"),
+}
+
+
+@pytest.mark.parametrize(("name", "command"), [(name, c) for name in OTHERS for c in OTHERS[name][1].split()])
+def test_file_of_another_kind_is_named_with_the_right_command(folder, name, command):
+    contents = {
+        "x_sweep.json": '{"format": "gapsense sweep 1"}',
+        "run.json": '{"format": "gapsense result 2"}',
+        "out/campaign.json": '{"format": "gapsense campaign 2"}',
+        "study.toml": 'title = "s"\nscenario = "semera_valve"\n',
+        "scenario.toml": 'title = "s"\n[components.a]\nfmu = "Sensor"\n',
+        "mine.csv": "time [s],voltage [V],current [A]\n0,0,0\n1e-3,1,0\n",
+    }
+    (folder / "out" / "runs").mkdir(parents=True)
+    for file in [*OTHERS, *contents]:
+        if file != "out":
+            (folder / file).write_text(contents.get(file, ""))
+    code, said = gapsense(command, *(["mine.csv"] if command == "compare" else []), name)
+    assert code == 2 and name in said, said
+    assert OTHERS[name][0] in said and "TOML" not in said and len(said.split(". ")) == 2, said
+
+
 @pytest.mark.parametrize("name", ["mein Ventil", "it's", "a&b", "plain"])
 def test_advised_command_can_be_copied(name):
     import shlex

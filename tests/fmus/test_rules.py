@@ -71,6 +71,23 @@ def test_combinations_of_a_sweep_are_judged(problems):
     assert len(found) == 2
 
 
+@pytest.mark.parametrize("place", [1_000, 1_300, 2_999])
+@pytest.mark.parametrize(("name", "good", "wrong"), [("waveform", "pwm", "pmw"), ("pwm.low", "1.0", "low")])
+def test_value_beyond_the_first_thousand_rows_is_judged(problems, tmp_path, place, name, good, wrong):
+    cells = [good] * 3_000
+    cells[place] = wrong
+    rows = [f"{cell},{10.0 + k}" for k, cell in enumerate(cells)]
+    (tmp_path / "rows.csv").write_text("\n".join([f"a.{name},a.pwm.high", *rows]))
+    found = problems("DriveVoltage", 'waveform = "pwm"', '[sweep]\nrows = "rows.csv"\n')
+    assert len(found) == 1 and wrong in found[0], found
+
+
+def test_value_beyond_the_first_thousand_combinations_of_lists_is_judged(problems):
+    many = ", ".join(str(1.0 + k) for k in range(2_000))
+    found = problems("DriveVoltage", "", f'[sweep]\n"a.waveform" = ["pwm", "pmw"]\n"a.pwm.high" = [{many}]\n')
+    assert len(found) == 1 and "`waveform` is `pmw`" in found[0], found
+
+
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_annotations_say_what_the_port_table_says(folder, fmus):
     component = load_component(folder)

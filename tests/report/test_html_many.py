@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from test_html_page import EVIL, Page
 from typer.testing import CliRunner
 
 from gapsense import campaign
+from gapsense.campaign.store import read_manifest, write_manifest
 from gapsense.campaign.summary import spread
 from gapsense.campaign.worst import distance, extremes, rows
 from gapsense.cli import app
@@ -173,11 +175,9 @@ def test_results_of_all_kinds_come_in_one_file(tmp_path):
 
 def test_result_of_an_older_version_has_a_report_without_bounds_and_commands(tmp_path):
     folder = made_campaign(tmp_path / "out")
-    file = folder / "campaign.json"
-    data = json.loads(file.read_text(encoding="utf-8"))
-    for name in ("bounds", "seeds", "source", "variant", "has_random_events", "settings", "description"):
-        del data["about"][name]
-    file.write_text(json.dumps(data), encoding="utf-8")
+    manifest, later = read_manifest(folder), "bounds seeds source variant has_random_events settings description"
+    about = {name: value for name, value in manifest.about.items() if name not in later.split()}
+    write_manifest(folder, replace(manifest, about=about))
     text = "".join(page_of(folder).texts["main"])
     assert "the scenario has no file" in text and "outside by" not in text and "from the median" in text
 
@@ -191,11 +191,7 @@ def test_campaign_that_has_hardly_begun_has_a_report(tmp_path):
 def empty(folder: Path) -> Path:
     """A campaign without any run."""
     made_campaign(folder / "none", 5)
-    for part in (folder / "none" / "runs").glob("*.parquet"):
-        part.unlink()
-    file = folder / "none" / "campaign.json"
-    data = json.loads(file.read_text(encoding="utf-8"))
-    file.write_text(json.dumps({**data, "parts": []}), encoding="utf-8")
+    write_manifest(folder / "none", replace(read_manifest(folder / "none"), parts=()))
     return folder / "none"
 
 
@@ -240,7 +236,8 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     del data["metrics"]["noise"]
     other.with_suffix(".json").write_text(json.dumps(data), encoding="utf-8")
     broken = made_campaign(tmp_path / "broken")
-    (broken / "campaign.json").write_text("{}", encoding="utf-8")
+    for name in ("campaign.json", "campaign-copy.json"):
+        (broken / name).write_text("{}", encoding="utf-8")
     with pytest.raises(InputError) as error:
         write_report([good, edited, other, broken, good.with_suffix(".json")], tmp_path / "new" / "x.html")
     told = error.value.problems

@@ -19,6 +19,7 @@ from gapsense.campaign.task import asked, local_job
 from gapsense.checked import Entry
 from gapsense.cosim.ahead import sweep_ahead
 from gapsense.cosim.told import told
+from gapsense.files import PART
 from gapsense.ledger import alone, fingerprint, sources
 from gapsense.problems import InputError
 from gapsense.workers import Crew, Here, Progress, work
@@ -150,7 +151,7 @@ def beginning(folder: Path, new: Manifest) -> Manifest:
     """
     old = read_manifest(folder)
     if old is None:
-        if folder.is_dir() and any(file.name not in (LOCK, STUDY) for file in folder.iterdir()):
+        if folder.is_dir() and any(file.name not in (LOCK, STUDY) and file.suffix != PART for file in folder.iterdir()):
             raise InputError([f"{folder}: it holds something else than a campaign. Name another folder with `--out`."])
         return new
     told, decided_by = old.about["decided_by"], new.about["decided_by"]

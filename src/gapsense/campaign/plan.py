@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.scenario import Port
-from gapsense.tables import Value, is_number
+from gapsense.cosim.scenario import Port, telling
+from gapsense.tables import Value
 
 FEW = 1000  # values of a block that are all looked at, and points
 
@@ -31,11 +31,19 @@ class Block(NamedTuple):
         return {port: plain(values[k]) for port, values in self.columns.items()}
 
     def telling(self) -> list[int]:
-        """Rows that have every value, or of many the least and the greatest of each column."""
+        """Rows that have every value, or of many every text and the extreme numbers of each column."""
         if self.size <= FEW:
             return list(range(self.size))
-        numbers = [np.asarray(c, dtype=np.float64) for c in self.columns.values() if all(map(is_number, plains(c)))]
-        return sorted({int(f(column)) for column in numbers for f in (np.argmin, np.argmax)})
+        return sorted({k for port, column in self.columns.items() for k in places(port, column)})
+
+
+def places(port: Port, column: Sequence[Value] | npt.NDArray[Any]) -> set[int]:
+    """Places of the values of a column that tell whether all are fit."""
+    if port.variable == "sample_time":  # which has to go with the step of its component
+        return {*{value: k for k, value in enumerate(plains(column))}.values()}
+    if isinstance(column, np.ndarray) and column.dtype.kind in "fiu":
+        return {int(np.argmin(column)), int(np.argmax(column))}
+    return telling([*plains(column)])
 
 
 @dataclass(frozen=True)

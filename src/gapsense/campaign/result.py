@@ -28,6 +28,8 @@ from gapsense.campaign.store import (
     without_signals,
 )
 from gapsense.checked import damage
+from gapsense.cosim.kinds import CAMPAIGN, other_kind
+from gapsense.files import naming
 from gapsense.problems import InputError, suggest
 
 Vector = npt.NDArray[Any]
@@ -85,7 +87,9 @@ class Campaign:
             )
         if files := self.files(self.manifest.parts):
             runs = ds.dataset([*map(str, files)], schema=self.manifest.columns.runs, format="parquet")
-            yield from runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
+            with naming(self.folder):
+                batches = runs.to_batches(columns=list(names), batch_size=ROWS, batch_readahead=2, fragment_readahead=1)
+                yield from batches
         yield from self.recent.select(list(names)).to_batches()
 
     def files(self, parts: Sequence[Part | Signals]) -> list[Path]:
@@ -156,7 +160,7 @@ class Campaign:
 
     def journal(self) -> list[Line]:
         """What is not in a file of its own yet; an InputError if it is damaged."""
-        return whole_journal(self.folder / self.manifest.journal)
+        return whole_journal(self.folder / self.manifest.journal, self.runs)
 
     def __repr__(self) -> str:
         missing = f" of {self.runs}" if self.rows < self.runs else ""
@@ -170,9 +174,9 @@ def quantiles(values: Vector, levels: Sequence[float]) -> tuple[float, ...]:
     return tuple(np.quantile(good, levels).tolist()) if good.size else (float("nan"),) * len(levels)
 
 
-def whole_journal(file: Path) -> list[Line]:
+def whole_journal(file: Path, runs: int) -> list[Line]:
     """What a journal holds; an InputError if it is damaged."""
-    found, damaged = read_journal(file)
+    found, damaged = read_journal(file, runs)
     if damaged:
         raise InputError([f"{damage(file, damaged)}. {AGAIN}."])
     return found
@@ -198,6 +202,8 @@ def read(folder: str | Path) -> Campaign:
     folder = Path(folder)
     manifest = read_manifest(folder)
     if manifest is None:
+        if wrong := other_kind(folder, CAMPAIGN):
+            raise InputError([wrong])
         raise InputError([f"{folder}: there is no `{MANIFEST}`. The folder of a campaign's result is expected."])
-    recent = [without_signals(line) for line in whole_journal(folder / manifest.journal)]
+    recent = [without_signals(line) for line in whole_journal(folder / manifest.journal, int(manifest.about["runs"]))]
     return Campaign(folder, manifest, manifest.columns.table(recent))

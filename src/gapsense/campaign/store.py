@@ -7,6 +7,7 @@ the next.  It has a hash of its own and a copy.  What is damaged is told; a writ
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -24,7 +25,7 @@ import pyarrow.parquet as pq
 
 from gapsense.campaign.columns import SIGNALS, Columns, Line, from_facts
 from gapsense.checked import append_lines, damage, read_lines
-from gapsense.files import naming, read_json, sha256, state, write_atomically, write_json
+from gapsense.files import naming, read_json, sha256, state, write_atomically
 from gapsense.ledger import fingerprint
 from gapsense.problems import InputError
 
@@ -75,12 +76,12 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest | None:
     """What is in a folder; None if that is no campaign, an InputError if it is one that cannot be read."""
     file, copy = folder / MANIFEST, folder / COPY
-    if not file.is_file():
+    if not file.is_file() and not copy.is_file():
         return None
     if found := read_checked(file):
         return found
     if found := read_checked(copy):
-        LOG.warning("%s: it is damaged; %s is taken instead. %s.", file, copy.name, AGAIN)
+        LOG.warning("%s: it is damaged or gone; %s is taken instead. %s.", file, copy.name, AGAIN)
         return found
     raise InputError([f"{file}: no campaign of this version, or it is damaged. Choose another folder."])
 
@@ -100,10 +101,11 @@ def read_checked(file: Path) -> Manifest | None:
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Make it the state of the folder."""
+    """Make it the state of the folder; it is on the disk before what only the old one names may go."""
     data = {"format": FORMAT, **vars(manifest), "columns": manifest.columns.facts()}
+    text = json.dumps({**data, "sha256": fingerprint(data)}, indent=2) + "\n"
     for name in (MANIFEST, COPY):
-        write_atomically(folder / name, lambda file: write_json(file, {**data, "sha256": fingerprint(data)}))
+        put(folder / name, lambda file: file.write(text.encode()))
 
 
 def is_whole(file: Path, expected: str) -> bool:
@@ -120,10 +122,16 @@ def hash_of(file: Path, _: tuple[int, int, int]) -> str:
     return sha256(file)
 
 
-def read_journal(file: Path) -> tuple[list[Line], list[int]]:
-    """What a journal holds, and its lines that are damaged; nothing if there is none."""
-    lines = [*read_lines(file)]
-    return [entry for _, entry in lines if entry], [number for number, entry in lines if not entry]
+def read_journal(file: Path, runs: int) -> tuple[list[Line], list[int]]:
+    """The first line of each run below `runs` in a journal, and lines that are damaged; nothing if there is none."""
+    found: dict[int, Line] = {}
+    damaged = []
+    for number, entry in read_lines(file):
+        if entry is None:
+            damaged.append(number)
+        elif isinstance(run := entry.get("run"), int) and 0 <= run < runs:
+            found.setdefault(run, entry)
+    return [*found.values()], damaged
 
 
 class Store:
@@ -132,10 +140,11 @@ class Store:
     def __init__(self, folder: Path, manifest: Manifest) -> None:
         self.folder, self.manifest = folder, manifest
         self.count = 0  # runs in the journal
+        folder.mkdir(parents=True, exist_ok=True)
+        self.commit(manifest)  # first, so that a folder with anything of a campaign in it is known as one
         for name in (RUNS, TRAJECTORIES):
             with naming(folder / name):
-                (folder / name).mkdir(parents=True, exist_ok=True)
-        self.commit(manifest)
+                (folder / name).mkdir(exist_ok=True)
         self.fold()
         self.mend()
 
@@ -173,7 +182,8 @@ class Store:
 
     def runs_of(self, part: Part | Signals) -> pa.ChunkedArray:
         """Numbers of the runs in a file."""
-        return pq.read_table(self.folder / part.file, columns=["run"])["run"]
+        with naming(self.folder / part.file):
+            return pq.read_table(self.folder / part.file, columns=["run"])["run"]
 
     def append(self, came: Sequence[Line]) -> None:
         """Take what is finished: it survives a kill, and the loss of power, from here on."""
@@ -185,7 +195,7 @@ class Store:
     def fold(self) -> None:
         """Make files of the journal, and begin another one."""
         journal, manifest = self.folder / self.manifest.journal, self.manifest
-        lines, damaged = read_journal(journal)
+        lines, damaged = read_journal(journal, int(manifest.about["runs"]))
         if damaged:
             LOG.warning("%s. What they held is computed again.", damage(journal, damaged))
         if lines:

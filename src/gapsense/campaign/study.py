@@ -14,6 +14,7 @@ from gapsense.campaign.draws import DISTRIBUTIONS, points
 from gapsense.campaign.plan import Block, Plan
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.events.event import SECTION
+from gapsense.cosim.kinds import STUDY, other_kind
 from gapsense.cosim.load_sections import by_port, read_rows, split
 from gapsense.cosim.scenario import Port, RowsColumn
 from gapsense.parameters import is_file, located
@@ -44,6 +45,9 @@ class Study:
 def read_study(path: str | Path, problems: list[str]) -> Study | None:
     """Study of a file as far as it can be read, or None."""
     path = Path(path)
+    if wrong := other_kind(path, STUDY):
+        problems.append(wrong)
+        return None
     data = read_toml(path, problems)
     return None if data is None else Reader(path, data, problems).study()
 

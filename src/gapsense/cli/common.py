@@ -7,6 +7,7 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 from __future__ import annotations
 
 import errno
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,7 +28,14 @@ from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
 
-ADVICE = {errno.ENOSPC: "Make room on its disk", errno.EFBIG: "Allow larger files (`ulimit -f`)"}
+ELSEWHERE = "or choose another folder"
+ADVICE = {
+    errno.ENOSPC: f"Make room on its disk, {ELSEWHERE}",
+    errno.EDQUOT: f"Make room within your share of its disk, {ELSEWHERE}",
+    errno.EFBIG: f"Allow larger files (`ulimit -f`), {ELSEWHERE}",
+    errno.EMFILE: "Allow more open files (`ulimit -n`), or take fewer workers",
+    errno.ENFILE: "Close other programs, or take fewer workers",
+}
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
 
@@ -229,9 +237,11 @@ def reported() -> Iterator[None]:
         raise typer.Exit(COMPONENT_FAILED) from None
     except mendable() as error:
         sentences = getattr(error, "problems", [str(error)])
-        if isinstance(error, OSError) and error.filename:
-            advice = ADVICE.get(error.errno or 0, "Correct the path")
-            sentences = [f"`{error.filename}`: {error.strerror}. {advice}, or choose another folder."]
+        if isinstance(error, OSError) and (error.filename or error.errno in ADVICE):
+            place = f"`{error.filename}`: " if error.filename else ""
+            found = os.strerror(error.errno) if error.errno in ADVICE else error.strerror  # others add to it
+            advice = ADVICE.get(error.errno or 0, f"Correct the path, {ELSEWHERE}")
+            sentences = [f"{place}{found}. {advice}."]
         for sentence in sentences:
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None

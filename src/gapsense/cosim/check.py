@@ -36,7 +36,7 @@ from gapsense.shipped import NATIVE_FOLDER
 from gapsense.tables import Value, is_integer
 
 MOST_POINTS = 10**6  # of a sweep
-MOST_JUDGED = 1000  # combinations for a component; the FMU tells the others
+MOST_JUDGED = 1000  # combinations for a component, and all its values; the FMU tells the others
 T = TypeVar("T")
 OWN = "Build the FMUs with `gapsense build%s`."  # remedies for an FMU that is missing
 FOREIGN = "Correct the path; it is relative to the scenario."
@@ -110,13 +110,14 @@ def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: froze
 
 
 def own_points(scenario: Scenario, component: str) -> Iterator[dict[str, Value]]:
-    """Combinations of the values that a sweep gives a component, the first ones if there are many; one without any."""
+    """Combinations of the values that a sweep gives a component, telling ones if there are many; one without any."""
 
     def own(values: Mapping[Port, T]) -> dict[Port, T]:
         return {port: value for port, value in values.items() if port.component == component}
 
-    points = Points([*map(own, scenario.rows)] or ({},), own(scenario.grid))
-    for index in range(min(len(points), MOST_JUDGED)):
+    rows = {tuple(own(row).items()): None for row in scenario.rows}
+    points = Points([*map(dict, rows)] or ({},), own(scenario.grid))
+    for index in points.telling(MOST_JUDGED):
         yield {port.variable: value for port, value in points[index].items()}
 
 

@@ -10,6 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.kinds import SCENARIO, other_kind
 from gapsense.problems import suggest
 from gapsense.shipped import example, examples
 from gapsense.tables import merged, read_toml
@@ -68,8 +69,10 @@ def scenario_file(source: Source) -> Path:
 
 
 def missing(path: Path) -> str:
-    """Sentence on a scenario that there is not, with one that was perhaps meant."""
+    """Sentence on a scenario that there is not, with one that was perhaps meant, or what its folder is."""
     folder = path.parent
+    if path.name == "scenario.toml" and (wrong := other_kind(folder, SCENARIO)):
+        return wrong
     beside = [file.name for file in folder.glob("*.toml")]
     around = [file.parent.name for file in folder.glob("*/scenario.toml")] + (examples() if folder == Path() else [])
     near = get_close_matches(path.name, sorted({*beside, *around}), n=1)
@@ -82,8 +85,8 @@ def read_document(source: Source, problems: list[str]) -> Document | None:
     if isinstance(source, Document):
         return source
     path = scenario_file(source)
-    if not path.exists():
-        problems.append(missing(path))
+    if wrong := other_kind(path, SCENARIO) if path.exists() else missing(path):
+        problems.append(wrong)
         return None
     data = read_toml(path, problems)
     return None if data is None else Document(path, data, is_file=True)

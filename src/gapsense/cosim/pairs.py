@@ -15,6 +15,7 @@ from gapsense.cosim.compare import step_of, tolerance_of
 from gapsense.cosim.difference import Comparison, Difference
 from gapsense.cosim.edges import reach
 from gapsense.cosim.grids import apart, are_same, common, sampled, spacing
+from gapsense.cosim.kinds import RESULT, other_kind
 from gapsense.cosim.record import TIME, Result, Run, Signal, read_result
 from gapsense.cosim.scenario import Baseline, Tolerance
 from gapsense.cosim.sidecar import read_sidecar
@@ -47,6 +48,8 @@ class Window:
 
 def paired(result: Path, reference: Path) -> Iterator[tuple[Path, Path]]:
     """The two files, or those of two folders that have one name; an InputError tells what only one folder has."""
+    if wrong := [found for path in (result, reference) if (found := other_kind(path, RESULT))]:
+        raise InputError(wrong)
     if result.is_dir() != reference.is_dir():
         folder, file = (result, reference) if result.is_dir() else (reference, result)
         raise InputError([f"`{folder}` is a folder, `{file}` is none. Name two results, or two folders of results."])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
-from gapsense.tables import Value
+from gapsense.tables import Value, is_number
 
 NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
 METHODS = ("gauss-seidel", "jacobi")
@@ -172,6 +172,33 @@ class Points(Sequence[dict[Port, Value]]):
             left, place = divmod(left, len(values))
             chosen[port] = values[place]
         return {**self.rows[left], **dict(reversed([*chosen.items()]))}
+
+    def telling(self, most: int) -> list[int]:
+        """The first points, and of more than `most` those that have every text and the extreme numbers of each port."""
+        numbers, stride = {*range(min(len(self), most))}, 1
+        rows = {port: [row[port] for row in self.rows] for port in self.rows[0]} if len(self) > most else {}
+        for values in reversed([*self.grid.values()] if len(self) > most else []):
+            numbers.update(stride * place for place in telling(values))
+            stride *= len(values)
+        for values in rows.values():
+            numbers.update(stride * place for place in telling(values))
+        return sorted(numbers)
+
+
+def telling(values: Sequence[Value]) -> set[int]:
+    """Places of the values that tell whether all are fit: every text and truth value, the extremes of the numbers."""
+    first: dict[tuple[type, Value], int] = {}
+    extremes: dict[tuple[type, bool], int] = {}  # places by type: whole numbers may be asked for
+    for place, value in enumerate(values):
+        if not is_number(value):
+            first.setdefault((type(value), value), place)
+            continue
+        low, high = (extremes.setdefault((type(value), is_high), place) for is_high in (False, True))
+        if value < values[low]:  # type: ignore[operator]  # numbers both
+            extremes[type(value), False] = place
+        if value > values[high]:  # type: ignore[operator]
+            extremes[type(value), True] = place
+    return {*first.values(), *extremes.values()}
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.document import missing, scenario_file
+from gapsense.cosim.kinds import RESULT, other_kind
 from gapsense.files import read_json
 from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError
@@ -26,6 +27,8 @@ OLD = "gapsense result 1"  # which tells no hash
 
 def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     """Side-car and CSV of a result; an InputError says why they cannot be believed."""
+    if wrong := other_kind(path, RESULT):
+        raise InputError([wrong])
     sidecar = path.with_suffix(".json")
     content, data = read_bytes(path), read_sidecar(path)
     if data is None and not SIGNALS.match(content[:LOOKED_AT]):

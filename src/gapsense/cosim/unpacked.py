@@ -35,7 +35,8 @@ def unpacked(description: Description) -> Path:
                 archive.extractall(part, [name for name in archive.namelist() if is_needed(name)])
         except (OSError, zipfile.BadZipFile) as error:
             shutil.rmtree(part, ignore_errors=True)
-            why = f"`{description.path}` cannot be unpacked into `{folder.parent}`: {error}"
+            cause = getattr(error, "strerror", None) or error
+            why = f"`{description.path}` cannot be unpacked into `{folder.parent}`: {cause}"
             raise FmuError(description.name, f"{why}. Look at the file and at the space on that disk.") from error
         with suppress(OSError):  # another thread was faster
             part.rename(folder)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim import Result, Scenario, read_result
+from gapsense.cosim.kinds import REPORTED, other_kind
 from gapsense.cosim.load import load
 from gapsense.cosim.sidecar import read_sidecar
 from gapsense.cosim.subject import Subject
@@ -62,7 +63,7 @@ def read_all(files: Sequence[Path]) -> list[Shown | Many]:
 
 def read(file: Path, problems: list[str]) -> Shown | Many | None:
     """One saved result, sweep or campaign, or None after noting why it is none."""
-    if sentence := other_kind(file):
+    if sentence := other_kind(file, REPORTED) or no_result(file):
         problems.append(sentence)
         return None
     try:
@@ -79,15 +80,11 @@ def read(file: Path, problems: list[str]) -> Shown | Many | None:
     return Shown(file, result, scenario, note, events(read_sidecar(file) or {}))
 
 
-def other_kind(file: Path) -> str:
-    """Sentence on a file that is no result, with what to do."""
-    if file.suffix == ".jsonl":
-        return f"`{file}`: it is what a sweep goes on from. Name the table beside it, `{file.with_suffix('.csv')}`."
-    if file.suffix == ".parquet" or (file.is_dir() and not is_many(file)):
-        return f"`{file}`: it is no result. Name the CSV file of a run or of a sweep, or the folder of a campaign."
-    if file.suffix == ".json":
-        return f"`{file}`: it is the side-car of a result. Name the CSV file beside it, `{file.with_suffix('.csv')}`."
-    return ""
+def no_result(file: Path) -> str:
+    """Sentence on a folder that is no campaign, with what to do."""
+    if not file.is_dir() or is_many(file):
+        return ""
+    return f"`{file}`: it is no result. Name the CSV file of a run or of a sweep, or the folder of a campaign."
 
 
 def scenario_of(result: Result) -> tuple[Scenario | None, str]:

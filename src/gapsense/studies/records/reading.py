@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gapsense.cosim.kinds import RECORD, other_kind
 from gapsense.cosim.record import read_result
 from gapsense.cosim.sidecar import read_sidecar
 from gapsense.files import unread
@@ -34,6 +35,9 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
     """Columns of a CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it."""
     if unknown := [name for name in how.names if name not in UNITS or name == "time"]:
         problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
+    if wrong := other_kind(path, RECORD):
+        problems.append(wrong)
+        return Columns(path.name, np.array([], dtype=int), {})
     if read_sidecar(path):
         return columns_of(path.name, read_result(path), how.names, problems)
     nothing = Columns(path.name, np.array([], dtype=int), {})
