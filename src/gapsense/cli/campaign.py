@@ -40,7 +40,9 @@ Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", sh
 @cli.command(RUN, group)
 def run(
     study: Annotated[Path, typer.Argument(help="Study file", show_default=False)],
-    workers: Annotated[int | None, typer.Option(help="Processes", min=1, show_default="one per processor")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes", min=1, max=1000, show_default="one per processor")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Dask scheduler whose workers do the runs: tcp://HOST:8786", show_default=False)
     ] = None,

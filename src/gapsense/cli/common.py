@@ -133,7 +133,7 @@ Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figu
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
 SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
-Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
+Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
 Data = Annotated[
     list[Path],
     typer.Argument(
