@@ -1,4 +1,7 @@
-"""Lines of JSON with a checksum each: what a kill or a disk did to a line is seen, and costs that line only."""
+"""JSON with checksums: files, and lines of which each has its own.
+
+What a kill or a disk did to a line is seen, and costs that line only.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, Any
 from zlib import crc32
@@ -16,6 +20,23 @@ from gapsense.files import SHOWN, naming
 Entry = dict[str, Any]
 LINE = re.compile(rb'(\{.*), "crc32": "([0-9a-f]{8})"\}\n')
 BLOCK = 2**16  # bytes
+SEAL = "checksum"  # of a file of JSON
+
+
+def fingerprint(facts: Any) -> str:
+    """Hash of facts of JSON, whatever the order of names in them."""
+    return sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def sealed(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Facts as JSON has them, with their hash."""
+    plain = json.loads(json.dumps(facts))
+    return {**plain, SEAL: fingerprint(plain)}
+
+
+def is_sealed(facts: Mapping[str, Any]) -> bool:
+    """Whether facts are those that were sealed."""
+    return facts.get(SEAL) == fingerprint({name: value for name, value in facts.items() if name != SEAL})
 
 
 def written(entry: Mapping[str, Any]) -> bytes:
@@ -34,11 +55,12 @@ def parsed(line: bytes) -> Entry | None:
 
 
 def read_lines(file: Path) -> Iterator[tuple[int, Entry | None]]:
-    """Number and entry of each line, without a last one that has no end: it was torn by a kill."""
+    """Number and entry of each line, without a last one that a kill has torn."""
     with suppress(FileNotFoundError), file.open("rb") as opened:
         for number, line in enumerate(opened, 1):
-            if line.endswith(b"\n"):
-                yield number, parsed(line)
+            entry = parsed(line.removesuffix(b"\n") + b"\n")
+            if entry or line.endswith(b"\n"):
+                yield number, entry
 
 
 def append_lines(file: Path, entries: Iterable[Mapping[str, Any]]) -> int:
@@ -52,15 +74,18 @@ def append_lines(file: Path, entries: Iterable[Mapping[str, Any]]) -> int:
 
 
 def cut_torn(file: IO[bytes]) -> None:
-    """Let a file end with the end of a line."""
-    end = file.seek(0, os.SEEK_END)
-    while end:
-        begin = file.seek(max(0, end - BLOCK))
-        if found := file.read(end - begin).rfind(b"\n") + 1:
-            end = begin + found
-            break
-        end = begin
-    file.truncate(end)
+    """Let a file end with the end of a line; a last one that is whole but for its end is kept."""
+    begin = size = file.seek(0, os.SEEK_END)
+    found = 0
+    while begin and not found:
+        end, begin = begin, max(0, begin - BLOCK)
+        file.seek(begin)
+        found = file.read(end - begin).rfind(b"\n") + 1
+    file.seek(begin + found)
+    if begin + found < size and parsed(file.read() + b"\n"):
+        file.write(b"\n")
+    else:
+        file.truncate(begin + found)
 
 
 def damage(file: Path, numbers: list[int]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -13,7 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from gapsense.checked import Entry, append_lines, damage, read_lines
+from gapsense.checked import Entry, append_lines, damage, fingerprint, read_lines
 from gapsense.files import naming, sha256
 from gapsense.locks import lock
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
@@ -40,11 +38,6 @@ def hashes(folder: Path, but: Path | None = None) -> dict[str, str]:
     """Hash of every source file below a folder, by its path from there on, `but` those of a folder inside."""
     files = sorted(p for p in folder.rglob("*") if p.suffix in SOURCES and not (but and p.is_relative_to(but)))
     return {path.relative_to(folder.parent).as_posix(): sha256(path) for path in files}
-
-
-def fingerprint(facts: Any) -> str:
-    """Hash of facts of JSON, whatever the order of names in them."""
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 class Ledger:

@@ -66,7 +66,8 @@ def test_torn_line_is_no_run_and_those_before_it_are(tmp_path_factory, kept):
     journal = next(folder.glob("journal-*"))
     content = journal.read_bytes()
     journal.write_bytes(content[: min(kept, len(content))])
-    whole = content[:kept].count(b"\n")
+    ends = [k for k in range(len(content)) if content[k : k + 1] == b"\n"]
+    whole = sum(kept >= end for end in ends)  # the end of a line is no part of what it says
     assert held(folder) == [*range(whole)]
     again = Store(folder, read_manifest(folder))
     assert again.known(5).tolist() == [k < whole for k in range(5)]

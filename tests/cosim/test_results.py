@@ -8,11 +8,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from gapsense.cosim import check, find_scenarios, read_result, record, run, test_scenarios, update_baseline, write_junit
 from gapsense.cosim.metrics import KINDS, Measured, measure_all
 from gapsense.cosim.scenario import Metric
 from gapsense.files import read_columns, sha256, write_atomically
+from gapsense.problems import InputError
 
 METRIC = '[metrics.{name}]\nkind = "{kind}"\nsignal = "{signal}"\n{more}\n'
 
@@ -117,15 +120,46 @@ def test_mixture_of_two_runs_is_refused(saved, kept):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda file: file.unlink(), "x.json beside it is missing or no side-car of a result. Run again"),
-        (lambda file: file.write_text("{"), "x.json beside it is missing or no side-car of a result. Run again"),
-        (lambda file: file.write_text('{"format": "other"}'), "no side-car of a result. Run again"),
+        (lambda file: file.unlink(), "x.json beside it is missing, damaged or no side-car. Run again"),
+        (lambda file: file.write_text("{"), "x.json beside it is missing, damaged or no side-car. Run again"),
+        (lambda file: file.write_text('{"format": "other"}'), "no side-car. Run again"),
         (lambda file: file.write_text('{"format": "gapsense result 1"}'), "an old result, .* the hash.* Run again"),
     ],
 )
 def test_result_without_its_sidecar_is_refused(saved, change, expected):
     change(saved[2].with_suffix(".json"))
     with pytest.raises(ValueError, match=expected):
+        read_result(saved[2])
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_flipped_bit_is_told_or_changes_nothing(saved, data):
+    path, expected = saved[2], read_result(saved[2])
+    file = data.draw(st.sampled_from([path, path.with_suffix(".json")]))
+    whole = file.read_bytes()
+    damaged, place = bytearray(whole), data.draw(st.integers(0, len(whole) - 1))
+    damaged[place] ^= 1 << data.draw(st.integers(0, 7))
+    file.write_bytes(damaged)
+    try:
+        found = read_result(path)
+    except InputError as error:
+        assert path.stem in str(error)
+    else:  # blanks between the entries of the side-car
+        assert file.suffix == ".json" and found.parameters == expected.parameters and found.metrics == expected.metrics
+        assert found.run == expected.run and found.timing == expected.timing and found.events == expected.events
+    finally:
+        file.write_bytes(whole)
+
+
+def test_sidecar_of_an_older_version_is_read(saved):
+    beside, expected = saved[2].with_suffix(".json"), read_result(saved[2])
+    data = json.loads(beside.read_text())
+    del data["checksum"]
+    beside.write_text(json.dumps({**data, "format": "gapsense result 2"}))
+    assert read_result(saved[2]).parameters == expected.parameters
+    beside.write_text(json.dumps({**data, "format": "gapsense result 3"}))
+    with pytest.raises(InputError, match="missing, damaged"):
         read_result(saved[2])
 
 

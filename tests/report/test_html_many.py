@@ -24,6 +24,7 @@ from gapsense import campaign
 from gapsense.campaign.store import read_manifest, write_manifest
 from gapsense.campaign.summary import spread
 from gapsense.campaign.worst import distance, extremes, rows
+from gapsense.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.changes import changed
@@ -233,8 +234,8 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     good, edited, other = (made_sweep(tmp_path / name) for name in ("good", "edited", "other"))
     edited.write_text(edited.read_text(encoding="utf-8").replace("70.0", "71.0"), encoding="utf-8")
     data = json.loads(other.with_suffix(".json").read_text(encoding="utf-8"))
-    del data["metrics"]["noise"]
-    other.with_suffix(".json").write_text(json.dumps(data), encoding="utf-8")
+    del data["metrics"]["noise"], data[SEAL]
+    other.with_suffix(".json").write_text(json.dumps(sealed(data)), encoding="utf-8")
     broken = made_campaign(tmp_path / "broken")
     for name in ("campaign.json", "campaign-copy.json"):
         (broken / name).write_text("{}", encoding="utf-8")

@@ -19,6 +19,7 @@ import pytest
 from html_results import made
 from typer.testing import CliRunner
 
+from gapsense.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.record import Timing
@@ -75,7 +76,8 @@ def test_texts_of_scenarios_are_texts_and_nothing_else(tmp_path, page):
     sidecar = result.save(tmp_path / "evil.csv").with_suffix(".json")
     data = json.loads(sidecar.read_text(encoding="utf-8"))
     data["events"] = [{"name": EVIL, "target": EVIL, "action": EVIL, "begin": 0.0, "end": 0.01}]
-    sidecar.write_text(json.dumps(data), encoding="utf-8")
+    del data[SEAL]
+    sidecar.write_text(json.dumps(sealed(data)), encoding="utf-8")
     page = Page(write_report([tmp_path / "evil.csv"], tmp_path / "evil.html"))
     count = [sum(tag in ("script", "img", "iframe", "link") for tag, _ in p.elements) for p in (page, harmless)]
     assert count[0] == count[1] == 4  # scripts: colours, library, figures, ours
@@ -184,7 +186,7 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
         "what a sweep goes on from",
         "it is no result. Name",
     )
-    for words in (*found, "SHA-256", "missing or no side-car", "it is the side-car"):
+    for words in (*found, "SHA-256", "missing, damaged or no side-car", "it is the side-car"):
         assert words in told, words
     with pytest.raises(InputError, match="nothing to report on"):
         write_report([], tmp_path / "x.html")

@@ -16,11 +16,11 @@ from gapsense.campaign.prepare import Prepared, prepare
 from gapsense.campaign.result import Campaign, read
 from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_manifest
 from gapsense.campaign.task import asked, local_job
-from gapsense.checked import Entry
+from gapsense.checked import Entry, fingerprint
 from gapsense.cosim.ahead import sweep_ahead
 from gapsense.cosim.told import told
 from gapsense.files import PART
-from gapsense.ledger import alone, fingerprint, sources
+from gapsense.ledger import alone, sources
 from gapsense.problems import InputError
 from gapsense.workers import Crew, Here, Progress, work
 

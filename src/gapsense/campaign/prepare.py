@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gapsense.campaign.plan import Block, Plan
 from gapsense.campaign.study import Study, read_study
+from gapsense.checked import fingerprint
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_record import unmatched
 from gapsense.cosim.check_values import taken
@@ -25,7 +26,6 @@ from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import signals
 from gapsense.cosim.worker import thrifty
 from gapsense.files import SHOWN
-from gapsense.ledger import fingerprint
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 

@@ -24,9 +24,8 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from gapsense.campaign.columns import SIGNALS, Columns, Line, from_facts
-from gapsense.checked import append_lines, damage, read_lines
+from gapsense.checked import SEAL, append_lines, damage, is_sealed, read_lines, sealed
 from gapsense.files import naming, read_json, sha256, state, write_atomically
-from gapsense.ledger import fingerprint
 from gapsense.problems import InputError
 
 LOG = logging.getLogger(__name__)
@@ -90,20 +89,20 @@ def read_checked(file: Path) -> Manifest | None:
     """A manifest, or None if there is none that is whole."""
     try:
         data = read_json(file)
-        if data["format"] != FORMAT or data.pop("sha256") != fingerprint(data):
+        if data["format"] != FORMAT or not is_sealed(data):
             return None
         columns, parts = from_facts(data.pop("columns")), tuple(Part(*part) for part in data.pop("parts"))
         signals = tuple(Signals(*part) for part in data.pop("trajectories"))
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    del data["format"]
+    del data["format"], data[SEAL]
     return Manifest(columns=columns, parts=parts, trajectories=signals, **data)
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Make it the state of the folder; it is on the disk before what only the old one names may go."""
     data = {"format": FORMAT, **vars(manifest), "columns": manifest.columns.facts()}
-    text = json.dumps({**data, "sha256": fingerprint(data)}, indent=2) + "\n"
+    text = json.dumps(sealed(data), indent=2) + "\n"
     for name in (MANIFEST, COPY):
         put(folder / name, lambda file: file.write(text.encode()))
 

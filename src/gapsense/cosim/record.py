@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.checked import sealed
 from gapsense.cosim import show
 from gapsense.cosim.events.event import Span
 from gapsense.cosim.metrics import Measured
@@ -165,7 +166,7 @@ class Result:
         path.parent.mkdir(parents=True, exist_ok=True)
         columns, units = {"time": self.times, **self.signals}, {**TIME, **self.units}
         with prepared(path, lambda file: write_columns(file, columns, units)) as table:
-            content = self.sidecar(sha256(table), path.parent)
+            content = sealed(self.sidecar(sha256(table), path.parent))
             with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as sidecar:
                 rename(table, path)
                 rename(sidecar, path.with_suffix(".json"))

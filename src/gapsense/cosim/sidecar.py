@@ -9,19 +9,21 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from gapsense.checked import SEAL, is_sealed
 from gapsense.cosim.document import missing, scenario_file
 from gapsense.cosim.kinds import RESULT, other_kind
 from gapsense.files import read_json
 from gapsense.plain_files import read_bytes
 from gapsense.problems import InputError
 
-FORMAT = "gapsense result 2"
+FORMAT = "gapsense result 3"
 ELSEWHERE = "choose another place with `--out`"
 PLAIN = re.compile(r"[\w.+=-]+")
 LONGEST = 80  # characters of settings in the name of a file
 ENDINGS = (".json", ".png", ".pdf", ".svg", ".html", ".toml", ".txt", ".xlsx", ".parquet")  # that are no folders
 SIGNALS = re.compile(rb'"time( \[s\])?","?[A-Za-z_]\w*\.')  # of a result
 LOOKED_AT = 1000  # bytes
+OLDER = "gapsense result 2"  # which has no checksum of its own
 OLD = "gapsense result 1"  # which tells no hash
 
 
@@ -32,11 +34,12 @@ def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     sidecar = path.with_suffix(".json")
     content, data = read_bytes(path), read_sidecar(path)
     if data is None and not SIGNALS.match(content[:LOOKED_AT]):
-        found = f"{sidecar.name} beside it is missing or no side-car, and no column is a signal `component.variable`"
+        found = f"{sidecar.name} beside it is missing, damaged or no side-car"
+        found = f"{found}, and no column is a signal `component.variable`"
         record = f"Of a record of measurements `gapsense inspect {path}` tells what there is"
         raise InputError([f"{path}: {found}, so it is no result of a run. {record}."])
     if data is None:
-        raise InputError([f"{path}: {sidecar.name} beside it is missing or no side-car of a result. Run again."])
+        raise InputError([f"{path}: {sidecar.name} beside it is missing, damaged or no side-car. Run again."])
     if data["format"] == OLD:
         raise InputError([f"{path}: an old result, whose side-car does not tell the hash of the CSV. Run again."])
     found, expected = sha256(content).hexdigest(), data.get("sha256")
@@ -56,12 +59,14 @@ def is_whole(path: Path) -> bool:
 
 
 def read_sidecar(path: Path) -> dict[str, Any] | None:
-    """Side-car of the result `path` (CSV), or None if there is none; its hash is not looked at."""
+    """Side-car of the result `path` (CSV), or None if there is none that is whole; the CSV is not looked at."""
     try:
         data = read_json(path.with_suffix(".json"))
     except (OSError, ValueError):
         return None
-    return data if isinstance(data, dict) and data.get("format") in (FORMAT, OLD) else None
+    if not isinstance(data, dict) or data.get("format") not in (FORMAT, OLDER, OLD):
+        return None
+    return data if is_sealed(data) or (data["format"] != FORMAT and SEAL not in data) else None
 
 
 def result_file(folder: Path, scenario: str | Path, variant: str | None = None, settings: Sequence[str] = ()) -> Path:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gapsense.checked import SEAL, is_sealed, sealed
 from gapsense.cosim.scenario import Points
 from gapsense.cosim.told import kind
 from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.sweep import Sweep
 
 FORMAT = "gapsense sweep 1"
-NEEDED = {"sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
+NEEDED = {SEAL, "sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
 AGAIN = "Sweep again"
 
 
@@ -26,7 +27,7 @@ def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) ->
     """Write both files; `points` are the combinations that the sweep goes through."""
     table, failed = columns(result), {run: values(points, run) for run in result.errors}
     with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
-        content = {**about, **sidecar(result, failed), "sha256": sha256(part)}
+        content = sealed({**about, **sidecar(result, failed), "sha256": sha256(part)})
         with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
             rename(part, path)
             rename(beside, path.with_suffix(".json"))
@@ -66,6 +67,8 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     data = beside(path)
     if not {*data} >= NEEDED:
         raise InputError([f"{path}: `{path.stem}.json` beside it is missing, or incomplete. {AGAIN}."])
+    if not is_sealed(data):
+        raise InputError([f"{path}: `{path.stem}.json` beside it is damaged, or was edited. {AGAIN}."])
     if sha256(path) != data.get("sha256"):
         raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
     return data
