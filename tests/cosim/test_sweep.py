@@ -223,12 +223,13 @@ def test_a_flipped_bit_of_a_ledger_costs_its_run_and_no_more(swept_noise, fmus, 
     assert is_last or told in caplog.text.replace(f"line {number}, {number + 1}:", f"line {number}:")
 
 
-def test_kept_signals_that_were_changed_are_computed_again(write, fmus, tmp_path):
+def test_kept_signals_that_were_changed_are_told_and_computed_again(write, fmus, tmp_path, caplog):
     first = sweep(write(NOISE), 2, out=tmp_path / "out", fmus=fmus, keep=True)
     before = first.kept[1].read_bytes()
     first.kept[1].write_bytes(before[:-2] + (b"1\n" if before[-2:] != b"1\n" else b"2\n"))
     again = sweep(write(NOISE), 2, out=tmp_path / "out", fmus=fmus, keep=True)
     assert again.computed == 1 and again.kept[1].read_bytes() == before
+    assert f"{first.kept[1]}: it is damaged, or was edited. Run 1 is computed again." in caplog.text
 
 
 FAULTY = NOISE + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0 }\n[inputs]\n"coil.u" = 0.0\n'

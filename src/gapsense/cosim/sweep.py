@@ -6,6 +6,7 @@ seeds leave the runs that are there as they are.
 
 from __future__ import annotations
 
+import logging
 import pickle
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
@@ -44,6 +45,8 @@ from gapsense.problems import ScenarioError
 from gapsense.processes import Died, Marks
 from gapsense.tables import Value
 from gapsense.workers import Job, Progress, complete
+
+LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,8 +215,14 @@ def source_of(scenario: Scenario, file: Path | None) -> str:
 
 
 def is_there(entry: Entry, store: Path | None) -> bool:
-    """True if a run is known, with its signals where they are kept."""
-    return "metrics" in entry and (store is None or is_whole(kept(store, entry["index"])))
+    """True if a run is known, with its signals where they are kept; signals that are damaged are told."""
+    if store is None or "metrics" not in entry:
+        return "metrics" in entry
+    file = kept(store, entry["index"])
+    is_good = is_whole(file)
+    if file.is_file() and not is_good:
+        LOG.warning("%s: it is damaged, or was edited. Run %d is computed again.", file, entry["index"])
+    return is_good
 
 
 def columns(scenario: Scenario, indices: Sequence[int]) -> dict[str, tuple[Value, ...]]:
