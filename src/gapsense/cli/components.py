@@ -11,7 +11,7 @@ import typer
 from gapsense import cosim
 from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
 from gapsense.plain_files import refuse_unwritable
-from gapsense.problems import InputError
+from gapsense.problems import InputError, number_of
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 
@@ -71,7 +71,7 @@ def build(
     made = natives(folders, to, values, platforms, with_arrays=not scalars) if is_native else fmus(folders, to, values)
     failures = 0
     for path, given in made:
-        failures += not is_valid(path, f", {len(given)} start values given" if parameters else "")
+        failures += not is_valid(path, f", {number_of(len(given), 'start value')} given" if parameters else "")
     raise typer.Exit(FAILED if failures else 0)
 
 

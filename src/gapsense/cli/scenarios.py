@@ -15,6 +15,7 @@ from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
 from gapsense.interrupts import counted
 from gapsense.plain_files import refuse_unwritable
+from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
@@ -31,7 +32,9 @@ def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = 
     remarks = cosim.remarks(source, variant, fmus)
     for remark in remarks:
         cli.notice(remark)
-    cli.show(f"{scenario}: no errors, {len(remarks)} warnings." if remarks else f"{scenario}: no problems.")
+    cli.show(
+        f"{scenario}: no errors, {number_of(len(remarks), 'warning')}." if remarks else f"{scenario}: no problems."
+    )
 
 
 @cli.command("run")
@@ -67,7 +70,7 @@ def run(
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             save(error.result, file)
-            cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
+            cli.notice(f"{file}: {number_of(error.result.times.size, 'row')} from before the failure.")
         raise
     try:
         cli.show(*runs.metrics(result), *runs.events(result), runs.timing(result))
@@ -75,7 +78,7 @@ def run(
         is_stopped = save(result, file)
     for remark in result.run.remarks:
         cli.notice(remark)
-    cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
+    cli.show(f"{file}: {number_of(result.times.size, 'row')}, {number_of(len(result.signals), 'signal')}.")
     if result.interrupted:
         on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
         cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")

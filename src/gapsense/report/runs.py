@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from gapsense.problems import number_of
 from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
@@ -158,10 +159,18 @@ def growths(found: Sequence[Growth]) -> Table:
     return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
 
 
+def indented(text: str) -> str:
+    """A failure of several sentences, the further ones below the first."""
+    return text.replace("\n", "\n    ")
+
+
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
     remark = f", {tested.remark}" if tested.remark else ""
-    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s{remark}"
+    checks = number_of(len(tested.checks), "check")
+    head = f"{word}  {tested.scenario}  {checks}, {tested.seconds:.1f} s{remark}"
     coarse = tested.result.run.remarks if tested.result else ()
-    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures), *(f"  note: {r}" for r in coarse)])
+    return "\n".join(
+        [head, *(indented(f"  {c.name}: {c.failure}") for c in tested.failures), *(f"  note: {r}" for r in coarse)]
+    )
