@@ -16,7 +16,7 @@ from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 
 def component_names(incomplete: str) -> list[str]:
-    """Names of components that begin so, for the shell."""
+    """Completions of a component's name, for the shell."""
     from gapsense.cosim.prepare import find_fmus
 
     known = sorted(file.stem for file in find_fmus(Path("here")).glob("*.fmu"))
@@ -154,7 +154,7 @@ def info(
 
 
 def listed(title: str, files: list[Path], base: Path) -> None:
-    """Show scenarios by what one types to run them: those that come with Gapsense by their names."""
+    """Show scenarios by what you type to run them: those that come with Gapsense by their names."""
     from gapsense.cosim.load import read_draft
     from gapsense.report import runs
 

@@ -48,9 +48,9 @@ def run(
     ),
     every: Annotated[
         float | None,
-        typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
+        typer.Option("--checkpoint", help="Save the run after each such span of simulated time", metavar="SECONDS"),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint")] = False,
     settings: cli.Set = None,
     native: cli.Native = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
@@ -92,7 +92,7 @@ def run(
 
 
 def save(result: cosim.Result, file: Path) -> bool:
-    """Save a result; true after a Ctrl-C meanwhile, which may have been meant for the run: only the next stops it."""
+    """Save a result; true after Ctrl-C meanwhile, which may have been meant for the run: only the next one stops it."""
 
     def tell() -> None:
         if interrupts() == 1:
@@ -178,7 +178,7 @@ def figure(
 
 
 def read_saved(file: Path, *options: object) -> cosim.Result:
-    """A saved result, of which nothing can be chosen any more."""
+    """Read a saved result, for which no option of a run makes sense."""
     if any(options):
         raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
     return cosim.read_result(file)
@@ -194,7 +194,7 @@ def test(
     native: cli.Native = False,
     figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
 ) -> None:
-    """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
+    """Run every scenario and variant; compare metrics with bounds and trajectories with baselines."""
 
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
@@ -212,7 +212,7 @@ def test(
 
 
 def picture(outcome: cosim.Outcome, folder: Path) -> None:
-    """Draw what differs from a baseline, if anything does; without it the tests go on all the same."""
+    """Draw what differs from a baseline. The tests go on if that fails."""
     if outcome.comparison and outcome.comparison.failing:
         name = outcome.scenario.replace("/", "_").replace("[", "_").rstrip("]")
         try:

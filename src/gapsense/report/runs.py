@@ -117,7 +117,7 @@ def per_step(of: Timing) -> tuple[str, str, str]:
 
 
 def three(value: float) -> str:
-    """A number with three digits, or those before its point."""
+    """A number with three digits, or with all digits before the point."""
     return f"{value:.{2 if value < 9.995 else 1 if value < 99.95 else 0}f}"
 
 
@@ -145,7 +145,7 @@ def facts(of: Facts) -> list[Table | str]:
 
 
 def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:
-    """Scenarios by what one types to run them, and their variants; None is one that cannot be read."""
+    """Scenarios by what you type to run them, with their variants; None stands for one that cannot be read."""
     rows = [(name, s.title, ", ".join(s.variants) or "-") if s else (name, UNREAD, "") for name, s in found.items()]
     return table(title, ("name", "what it is", "variants"), rows, texts=3)
 

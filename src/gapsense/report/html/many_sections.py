@@ -108,7 +108,7 @@ def goes_with(many: Many, name: str) -> str:
 
 
 def gap(missing: int) -> Cell:
-    """Runs without a value."""
+    """Number of runs without a value."""
     return element("strong", str(missing), of="bad") if missing else "-"
 
 
@@ -137,12 +137,12 @@ def worst(many: Many) -> Markup:
 
 
 def telling(found: Extremes) -> tuple[Worst, ...]:
-    """Runs of a metric that are worth a line: of those that are inside of bounds, the nearest to one of them."""
+    """Runs of a metric that are worth a row: of those within the bounds, the nearest to a bound."""
     return found.worst if not found.worst or found.worst[0].beyond > 0.0 else found.worst[:1]
 
 
 def why(many: Many, metric: str, beyond: float) -> Cell:
-    """Where the value of a bad run lies."""
+    """Why a run is listed: where its value lies."""
     if many.bounds(metric) is None:
         return f"{many.shown(metric, beyond)} from the median"
     if beyond <= 0.0:
