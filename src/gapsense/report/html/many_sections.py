@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from gapsense.problems import number_of
 from gapsense.report.html.elements import Cell, Markup, details, element, joined, table
 from gapsense.report.html.many import Many
 from gapsense.report.html.repeat import repeated
@@ -26,7 +27,7 @@ def verdict(many: Many) -> Verdict:
     if missing > 0:
         sentences.append(f"{missing} of {of.runs} runs are missing: the same command goes on.")
     if of.failed:
-        sentences.append(f"{of.failed} runs failed.")
+        sentences.append(f"{number_of(of.failed, 'run')} failed.")
     if not sentences:
         sentences.append(f"All {of.runs} runs are there, none failed.")
     return Verdict(missing <= 0 and not of.failed, (*sentences, *of_bounds(many)), WORDS)

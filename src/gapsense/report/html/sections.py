@@ -44,7 +44,8 @@ def verdict(shown: Shown, regression: Regression) -> Verdict:
     if outside:
         sentences.append(f"{len(outside)} of {len(result.metrics)} metrics are outside of their bounds.")
     elif bounded:
-        sentences.append(f"All {bounded} metrics with bounds are within them.")
+        subject = "The metric with bounds is" if bounded == 1 else f"All {bounded} metrics with bounds are"
+        sentences.append(f"{subject} within them.")
     else:
         sentences.append("No metric has bounds.")
     sentences.append(of_baseline(regression))
