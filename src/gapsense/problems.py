@@ -59,6 +59,11 @@ def place_of(error: Exception) -> str:
     return ""
 
 
+def number_of(count: int, noun: str) -> str:
+    """A count with its noun, in the plural where that is right: `1 row`, `2 rows`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Sentence that offers the nearest known name, or lists what there is."""
     names = sorted(known)

@@ -197,9 +197,7 @@ class Table:
         value = self.data[key]
         if kind.accepts(value):
             return value
-        is_large = kind in (COUNT, INDEX) and is_integer(value) and value > MOST
-        limit = f", at most {MOST} (2^53)," if is_large else ""
-        self.note(key, f"{found(value)} found, {kind.name}{limit} expected. Correct the value.")
+        self.note(key, refusal(value, kind))
         return default
 
     def choice(self, key: str, choices: tuple[str, ...], default: str | None = None) -> str | None:
@@ -243,7 +241,7 @@ class Table:
             if name in out:
                 self.note(name, "given twice, once as a dotted key and once in a table. Remove one.")
             elif not kind.accepts(value):
-                self.note(name, f"{found(value)} found, {kind.name} expected. Correct the value.")
+                self.note(name, refusal(value, kind))
             else:
                 out[name] = value
         return out
@@ -262,6 +260,13 @@ def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield from flattened(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
+
+
+def refusal(value: Any, kind: Kind) -> str:
+    """What a message says of a value of another kind."""
+    is_large = kind in (COUNT, INDEX) and is_integer(value) and value > MOST
+    limit = f", at most {MOST} (2^53)," if is_large else ""
+    return f"{found(value)} found, {kind.name}{limit} expected. Correct the value."
 
 
 def found(value: Any) -> str:

@@ -27,7 +27,7 @@ WRONG = {
     },
     "seeds = 2": {
         "seeds = 0": ["seeds: `0` found, a whole number of at least 1"],
-        "seeds = 100_000_000": ["make 600000000 runs, at most 10000000"],
+        "seeds = 100_000_000": ["x 100000000 runs found, at most 10000000"],
     },
     '"source.slope" = [1.0, 2.0, 3.0]': {
         '"source.slop" = [1.0]': ["ramps.toml, grid.source.slop: unknown parameter `slop`. Did you mean `slope`?"],

@@ -1,5 +1,6 @@
 """Messages say what was meant, and show what was written as it was written."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -106,6 +107,53 @@ def test_limit_of_whole_numbers_is_told(folder, value):
     file.write_text(file.read_text().replace("sensor = 1\n", f"sensor = {value}\n"))
     code, said = gapsense("check", "my_valve")
     assert code == 2 and "seeds.sensor" in said and "at most 9007199254740992" in said
+
+
+@pytest.mark.parametrize("value", [10**18, 2**63, 2**53 + 1])
+def test_limit_of_whole_numbers_is_told_of_settings_too(folder, value):
+    gapsense("new", "my_valve")
+    code, said = gapsense("run", "my_valve", "--set", f"sensor.seed={value}")
+    assert code == 2 and "sensor.seed" in said and "at most 9007199254740992" in said
+
+
+@pytest.mark.parametrize("seeds", [10**7, 10**18, 2**63, 10**90])
+def test_limit_of_the_seeds_of_a_sweep_is_told(folder, seeds):
+    gapsense("new", "my_valve")
+    code, said = gapsense("sweep", "my_valve", "--seeds", str(seeds))
+    assert code == 2 and f"3 x {seeds} runs found, at most 10000000 expected" in said.replace("\n", "")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sweep", "semera_valve", "--workers"),
+        ("campaign", "run", "x.toml", "--workers"),
+        ("study", "ukf-noise", "--seeds"),
+        ("study", "hybrid-ekf", "--seeds"),
+        ("study", "measuring", "--seeds"),
+        ("study", "estimators", "--seeds"),
+        ("study", "run-to-run", "--runs"),
+        ("study", "run-to-run", "--seed"),
+        ("study", "monte-carlo", "--runs"),
+        ("identify", "sample_valve.csv", "--starts"),
+        ("identify", "sample_valve.csv", "--seed"),
+    ],
+)
+@pytest.mark.parametrize("value", [-1, 10**18, 2**63])
+def test_limits_of_numbers_of_runs_are_told(words, value):
+    code, said = gapsense(*words, value)
+    assert code == 2 and re.search(rf"'{words[-1]}': Input should be (less|greater) than or equal to \d", said), said
+
+
+@pytest.mark.parametrize("lists", [8, 20, 320])
+def test_limit_of_the_combinations_of_a_sweep_is_told(folder, lists):
+    gapsense("new", "my_valve")
+    file = folder / "my_valve" / "scenario.toml"
+    many = "".join(f'"valve.p{k}" = {[*range(10)]}\n' for k in range(lists))
+    file.write_text(file.read_text().replace('"valve.damping" = [0.2, 0.4, 0.8]\n', many))
+    for command in ("check", "run", "sweep"):
+        code, said = gapsense(command, "my_valve")
+        assert code == 2 and "sweep: 10 x 10" in said and "at most 10000000 expected" in said, said
 
 
 def test_minimal_scenario_names_the_command_that_tells_start_values(folder):

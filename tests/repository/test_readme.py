@@ -123,6 +123,14 @@ def test_every_command_and_option_is_on_the_page_of_commands():
             assert parameter.param_type_name == "argument" or all(f"`{option}" in chapter for option in parameter.opts)
 
 
+def test_tour_names_every_folder_and_module_at_the_top_of_the_package():
+    tour = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = [path for path in (ROOT / "src" / "gapsense").iterdir() if not path.name.startswith("_")]
+    names = [path.name + "/" for path in paths if path.is_dir()] + [path.stem for path in paths if path.suffix == ".py"]
+    assert len(names) > 30
+    assert not [name for name in names if f"`{name}`" not in tour]
+
+
 def test_exit_codes_of_the_page_of_commands_are_those_of_the_program():
     from gapsense.cli import common as cli
 

@@ -16,13 +16,11 @@ from gapsense.cosim.document import scenario_file
 from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.kinds import STUDY, other_kind
 from gapsense.cosim.load_sections import by_port, read_rows, split
-from gapsense.cosim.scenario import Port, RowsColumn
+from gapsense.cosim.scenario import MOST_RUNS, Port, RowsColumn, product
 from gapsense.parameters import is_file, located
 from gapsense.problems import ScenarioError
 from gapsense.shipped import example
 from gapsense.tables import LIST, TABLES, Table, read_toml
-
-MOST_RUNS = 10**7  # of a campaign
 
 
 @dataclass(frozen=True)
@@ -75,9 +73,9 @@ class Reader:
         own = self.table.read(keys.STUDY)
         blocks = (*self.rows(own["rows"]), *self.sample(), *self.grid(), *self.ranges())
         plan = Plan(blocks, own["seeds"], own["noise"] == "common")
-        if len(plan) > MOST_RUNS:
-            found = " x ".join(str(n) for n in (*(block.size for block in blocks), own["seeds"]))
-            self.table.note("", f"{found} make {len(plan):.9g} runs, at most {MOST_RUNS} are done. Shorten something.")
+        if plan.points * plan.seeds > MOST_RUNS:
+            found = product((*(block.size for block in blocks), plan.seeds))
+            self.table.note("", f"{found} runs found, at most {MOST_RUNS} expected. Shorten something.")
         kept = self.table.table("trajectories")
         signals = kept.read(keys.TRAJECTORIES) if "trajectories" in self.table.data else {}
         return own["scenario"] and Study(

@@ -16,7 +16,7 @@ RUN = "run"
 
 
 class RunsByDefault(TyperGroup):
-    """A group whose first word may be that of `run` left out: `gapsense campaign STUDY.toml`."""
+    """A group in which the word `run` may be left out: `gapsense campaign STUDY.toml`."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the arguments name."""
@@ -40,7 +40,9 @@ Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", sh
 @cli.command(RUN, group)
 def run(
     study: Annotated[Path, typer.Argument(help="Study file", show_default=False)],
-    workers: Annotated[int | None, typer.Option(help="Processes", min=1, show_default="one per processor")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes", min=1, max=1000, show_default="one per processor")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Dask scheduler whose workers do the runs: tcp://HOST:8786", show_default=False)
     ] = None,
@@ -50,10 +52,10 @@ def run(
         cli.Output.FOLDER,
         typer.Option("--out", help="Folder of the result", show_default="results/<study>"),
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Run those again that failed")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed runs again")] = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
-    """Run a study: what is in its folder already is not run again, so the same command goes on after any end."""
+    """Run a study. Runs that are in its folder already are not repeated: the same command continues it."""
     if only_check:
         if problems := campaign.check(study, fmus):
             raise InputError(problems)
@@ -69,12 +71,12 @@ def run(
 
 @cli.command("show", group)
 def show(result: Result) -> None:
-    """Quantiles of every metric, what it goes with, and what failed; also of a campaign that is at work."""
+    """Show quantiles of every metric, what it depends on, and what failed; also while the campaign runs."""
     summarize(campaign.read(result))
 
 
 def summarize(result: campaign.Campaign) -> None:
-    """Print what came of it."""
+    """Print the outcome."""
     from gapsense.report import campaigns
 
     cli.show(*campaigns.summary(result))
@@ -89,7 +91,7 @@ def figure(
         Path | None, cli.Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file", show_default="<result>.png")
     ] = None,
 ) -> None:
-    """Draw every metric over every parameter: points, or where they are many how many lie where."""
+    """Draw every metric over every parameter: points, or a density if there are many."""
     from gapsense.report import campaigns, plot
 
     file = to or result.resolve().with_name(f"{result.resolve().name}.png")

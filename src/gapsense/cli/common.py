@@ -1,4 +1,4 @@
-"""What all commands share: the app, the consoles, errors that a user can mend, progress.
+"""What all commands share: the app, the consoles, errors that a user can fix, progress.
 
 Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input; 3 a component failed during a run;
 130 interrupted (what was computed is kept).
@@ -40,7 +40,7 @@ FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
 
 class App(typer.Typer):
-    """The program: a Ctrl-C before the command has begun ends it with a word."""
+    """The program. Ctrl-C before a command has begun ends it with one word."""
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Run the command that the arguments name."""
@@ -84,7 +84,7 @@ err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
 def scenario_names(incomplete: str) -> list[str]:
-    """Scenarios that begin so, for the shell: folders, scenario files, names of examples."""
+    """Completions of a scenario's name, for the shell: folders, scenario files, names of examples."""
     folder = Path(incomplete).parent if not incomplete.endswith("/") else Path(incomplete)
     inside = [str(file) for file in folder.glob("*.toml")] if incomplete.endswith("/") else []
     known = {*(str(file.parent) for file in folder.glob("*/scenario.toml")), *inside, *examples()}
@@ -110,11 +110,11 @@ Fmus = Annotated[
     Path | None,
     typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
-Native = Annotated[bool, typer.Option("--native", help="Take the native FMUs, those in build/native")]
+Native = Annotated[bool, typer.Option("--native", help="Use the native FMUs in build/native")]
 
 
 def folder(path: Path) -> Path:
-    """A folder to write to; a name that is one of a file is refused."""
+    """A folder to write to; the name of a file is refused."""
     from gapsense.cosim.sidecar import ENDINGS
 
     if path.suffix.lower() in (".csv", *ENDINGS) and not path.is_dir():
@@ -123,7 +123,7 @@ def folder(path: Path) -> Path:
 
 
 class Output(Enum):
-    """What a command writes to a path: beside an option's type, so that it is looked at before the command begins."""
+    """What a command writes to a path: it stands beside an option, and is checked before the command begins."""
 
     FILE = "file"
     FOLDER = "folder"
@@ -133,7 +133,7 @@ Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figu
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
 SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
-Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1)]
+Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
 Data = Annotated[
     list[Path],
     typer.Argument(
@@ -151,18 +151,20 @@ Column = Annotated[
     list[str] | None,
     typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
 ]
-Separator = Annotated[str, typer.Option(help="Between the cells of a CSV file")]
-Decimal = Annotated[str, typer.Option(help="Point of its numbers")]
-Clipped = Annotated[bool, typer.Option("--clipped", help="Take signals at the limits of their converter")]
+Separator = Annotated[str, typer.Option(help="Separator of the cells of a CSV file")]
+Decimal = Annotated[str, typer.Option(help="Decimal point of the numbers")]
+Clipped = Annotated[bool, typer.Option("--clipped", help="Accept signals at the limits of their converter")]
 Assume = Annotated[
     bool,
-    typer.Option("--assume", help="Assume what nobody has given, list it, and mark it in the file: relative answers"),
+    typer.Option(
+        "--assume", help="Assume what is not given, list it, and mark it in the file; answers are relative then"
+    ),
 ]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
 def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
-    """Register a function as a command; errors that the user can mend end it with one sentence and an exit code."""
+    """Register a function as a command; errors that the user can fix end it with one sentence and an exit code."""
     return lambda function: group.command(name)(reported()(checked(function)))
 
 
@@ -226,7 +228,7 @@ def written(*files: Path) -> None:
 
 @contextmanager
 def reported() -> Iterator[None]:
-    """Turn the errors a user can mend into one sentence and an exit code."""
+    """Turn the errors that a user can fix into one sentence and an exit code."""
     try:
         with interrupts.handled(signal.default_int_handler):
             yield
@@ -251,14 +253,14 @@ def reported() -> Iterator[None]:
 
 
 def mendable() -> tuple[type[Exception], ...]:
-    """Errors by what a user gave."""
+    """Types of errors that come from what a user gave."""
     from gapsense.trace import TraceError  # here, so that what needs no arrays starts fast
 
     return OSError, ValueError, TraceError
 
 
 def stop_if_interrupted(result: cosim.Result) -> None:
-    """Leave after a Ctrl-C, where half a run is of no use."""
+    """Leave after Ctrl-C, where half a run is useless."""
     if result.interrupted:
         problem(f"interrupted at t = {result.times[-1]:.6g} s; nothing was written.", "yellow")
         raise typer.Exit(INTERRUPTED)

@@ -22,7 +22,7 @@ RTOL, EDGE_STEPS = 1e-9, 1
 @cli.command("compare")
 def compare(
     result: Annotated[Path, typer.Argument(help="CSV of a result, or a folder of results", show_default=False)],
-    reference: Annotated[Path, typer.Argument(help="What it is held against, of the same kind", show_default=False)],
+    reference: Annotated[Path, typer.Argument(help="Reference to compare with, of the same kind", show_default=False)],
     rtol: Annotated[float, typer.Option(help="Allowed difference as a share of the nominal value")] = RTOL,
     atol: Annotated[float, typer.Option(help="Allowed difference in the unit of the signal, added to that")] = 0.0,
     tolerances: Annotated[
@@ -40,7 +40,7 @@ def compare(
     before: Annotated[float, typer.Option(help="Only rows up to this time [s]", show_default=False)] = math.inf,
     figure: cli.Picture = None,
 ) -> None:
-    """Hold a result against another one, signal by signal: |result - reference| <= atol + rtol x nominal.
+    """Compare a result with another one, signal by signal: |result - reference| <= atol + rtol x nominal.
 
     Signals that differ come first, three lines each. Exit code 1 if something differs.
     """

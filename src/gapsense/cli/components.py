@@ -11,12 +11,12 @@ import typer
 from gapsense import cosim
 from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
 from gapsense.plain_files import refuse_unwritable
-from gapsense.problems import InputError
+from gapsense.problems import InputError, number_of
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 
 def component_names(incomplete: str) -> list[str]:
-    """Names of components that begin so, for the shell."""
+    """Completions of a component's name, for the shell."""
     from gapsense.cosim.prepare import find_fmus
 
     known = sorted(file.stem for file in find_fmus(Path("here")).glob("*.fmu"))
@@ -71,7 +71,7 @@ def build(
     made = natives(folders, to, values, platforms, with_arrays=not scalars) if is_native else fmus(folders, to, values)
     failures = 0
     for path, given in made:
-        failures += not is_valid(path, f", {len(given)} start values given" if parameters else "")
+        failures += not is_valid(path, f", {number_of(len(given), 'start value')} given" if parameters else "")
     raise typer.Exit(FAILED if failures else 0)
 
 
@@ -154,7 +154,7 @@ def info(
 
 
 def listed(title: str, files: list[Path], base: Path) -> None:
-    """Show scenarios by what one types to run them: those that come with Gapsense by their names."""
+    """Show scenarios by what you type to run them: those that come with Gapsense by their names."""
     from gapsense.cosim.load import read_draft
     from gapsense.report import runs
 

@@ -44,7 +44,7 @@ def report(
 
 
 def free(file: Path) -> Path:
-    """The file, where nothing but a report of ours is; else an InputError."""
+    """Refuse to replace a file that is no report of Gapsense."""
     if os.path.lexists(file) and END not in read_bytes(file)[:LOOKED_AT]:
         raise InputError([f"{file}: there is a file that is no report of Gapsense. Remove it, or choose `--out`."])
     return file

@@ -15,6 +15,7 @@ from gapsense.cosim.ahead import run_ahead, sweep_ahead
 from gapsense.cosim.document import scenario_file
 from gapsense.interrupts import counted
 from gapsense.plain_files import refuse_unwritable
+from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed
 
@@ -31,7 +32,9 @@ def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = 
     remarks = cosim.remarks(source, variant, fmus)
     for remark in remarks:
         cli.notice(remark)
-    cli.show(f"{scenario}: no errors, {len(remarks)} warnings." if remarks else f"{scenario}: no problems.")
+    cli.show(
+        f"{scenario}: no errors, {number_of(len(remarks), 'warning')}." if remarks else f"{scenario}: no problems."
+    )
 
 
 @cli.command("run")
@@ -45,9 +48,9 @@ def run(
     ),
     every: Annotated[
         float | None,
-        typer.Option("--checkpoint", help="Save the run whenever so much time is simulated", metavar="SECONDS"),
+        typer.Option("--checkpoint", help="Save the run after each such span of simulated time", metavar="SECONDS"),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint")] = False,
     settings: cli.Set = None,
     native: cli.Native = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
@@ -67,7 +70,7 @@ def run(
     except cosim.FmuError as error:
         if error.result is not None and error.result.times.size:
             save(error.result, file)
-            cli.notice(f"{file}: {error.result.times.size} rows from before the failure.")
+            cli.notice(f"{file}: {number_of(error.result.times.size, 'row')} from before the failure.")
         raise
     try:
         cli.show(*runs.metrics(result), *runs.events(result), runs.timing(result))
@@ -75,7 +78,7 @@ def run(
         is_stopped = save(result, file)
     for remark in result.run.remarks:
         cli.notice(remark)
-    cli.show(f"{file}: {result.times.size} rows, {len(result.signals)} signals.")
+    cli.show(f"{file}: {number_of(result.times.size, 'row')}, {number_of(len(result.signals), 'signal')}.")
     if result.interrupted:
         on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
         cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
@@ -89,7 +92,7 @@ def run(
 
 
 def save(result: cosim.Result, file: Path) -> bool:
-    """Save a result; true after a Ctrl-C meanwhile, which may have been meant for the run: only the next stops it."""
+    """Save a result; true after Ctrl-C meanwhile, which may have been meant for the run: only the next one stops it."""
 
     def tell() -> None:
         if interrupts() == 1:
@@ -175,7 +178,7 @@ def figure(
 
 
 def read_saved(file: Path, *options: object) -> cosim.Result:
-    """A saved result, of which nothing can be chosen any more."""
+    """Read a saved result, for which no option of a run makes sense."""
     if any(options):
         raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
     return cosim.read_result(file)
@@ -191,7 +194,7 @@ def test(
     native: cli.Native = False,
     figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
 ) -> None:
-    """Run every scenario and variant; hold metrics against bounds and trajectories against baselines."""
+    """Run every scenario and variant; compare metrics with bounds and trajectories with baselines."""
 
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
@@ -209,7 +212,7 @@ def test(
 
 
 def picture(outcome: cosim.Outcome, folder: Path) -> None:
-    """Draw what differs from a baseline, if anything does; without it the tests go on all the same."""
+    """Draw what differs from a baseline. The tests go on if that fails."""
     if outcome.comparison and outcome.comparison.failing:
         name = outcome.scenario.replace("/", "_").replace("[", "_").rstrip("]")
         try:

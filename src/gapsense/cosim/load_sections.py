@@ -13,7 +13,17 @@ from gapsense import tables as kinds
 from gapsense.cosim import keys
 from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.scenario import Baseline, Connection, Metric, Port, Record, RowsColumn, Tolerance
+from gapsense.cosim.scenario import (
+    MOST_RUNS,
+    Baseline,
+    Connection,
+    Metric,
+    Port,
+    Record,
+    RowsColumn,
+    Tolerance,
+    product,
+)
 from gapsense.files import Sheet, number, read_sheet
 from gapsense.parameters import is_file, located
 from gapsense.tables import Table, Value, flattened
@@ -57,10 +67,15 @@ def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Row
         del lists[name]
     grid = {n: tuple(located(n, value, folder, sweep) for value in values) for n, values in lists.items()}
     files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
-    if file is None:
-        return by_port(sweep, grid), (), {}
-    files.append(folder / file)
-    return by_port(sweep, grid), *read_rows(folder / file, sweep, files, {SECTION, *table.table("components").data})
+    rows, columns = Rows(), RowsColumns()
+    if file is not None:
+        files.append(folder / file)
+        rows, columns = read_rows(folder / file, sweep, files, {SECTION, *table.table("components").data})
+    sizes = [len(rows or ({},)), *map(len, grid.values())]
+    if math.prod(sizes) > MOST_RUNS:
+        sweep.note("", f"{product(sizes)} combinations found, at most {MOST_RUNS} expected. Shorten something.")
+        grid = {}
+    return by_port(sweep, grid), rows, columns
 
 
 def read_rows(path: Path, sweep: Table, files: list[Path], components: Collection[str]) -> tuple[Rows, RowsColumns]:

@@ -201,7 +201,7 @@ def checks(scenario: Scenario, result: Result, comparison: Comparison | None) ->
     if comparison:
         yield Check("baseline", "\n".join(comparison.sentences))
     elif baseline.declared:
-        yield Check("baseline", f"there is no file `{baseline.file}`. Write it by an explicit update of the baseline.")
+        yield Check("baseline", f"there is no file `{baseline.file}`. `gapsense baseline --write` makes it.")
 
 
 def update_baseline(

@@ -10,7 +10,16 @@ from typing import NamedTuple
 
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
-from gapsense.tables import Value, is_number
+from gapsense.tables import LONGEST, Value, is_number
+
+MOST_RUNS = 10**7  # of a sweep or a campaign
+
+
+def product(sizes: Iterable[int]) -> str:
+    """Factors as a message shows them, those of 1 left out: `3 x 20`."""
+    text = " x ".join(str(size) for size in sizes if size != 1)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
 
 NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
 METHODS = ("gauss-seidel", "jacobi")

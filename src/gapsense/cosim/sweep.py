@@ -32,7 +32,7 @@ from gapsense.cosim.order import execution_order
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
-from gapsense.cosim.scenario import Points, Port, Scenario
+from gapsense.cosim.scenario import MOST_RUNS, Points, Port, Scenario, product
 from gapsense.cosim.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
@@ -236,6 +236,9 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
     problems = []
     if seeds < 1 or workers < 1:
         problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
+    if seeds * len(scenario.points()) > MOST_RUNS:
+        asked_for = product((len(scenario.points()), seeds))
+        problems.append(f"seeds: {asked_for} runs found, at most {MOST_RUNS} expected. Take fewer seeds.")
     is_random = bool(scenario.seeds) or any(event.is_random for event in scenario.events.values())
     if not is_random and not scenario.swept:
         problems.append(

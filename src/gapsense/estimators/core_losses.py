@@ -1,4 +1,4 @@
-"""What a real core adds to the models of the estimators: eddy currents, hysteresis, and a sharper bend of saturation.
+"""Core losses for the models of the estimators: eddy currents, hysteresis, and a sharper knee of saturation.
 
 Eddy currents add g_e dlambda/dt to the magnetomotive force over N.  With dlambda/dt = u - R i this leaves the current
 i = (g_e u + f)/(1 + R g_e) of a force f without them.  Hysteresis, by Dahl, adds h (1 + m^2) to f, m = lambda/lambda_s:
@@ -25,7 +25,7 @@ SATURATED = 0.95  # |m| from which the reluctance goes on linearly: wrong parame
 
 
 class Held(Protocol):
-    """What acts during an interval; each model has more in its own."""
+    """Inputs held during an interval; each model extends it."""
 
     @property
     def voltage(self) -> Scalar:
@@ -37,7 +37,7 @@ class Held(Protocol):
 
 
 class Core(Protocol):
-    """Coefficients of the core; each model has more in its own."""
+    """Coefficients of the core; each model extends them."""
 
     @property
     def R(self) -> Scalar:
@@ -61,14 +61,14 @@ class Core(Protocol):
 
 
 class Acting(NamedTuple):
-    """What acts, for a model that has no more."""
+    """The smallest `Held`."""
 
     voltage: Scalar
     hysteresis: Scalar
 
 
 class Losses(NamedTuple):
-    """Coefficients, for a model that has no more."""
+    """The smallest `Core`."""
 
     R: Scalar
     lam_sat: Scalar
@@ -86,7 +86,7 @@ def bent(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def share(core: Core) -> Scalar:
-    """1/(1 + R g_e): part of a magnetomotive force that is left to the current."""
+    """1/(1 + R g_e): the part of a magnetomotive force that the current makes."""
     return 1.0 / (1.0 + core.R * core.eddy)
 
 

@@ -185,7 +185,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[Held, Measured, Scalar]:
-    """Voltage and mode, those before for lost ones; what corrects the prediction; whether nothing is lost."""
+    """Voltage and mode, with the last good ones for lost ones; the correction; whether all readings are good."""
     has_voltage, has_mode = readings.can_be_read(inputs.voltage, par.range_voltage), readings.is_mode(inputs.mode)
     most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
     has_current = readings.can_be_read(inputs.current, most)
@@ -196,7 +196,7 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
 
 
 def _seen(new: Pass, now: Held, par: Parameters) -> Seen:
-    """What a sample shows of the health: the current error at rest, a position on a stop in motion."""
+    """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion."""
     x, moves = new.filtered.mean, is_moving(now.mode)
     return Seen(
         innovation=new.innovation,
@@ -222,7 +222,7 @@ def _health(watch: Watch, x: Array, is_lost: Scalar, par: Parameters) -> reading
 
 
 def tuning(par: Parameters) -> Tuning:
-    """That of a component."""
+    """The tuning of a component."""
     return Tuning(**{name: getattr(par, name) for name in Tuning._fields})
 
 
@@ -249,7 +249,7 @@ def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
 
 
 def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
-    """The same estimate, where it rests on a stop: the position is certain, and that before it of no importance."""
+    """The estimate at rest on a stop: the position is certain, and the position before it does not matter."""
     x, P = estimate.mean.copy(), estimate.cov.copy()
     x[POSITION] = position
     for k in (POSITION, POSITION_PREV):
@@ -277,7 +277,7 @@ def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
 
 
 def reachable(estimate: Gaussian, m: Model) -> Gaussian:
-    """The estimate with a flux linkage that numbers can bear; the prediction then brings it into reach of a device.
+    """The estimate, its flux linkage limited so that nothing overflows; the prediction then limits it further.
 
     Where the position is nearly certain, a projection may move the others anywhere.
     """

@@ -1,4 +1,4 @@
-"""What a host that knows arrays can read of the state of `ekf`."""
+"""Arrays of the state of `ekf`, for hosts that read arrays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Arrays(NamedTuple):
 
 
 def arrays(state: State, par: Parameters) -> Arrays:
-    """That of the normalised state, scaled on both sides; velocity by (23)."""
+    """Covariance of the normalised state, scaled on both sides; velocity by (23)."""
     m = normalised(par)
 
     def scaled(P: Array) -> Array:

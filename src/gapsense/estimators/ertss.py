@@ -1,4 +1,4 @@
-"""Extended Rauch-Tung-Striebel smoother: the filter of `ekf`, and each motion improved by what its landing teaches.
+"""Extended Rauch-Tung-Striebel smoother: the filter of `ekf`, and a smoothed trajectory after each landing.
 
 [RTS], Section III.  When the mover has landed the samples of its motion are smoothed, one of them with each new sample,
 from the landing back to the take-off; then they are published one by one with their own times.  The speed of the impact
@@ -50,7 +50,7 @@ __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 
 
 class Parameters(NamedTuple):
-    """Those of the filter, and how long a mover that leaves its stop and returns has not moved."""
+    """Parameters of the filter, and the shortest time away from a stop that counts as a motion."""
 
     filter: ekf.Parameters
     contact_debounce: Scalar  # [s]; 0: every sample in motion is a motion
@@ -64,7 +64,7 @@ class Estimate(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What is kept of one sample: the estimate, filtered and later smoothed, and what acted until the next one."""
+    """One sample in memory: the estimate, filtered and later smoothed, and the inputs until the next sample."""
 
     kept: Estimate
     held_voltage: Scalar
@@ -87,7 +87,7 @@ SIZE = RING * WIDTH
 
 
 class State(NamedTuple):
-    """The filter, the motion being recorded, those that wait to be smoothed and published."""
+    """The filter, the motion being recorded, and the motions that wait to be smoothed and published."""
 
     filter: ekf.State
     motion: Motion
@@ -163,7 +163,7 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 
 
 def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
-    """The last operation: a new one with a landing, else with one more bounce if the mover is back from one."""
+    """The last operation: a new one after a landing; one bounce more if the mover has come back from a bounce."""
     last, bounces = state.last, now.bounces & (state.queue.landed > 0.0)
 
     def landed() -> Operation:
@@ -204,7 +204,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
 
 
 def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
-    """The memory with a sample, or with the estimate of one, if it is its turn."""
+    """The memory with a sample, or with its estimate, when its turn has come."""
 
     def kept() -> Array:
         kept, start = samples, slot(turn.place) * WIDTH
@@ -222,5 +222,5 @@ def _loaded(samples: Array, place: Scalar) -> Sample:
 
 
 def _shown(estimate: ekf.Estimates) -> Shown:
-    """What is shown of an estimate."""
+    """Outputs of an estimate."""
     return Shown(*(getattr(estimate, name.partition("_")[2]) for name in Shown._fields))

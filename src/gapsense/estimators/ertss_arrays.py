@@ -1,4 +1,4 @@
-"""What a host that knows arrays can read of the state of `ertss`: the covariance of its filter."""
+"""Arrays of the state of `ertss`, for hosts that read arrays: the covariance of its filter."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ __all__ = ["ROWS", "Arrays", "arrays"]
 
 
 def arrays(state: State, par: Parameters) -> Arrays:
-    """Those of the filter."""
+    """Arrays of the filter."""
     return ekf_arrays.arrays(state.filter, par.filter)

@@ -35,7 +35,7 @@ class Orientation(Choice):
 
 
 class Tuned(Choice):
-    """Noise of the parameters, that of the paper, or no correction: the open loop."""
+    """Noise for wrong parameters, the noise of the paper, or no correction at all: the open loop."""
 
     robust, paper, none = range(3)
 
@@ -218,7 +218,7 @@ def model(par: Parameters) -> Model:
 
 
 def tuning(par: Parameters) -> Tuning:
-    """That of the parameters, or the published one, (21): P(0) = 0, no band, no sub-steps."""
+    """The tuning of the parameters, or the published one, (21): P(0) = 0, no band, no sub-steps."""
     own = Tuning(
         R=square(par.noise_current),
         rest=square(par.process_current),
@@ -258,7 +258,7 @@ def _contact(i: Scalar, u: Scalar, mod: Model) -> Scalar:
 
 
 def _rest(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Hybrid]:
-    """What is left of the interval on a stop, or the part of it up to the release; only the current is uncertain."""
+    """The rest of the interval on a stop, or its part up to the release; only the current is uncertain."""
     x, P, q = before
     s, R = x[POSITION], where(q > 2.5, mod.K7, mod.K6)
     start = vector([x[CURRENT]])
@@ -292,7 +292,7 @@ def _release(q: Scalar, start: Scalar, end: Scalar, s: Scalar, mod: Model) -> tu
 
 
 def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Hybrid]:
-    """What is left of the interval in the air, or the part of it up to the landing: x in sub-steps, P at once.
+    """The rest of the interval in the air, or its part up to the landing: x in sub-steps, P in one.
 
     F is for all that is left: of P a landing keeps the variance of the current alone.
     """
@@ -315,7 +315,7 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
 
 
 def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Scalar]:
-    """Whether the armature meets the upper and the lower stop: comes near it, but exactly the one that it has left."""
+    """Whether the armature meets the upper and the lower stop: within the band, exactly at the one it has left."""
     is_falling = q > 2.5
     highest, lowest = mod.s_max - where(is_falling, 0.0, tun.band), where(is_falling, tun.band, 0.0)
     return (v > 0.0) & (s >= highest), (v < 0.0) & (s <= lowest)

@@ -1,4 +1,4 @@
-"""What a host that knows arrays can read of the state of `hybrid_ekf`."""
+"""Arrays of the state of `hybrid_ekf`, for hosts that read arrays."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ class Arrays(NamedTuple):
 
 
 def arrays(state: State, par: Parameters) -> Arrays:
-    """That of the state."""
+    """Covariance of the state."""
     del par
     return Arrays(state.P)

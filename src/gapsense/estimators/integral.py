@@ -34,7 +34,7 @@ class Parameters(NamedTuple):
 
 
 class State(NamedTuple):
-    """Sums of the running operation, and the samples of this one and of the one before."""
+    """Sums of the current operation, and the samples of this operation and the previous one."""
 
     resistance: Scalar  # mean resistance in use [ohm]
     voltage_sum: Scalar  # S_u [V]
@@ -78,7 +78,7 @@ class Outputs(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What the estimates of a sample need."""
+    """One sample, as far as its estimates need it."""
 
     voltage_sum: Scalar
     current_sum: Scalar
@@ -136,7 +136,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, Health]:
-    """Voltage and current, the last good ones where they are lost, and the health that this means."""
+    """Voltage and current, with the last good ones for lost ones, and the resulting health."""
     limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
     has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), can_be_read(inputs.current, limit)
     found = health({LOST: not_(has_voltage & has_current)})
@@ -144,7 +144,7 @@ def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Sc
 
 
 def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
-    """At a rising edge of the voltage a new operation, with the resistance of the one that has ended.
+    """At a rising edge of the voltage, a new operation with the resistance of the one that has ended.
 
     An operation with lost readings leaves the resistance as it is, but the third in a row does not: it would go on
     being out of date.  A reading lost just before the edge counts for both, because the edge may have been there.
@@ -187,7 +187,7 @@ def _added(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
 
 
 def _replayed(state: State, par: Parameters) -> Sample:
-    """The sample of the operation before that belongs to this one."""
+    """The sample of the previous operation that corresponds to this one."""
     count = state.count
     is_replayed = count <= state.last_count
     k = where(is_replayed, (1.0 - state.half) * LENGTH + count - 1.0, SPARE)
@@ -203,7 +203,7 @@ def _replayed(state: State, par: Parameters) -> Sample:
 
 
 def _mean_resistance(state: State, par: Parameters) -> Scalar:
-    """Ratio (47) of the ended operation; the value before where the current is but noise: the ratio is 0/0 then."""
+    """Ratio (47) of the ended operation; the previous value if the current is only noise: the ratio is 0/0 then."""
     band = par.gate_sigmas * par.noise_current * sqrt(state.count)
     is_known = fabs(state.current_sum) > band
     return where(is_known, state.voltage_sum / where(is_known, state.current_sum, 1.0), state.resistance)

@@ -81,7 +81,7 @@ def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: G
 
 
 def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -> Scalar:
-    """Mean of the squared normalised innovation over about so many samples; 1 is what a right model expects."""
+    """Mean of the squared normalised innovation over about so many samples; its expected value is 1."""
     is_known = std > 0.0
     squared = where(is_known, square(innovation / where(is_known, std, 1.0)), 0.0)
     return mean(before, squared, samples)

@@ -1,4 +1,4 @@
-"""The motions that a smoother waits for: which they are, where their samples lie, and whose turn it is.
+"""The queue of motions of a smoother: where their samples are kept, and which one is next.
 
 A motion begins where the contact signal says that the mover has left its stop, and ends where it says that it is on
 one.  If it comes back to the stop that it left, it was none in two cases.  If contact had been made within the time of
@@ -35,7 +35,7 @@ class Contact(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """The motion that is recorded, or was last."""
+    """The motion being recorded, or the last one."""
 
     place: Annotated[
         Scalar, Whole(0, RING - 1)
@@ -66,19 +66,19 @@ class Queue(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A sample whose turn it is, if there is one."""
+    """The next sample, if there is one."""
 
     is_due: Scalar
     place: Scalar
 
 
 def nothing(time: Scalar) -> tuple[Motion, Queue]:
-    """No motion, none that waits."""
+    """No motion recorded, none waiting."""
     return Motion(0.0, 0.0, time, 0.0, time), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
 
 
 def slot(place: Scalar) -> Scalar:
-    """Where in the memory of samples a place is."""
+    """Index in the memory of samples."""
     return _within(place, RING)
 
 
@@ -106,7 +106,7 @@ def follow(motion: Motion, c: Contact) -> Followed:
 
 
 def to_keep(now: Followed, c: Contact) -> Turn:
-    """The turn of this sample to be kept, if it belongs to a motion."""
+    """Where this sample is kept, if it belongs to a motion."""
     motion, lands, _ = now
     moves = is_moving(c.mode) & (motion.count > 0.0)
     return Turn(moves | lands, motion.place + motion.count - where(lands, 0.0, 1.0))

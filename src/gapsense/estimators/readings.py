@@ -1,4 +1,4 @@
-"""Readings that an estimator can use, and the causes for which it is not to be trusted.
+"""Readings that an estimator can use, and causes of bad health.
 
 Every estimator has the outputs `health`, 1 or 0, and `health_causes`, the sum of the bits of `CAUSES` that hold.
 """
@@ -26,7 +26,7 @@ TWICE = 2.0  # motion and eddy currents drive more current than the voltage alon
 
 
 class Health(NamedTuple):
-    """What an estimator says of itself."""
+    """Health of an estimator, by its own judgement."""
 
     health: Scalar  # 1 fine, 0 not
     health_causes: Scalar  # sum of the bits of `CAUSES`
@@ -54,5 +54,5 @@ def most_current(range_current: Scalar, range_voltage: Scalar, resistance: Scala
 
 
 def believed(resistance: Scalar, parameter: Scalar) -> Scalar:
-    """The resistance at an input [ohm]; the parameter, if it says none: not wired, lost, or not positive and finite."""
+    """Resistance at an input [ohm]; the parameter if the input is not wired, lost, or not positive and finite."""
     return where((resistance > 0.0) & (resistance < math.inf), resistance, parameter)

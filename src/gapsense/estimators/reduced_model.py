@@ -109,12 +109,12 @@ def normalised(par: Parameters) -> Model:
 
 
 def _memory(T_s: Scalar, tau: Scalar) -> Scalar:
-    """exp(-T_s / tau), and 1 for tau = 0, which stands for a memory without end."""
+    """exp(-T_s / tau), and 1 for tau = 0, which means an infinite memory."""
     return where(tau > 0.0, exp(-T_s / where(tau > 0.0, tau, 1.0)), 1.0)
 
 
 def _constant(table: Array) -> Array:
-    """A table that can be compared and hashed, as the rest of the model."""
+    """A table that can be compared and hashed, like the rest of the model."""
     return table if is_traced(table) else tuple(table)
 
 
@@ -224,7 +224,7 @@ def observation(x: Array, m: Model, u: Held = UNDRIVEN) -> Array:
 
 
 def after(u: Held, lam: Scalar, lam_next: Scalar, m: Model) -> Held:
-    """The same voltage and mode, with the core's hysteresis at the end of the interval."""
+    """The same voltage and mode, with the hysteresis of the core at the end of the interval."""
     return u._replace(hysteresis=advanced(u.hysteresis, lam, lam_next - lam, m))
 
 

@@ -82,7 +82,7 @@ class Outputs(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a sample says."""
+    """Result of one sample."""
 
     innovation: Scalar
     variance: Scalar  # of the innovation
@@ -90,7 +90,7 @@ class Seen(NamedTuple):
 
 
 class Form(NamedTuple):
-    """How the filter is written: here as printed, in `semera_lean` with fewer operations."""
+    """Form of the filter: as printed here, with fewer operations in `semera_lean`."""
 
     unit: Callable[[Parameters], Scalar]  # in which the state has l [H]
     seen: Callable[[Gaussian, Inputs, Scalar, Parameters], Seen]  # by a prior, with the current of the last sample
@@ -107,7 +107,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def first(inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
-    """`initial` of a form."""
+    """`initial` for a form of the filter."""
     r, r_var = par.prior_resistance, square(par.prior_resistance_std)
     x, P = _at_rest(r, r_var, par, form)
     before = State(x, P, current=0.0, lost=1.0, awake=0.0, rest_resistance=r, rest_variance=r_var, resistance=r)
@@ -122,7 +122,7 @@ def _at_rest(r: Scalar, r_var: Scalar, par: Parameters, form: Form) -> Gaussian:
 
 
 def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
-    """`step` of a form."""
+    """`step` for a form of the filter."""
     limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
     has_current = can_be_read(inputs.current, limit)
     is_lost = not_(can_be_read(inputs.voltage, par.range_voltage) & has_current)
@@ -138,7 +138,7 @@ def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[S
 
 
 def _held(state: State, i: Scalar, par: Parameters, form: Form) -> tuple[State, Outputs]:
-    """A sample that cannot be used: the estimates expected of it.  A gap, however long, counts as one sample."""
+    """Estimates at a sample that cannot be used.  A gap, however long, counts as one sample."""
     band = par.gate_sigmas * par.noise_current
     l = where(_is_awake(state) & (fabs(i) > band), state.x[1] * form.unit(par), par.prior_inductance)
     outputs = _outputs(i, par, state.resistance, l, state.P, form)._replace(innovation_std=par.noise_voltage)

@@ -1,4 +1,4 @@
-"""What a host that knows arrays can read of the state of `semera`."""
+"""Arrays of the state of `semera`, for hosts that read arrays."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ class Arrays(NamedTuple):
 
 
 def arrays(state: State, par: Parameters) -> Arrays:
-    """What the filter carries to the next sample."""
+    """Covariance that the filter carries to the next sample."""
     del par
     return Arrays(state.P[:2, :2])

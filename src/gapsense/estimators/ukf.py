@@ -46,7 +46,7 @@ LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding show
 
 
 class Filter(Choice):
-    """Which filter."""
+    """Kind of filter."""
 
     bounded_ukf, unbounded_ukf, bounded_ekf, open_loop = range(4)
 
@@ -180,7 +180,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample: prediction, correction, and whatever went wrong put right."""
+    """One sample: prediction, correction, repair of what went wrong."""
     (voltage, has_current), is_whole = _read(inputs, state.voltage, par)
     mean = state.voltage + 0.5 * par.option_voltage * (voltage - state.voltage)
     m = _model(par, state.resistance)
@@ -211,7 +211,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:
-    """Voltage, that before for a lost one, and whether there is a current; whether nothing is lost."""
+    """Voltage, the previous one if it is lost; whether there is a current; whether nothing is lost."""
     has_voltage = readings.can_be_read(inputs.voltage, par.range_voltage)
     most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
     has_current = readings.can_be_read(inputs.current, most)
@@ -311,7 +311,7 @@ def _augmented(before: Gaussian, held: Held, m: Model, noise: Array, par: Parame
 
 
 def _linearised(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
-    """As the extended filter has it; while the position is clipped its derivatives are zero."""
+    """As in the extended filter; while the position is clipped, its derivatives are zero."""
     x, F = linearise(transition, before.mean, held, segment(before.mean[POSITION], par), m)
     then = after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
     P = predict(before.cov, F, diagonal(noise))
@@ -336,7 +336,7 @@ def _process_noise(par: Parameters) -> Array:
 
 
 def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
-    """The estimate inside its bounds; where numbers or variances are lost, all is uncertain again."""
+    """The estimate inside its bounds; uncertain again in all states if numbers or variances are lost."""
     x, P = estimate
     n = len(x)
     is_sound = _is_finite(total(P[i, j] for i in range(n) for j in range(i, n)) + total(x))
@@ -357,7 +357,7 @@ def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tu
 
 
 def _positive(P: Array, prior: Array) -> Array:
-    """The covariance, made again from its columns if so little is left of a variance that rounding may spoil it."""
+    """The covariance, rebuilt from its columns if a variance has become so small that rounding may spoil it."""
     is_fine = reduce(and_, (P[k, k] >= LITTLE * prior[k, k] for k in range(len(P))))
     P = nonnegative(P)
     return cond(is_fine, lambda: P, lambda: total(outer(c, c) for c in columns(P, 1.0, ORDER)))

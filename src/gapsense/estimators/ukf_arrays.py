@@ -1,4 +1,4 @@
-"""What a host that knows arrays can read of the state of `ukf`."""
+"""Arrays of the state of `ukf`, for hosts that read arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Arrays(NamedTuple):
 
 
 def arrays(state: State, par: Parameters) -> Arrays:
-    """That of the state, with the velocity in place of the position before."""
+    """Covariance of the state, with the velocity in place of the previous position."""
 
     def shown(P: Array) -> Array:
         velocity = (P[POSITION] - P[POSITION_PREV]) / par.sample_time

@@ -41,7 +41,7 @@ class Model(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What acts between two samples."""
+    """Inputs between two samples."""
 
     voltage: Scalar  # mean of the interval [V]
     push: Scalar  # w_z, inside the bound [m]
@@ -84,7 +84,7 @@ def model(par: Parameters, resistance: Scalar, memory: Scalar, low: Scalar, high
 
 
 def segment(z: Scalar, par: Parameters) -> Segment:
-    """Piece of the gap table around `z`; its ends go on."""
+    """Piece of the gap table around `z`; the first and last ones are extended."""
     k = locate(par.gap_file_gap, z)
     left, R_g, slope = (load(t, k) for t in (par.gap_file_gap, par.gap_file_reluctance, par.gap_file_slope))
     return Segment(

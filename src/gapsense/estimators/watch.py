@@ -1,4 +1,4 @@
-"""What a filter watches of itself: whether a sample is wild, and whether something goes on that should not."""
+"""Checks of a filter on itself: wild samples, and conditions that last too long."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Watch(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a sample shows."""
+    """Observations at one sample."""
 
     innovation: Scalar
     innovation_std: Scalar
@@ -45,7 +45,7 @@ def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
 
 
 def near(value: Scalar, std: Scalar) -> Scalar:
-    """A value, limited to `FAR` standard deviations."""
+    """A value, clipped to `FAR` standard deviations."""
     return clip(value, -FAR * std, FAR * std)
 
 
@@ -60,7 +60,7 @@ def counted(before: Scalar, is_so: Scalar) -> Scalar:
 
 
 def watched(before: Watch, seen: Seen, most: Scalar, samples: Scalar) -> Watch:
-    """What a sample adds to the means over about so many samples, and over `LONG` times as many at rest."""
+    """The means over about so many samples, and over `LONG` times as many at rest, with one sample more."""
     surprised = surprise(before.surprise, near(seen.innovation, seen.innovation_std), seen.innovation_std, samples)
     current_error = near(seen.current_error, seen.current_error_std)
     strained = surprise(before.strain, current_error, seen.current_error_std, LONG * samples)
@@ -73,5 +73,5 @@ def watched(before: Watch, seen: Seen, most: Scalar, samples: Scalar) -> Watch:
 
 
 def stationary(noise: Scalar, memory: Scalar, per: Scalar) -> Scalar:
-    """Deviation of what gets so much noise `per` time [s] and is forgotten with a memory [s]."""
+    """Stationary standard deviation of a state with process noise `per` time [s] and a memory [s]."""
     return noise * sqrt(0.5 * where(memory > 0.0, memory, WANDERING) / per)

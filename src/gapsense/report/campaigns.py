@@ -21,7 +21,7 @@ POINTS = 2000  # runs that are drawn as points; more are counted
 
 
 def summary(campaign: Campaign) -> list[Table | str]:
-    """What was varied, what came of it, and what went wrong."""
+    """What was varied, the metrics, and what failed."""
     about = campaign.manifest.about
     state = f"{campaign.rows} of {campaign.runs} runs, {campaign.failed} failed"
     heading = f"{about['title']}: {about['scenario']}, {state}"
@@ -69,7 +69,7 @@ def metrics(campaign: Campaign) -> list[Table]:
 
 
 def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[str] = ()) -> Figure:
-    """Each metric, alone and over each parameter: points, or how many runs lie where.
+    """Each metric, alone and over each parameter: points, or a density.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def labelled(campaign: Campaign, name: str) -> str:
 
 
 def alone(axis: Any, campaign: Campaign, metric: str) -> None:
-    """Histogram of a metric, lying."""
+    """Histogram of a metric, with horizontal bars."""
     from gapsense.campaign import summary as of
     from gapsense.report import plot
 

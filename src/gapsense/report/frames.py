@@ -13,7 +13,7 @@ def frame(shown: Result | Sweep) -> Any:
     try:
         import pandas
     except ImportError:
-        sentence = "pandas is not installed. Install it with `pip install gapsense[pandas]`."
+        sentence = "pandas is not installed. Install it with `pip install 'gapsense[pandas]'`."
         raise InputError([sentence]) from None
     if isinstance(shown, Result):
         made = pandas.DataFrame(dict(shown.signals), index=pandas.Index(shown.times, name="time"))

@@ -54,7 +54,7 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def row(result: dict[str, Any]) -> tuple[str, ...]:
-    """What one host did with all components of one kind."""
+    """Row of one host, for all components of one kind."""
     found: dict[str, float] = result["differences"]
     worst = max(found, key=lambda name: found[name])
     others = f"{found[worst]:.1g} ({worst})" if found[worst] else "none"

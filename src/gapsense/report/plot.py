@@ -97,7 +97,7 @@ def panels(
 
 
 def dress(axis: Any) -> None:
-    """A light grid, no box."""
+    """Draw a light grid and no box."""
     axis.grid(True, color=GRID, linewidth=0.5)
     axis.spines[["top", "right"]].set_visible(False)
     axis.margins(x=0.01)
@@ -121,7 +121,7 @@ def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None
 
 
 def shade(axis: Any, result: Result) -> None:
-    """Grey where an event of the scenario was on."""
+    """Shade the times at which an event of the scenario was on."""
     for span in result.events:
         end = result.times[-1] if span.end is None else span.end
         axis.axvspan(1e3 * span.begin, 1e3 * end, color=FAINT, alpha=0.2, linewidth=0.0, zorder=0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from gapsense.problems import number_of
 from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def per_step(of: Timing) -> tuple[str, str, str]:
 
 
 def three(value: float) -> str:
-    """A number with three digits, or those before its point."""
+    """A number with three digits, or with all digits before the point."""
     return f"{value:.{2 if value < 9.995 else 1 if value < 99.95 else 0}f}"
 
 
@@ -144,7 +145,7 @@ def facts(of: Facts) -> list[Table | str]:
 
 
 def scenarios(title: str, found: Mapping[str, Scenario | None]) -> Table:
-    """Scenarios by what one types to run them, and their variants; None is one that cannot be read."""
+    """Scenarios by what you type to run them, with their variants; None stands for one that cannot be read."""
     rows = [(name, s.title, ", ".join(s.variants) or "-") if s else (name, UNREAD, "") for name, s in found.items()]
     return table(title, ("name", "what it is", "variants"), rows, texts=3)
 
@@ -158,10 +159,18 @@ def growths(found: Sequence[Growth]) -> Table:
     return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
 
 
+def indented(text: str) -> str:
+    """A failure of several sentences, the further ones below the first."""
+    return text.replace("\n", "\n    ")
+
+
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
     remark = f", {tested.remark}" if tested.remark else ""
-    head = f"{word}  {tested.scenario}  {len(tested.checks)} checks, {tested.seconds:.1f} s{remark}"
+    checks = number_of(len(tested.checks), "check")
+    head = f"{word}  {tested.scenario}  {checks}, {tested.seconds:.1f} s{remark}"
     coarse = tested.result.run.remarks if tested.result else ()
-    return "\n".join([head, *(f"  {c.name}: {c.failure}" for c in tested.failures), *(f"  note: {r}" for r in coarse)])
+    return "\n".join(
+        [head, *(indented(f"  {c.name}: {c.failure}") for c in tested.failures), *(f"  note: {r}" for r in coarse)]
+    )

@@ -70,13 +70,13 @@ def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
 
 
 def tools(axes: Axes) -> list[Any]:
-    """Besides dragging to zoom; the wheel scrolls the page until it is chosen for zooming."""
+    """Tools besides dragging to zoom. The wheel scrolls the page until the user chooses it for zooming."""
     moves = [bk.PanTool(dimensions="width"), bk.WheelZoomTool(dimensions="width")]
     return [*moves, bk.ResetTool(), bk.SaveTool(), bk.CrosshairTool(overlay=axes.cursor)]
 
 
 def dress(made: Any, unit: str) -> None:
-    """Fine lines, plain words."""
+    """Thin lines, and labels without formatting."""
     made.grid.grid_line_color = GRID
     made.axis.axis_line_color = made.axis.major_tick_line_color = AXES
     made.axis.minor_tick_line_color = None

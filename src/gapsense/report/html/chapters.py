@@ -57,7 +57,7 @@ def of_time(shown: Shown, compared: Regression, plots: Plots, key: str) -> list[
 
 
 def numbers(shown: Shown, drawn: list[Panel]) -> tuple[Markup, ...]:
-    """What the plots do not tell exactly."""
+    """Tables with the exact numbers behind the plots."""
     return consistency.shown(drawn), sections.signals(shown.result)
 
 
@@ -87,7 +87,7 @@ def wiring(shown: Shown, key: str) -> Markup:
 
 
 def ends(wires: Sequence[str]) -> list[tuple[str, ...]]:
-    """Both ends of each connection."""
+    """Table of all connections."""
     return [tuple(wire.split(" -> ", 1)) for wire in wires]
 
 

@@ -1,4 +1,4 @@
-"""How honest estimators are: what the bands promise, held against the record."""
+"""Consistency of estimators: the stated bands compared with the actual errors."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def shown(panels: Sequence[Panel]) -> Markup:
 
 
 def white(found: Consistency) -> str:
-    """Correlation of an innovation, which should be white; of an error that says nothing."""
+    """Correlation of an innovation, which should be white; none for an error, where it says nothing."""
     if "innovation" not in found.name:
         return ""
     return f"{found.correlation:.3f} (within {found.limit:.3f})"

@@ -87,7 +87,7 @@ def thinned(curve: Curve, rows: Any) -> Curve:
 
 
 def width(curve: Curve, place: int, count: int) -> float:
-    """Width of a line: thinner and thinner, so that curves that coincide are all seen [pixels]."""
+    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all seen."""
     return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
 
 
@@ -123,7 +123,7 @@ def area(made: Any, x: Vector, low: Vector, high: Vector, entry: Entry) -> None:
 
 
 def short(values: Any) -> Any:
-    """Numbers as exact as a picture needs them."""
+    """Numbers rounded to what a picture can show."""
     return np.asarray(values, dtype=np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Many runs as a report shows them: a campaign, or the table of a sweep in the form of one."""
+"""Many runs for a report: a campaign, or a sweep in the same form."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Many:
 
     @cached_property
     def correlations(self) -> dict[str, list[Leading]]:
-        """For each metric what it goes with."""
+        """Correlations of each metric with the parameters."""
         from gapsense.campaign import summary
 
         return summary.correlations(self.campaign)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from gapsense.problems import number_of
 from gapsense.report.html.elements import Cell, Markup, details, element, joined, table
 from gapsense.report.html.many import Many
 from gapsense.report.html.repeat import repeated
@@ -26,7 +27,7 @@ def verdict(many: Many) -> Verdict:
     if missing > 0:
         sentences.append(f"{missing} of {of.runs} runs are missing: the same command goes on.")
     if of.failed:
-        sentences.append(f"{of.failed} runs failed.")
+        sentences.append(f"{number_of(of.failed, 'run')} failed.")
     if not sentences:
         sentences.append(f"All {of.runs} runs are there, none failed.")
     return Verdict(missing <= 0 and not of.failed, (*sentences, *of_bounds(many)), WORDS)
@@ -108,7 +109,7 @@ def goes_with(many: Many, name: str) -> str:
 
 
 def gap(missing: int) -> Cell:
-    """Runs without a value."""
+    """Number of runs without a value."""
     return element("strong", str(missing), of="bad") if missing else "-"
 
 
@@ -137,12 +138,12 @@ def worst(many: Many) -> Markup:
 
 
 def telling(found: Extremes) -> tuple[Worst, ...]:
-    """Runs of a metric that are worth a line: of those that are inside of bounds, the nearest to one of them."""
+    """Runs of a metric that are worth a row: of those within the bounds, the nearest to a bound."""
     return found.worst if not found.worst or found.worst[0].beyond > 0.0 else found.worst[:1]
 
 
 def why(many: Many, metric: str, beyond: float) -> Cell:
-    """Where the value of a bad run lies."""
+    """Why a run is listed: where its value lies."""
     if many.bounds(metric) is None:
         return f"{many.shown(metric, beyond)} from the median"
     if beyond <= 0.0:

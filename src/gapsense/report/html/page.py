@@ -111,10 +111,10 @@ def read(name: str) -> str:
 
 
 def closed(script: str) -> str:
-    """A script that ends where its element does."""
+    """A script in which no text ends its element early."""
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
 
 def digest(script: str) -> str:
-    """What the policy calls a script."""
+    """Hash of a script, as the content security policy names it."""
     return f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"

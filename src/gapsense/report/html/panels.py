@@ -95,7 +95,7 @@ def panel(result: Result, key: Key, names: list[str], compared: list[Metric]) ->
 
 
 def title(key: Key, drawn: Iterable[Curve]) -> str:
-    """What the curves of a panel are."""
+    """Title of a panel."""
     unit, variable = key
     names = sorted({curve.name.partition(".")[2] for curve in drawn})
     usual = names[0] if len(names) == 1 else QUANTITIES.get(unit)
@@ -103,7 +103,7 @@ def title(key: Key, drawn: Iterable[Curve]) -> str:
 
 
 def errors(result: Result, of: Panel, compared: list[Metric]) -> Panel:
-    """Estimates less what they are held to."""
+    """Estimates minus their references."""
     drawn = tuple(curves.error(result, pair) for pair in compared)
     told = dict.fromkeys(f"{p.reference}{', by its name' if p.name == GUESSED else ''}" for p in compared)
     note = f"estimate less {', '.join(told)}"
@@ -111,6 +111,6 @@ def errors(result: Result, of: Panel, compared: list[Metric]) -> Panel:
 
 
 def innovations(result: Result, names: list[str]) -> Panel:
-    """What the measurements said that was not expected, with the band that was."""
+    """Innovations, with the expected band."""
     drawn = tuple(curves.error(result, Metric(name, "max_abs", name)) for name in names)  # less nothing
     return Panel("innovation", result.units.get(names[0], ""), drawn, is_error=True, note="measured less predicted")

@@ -1,4 +1,4 @@
-"""The parts of a report that are words, numbers and tables."""
+"""Words, numbers and tables of a report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAR = 0.1  # of the range between two bounds
 
 
 class Verdict(NamedTuple):
-    """What came of a run in a few words, and if it is as it should be."""
+    """Outcome of a run in a few words, and whether it is good."""
 
     passed: bool
     sentences: tuple[str, ...]
@@ -27,7 +27,7 @@ class Verdict(NamedTuple):
 
     @property
     def word(self) -> str:
-        """One word."""
+        """The verdict as one word."""
         return self.words[not self.passed]
 
 
@@ -44,7 +44,8 @@ def verdict(shown: Shown, regression: Regression) -> Verdict:
     if outside:
         sentences.append(f"{len(outside)} of {len(result.metrics)} metrics are outside of their bounds.")
     elif bounded:
-        sentences.append(f"All {bounded} metrics with bounds are within them.")
+        subject = "The metric with bounds is" if bounded == 1 else f"All {bounded} metrics with bounds are"
+        sentences.append(f"{subject} within them.")
     else:
         sentences.append("No metric has bounds.")
     sentences.append(of_baseline(regression))
@@ -63,7 +64,7 @@ def of_baseline(regression: Regression) -> str:
 
 
 def banner(found: Verdict) -> Markup:
-    """The verdict."""
+    """The verdict, as HTML."""
     kind = "passed" if found.passed else "failed"
     mark = element("strong", f"{'✓' if found.passed else '✗'} {found.word}")
     return element("p", mark, " ", " ".join(found.sentences), of=f"verdict {kind}", role="status")
@@ -85,18 +86,18 @@ def facts(shown: Shown) -> Markup:
 
 
 def span(result: Result) -> str:
-    """From when to when the record is."""
+    """First and last time of the record."""
     ends = (result.times[0], result.times[-1]) if result.times.size else (result.run.start, result.run.start)
     return " to ".join(quantity(float(end), "s") for end in ends)
 
 
 def of_steps(decimation: int) -> str:
-    """What a row stands for."""
+    """Time between two rows, in words."""
     return "base step" if decimation == 1 else f"{decimation} base steps"
 
 
 def components(result: Result) -> Markup:
-    """What took part."""
+    """Table of the components."""
     base = result.run.base_step
     rows = (
         (
@@ -148,7 +149,7 @@ def metric(m: Measured, is_published: bool) -> tuple[Cell, ...]:
 
 
 def bounds(m: Measured) -> str:
-    """Between what a metric must lie."""
+    """Bounds of a metric, in words."""
     low, high = m.bounds or (-math.inf, math.inf)
     if math.isfinite(low) and math.isfinite(high):
         return f"{quantity(low, m.unit)} to {quantity(high, m.unit)}"
@@ -211,7 +212,7 @@ def signals(result: Result) -> Markup:
 
 
 def messages(result: Result) -> Markup:
-    """What the components said."""
+    """Messages of the components."""
     return details(
         f"{len(result.messages)} messages of the components",
         table("Messages", ("component", "status", "text"), [(a, str(b), c) for a, b, c in result.messages], texts=3),
@@ -242,12 +243,12 @@ def percent(found: float) -> str:
 
 
 def problems(sentences: tuple[str, ...]) -> Iterator[Markup]:
-    """What differs, in words."""
+    """Differences from the baseline, in words."""
     if sentences:
         yield element("ul", *(element("li", sentence) for sentence in sentences), of="problems")
 
 
 def events(shown: Shown) -> Markup:
-    """What happened to the run."""
+    """Table of the events of a run."""
     rows = [(e.name, e.what, quantity(e.begin, "s"), quantity(e.end, "s")) for e in shown.events]
     return table("Events, shaded in the plots", ("event", "what it does", "begin", "end"), rows, texts=2)

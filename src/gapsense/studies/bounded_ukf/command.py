@@ -12,7 +12,7 @@ from gapsense.cli.common import Out, bar, show, study, written
 
 @study("ukf-noise")
 def ukf_noise(
-    seeds: Annotated[int, typer.Option(help="Runs at each level and voltage", min=1)] = 20,
+    seeds: Annotated[int, typer.Option(help="Runs at each level and voltage", min=1, max=10**7)] = 20,
     to: Out = Path("results"),
 ) -> None:
     """Errors of BoundedUkf over the noise, [UKF] Fig. 8, with the open loop and other filters."""

@@ -22,8 +22,10 @@ Variants = Annotated[
 def estimators(
     scenario: Scenario = Path("estimators"),
     variant: Variants = None,
-    seeds: Annotated[int, typer.Option(help="Runs of a condition without draws of wrong parameters")] = 8,
-    workers: Annotated[int, typer.Option(help="Processes; only the cost per step depends on it")] = 2,
+    seeds: Annotated[
+        int, typer.Option(help="Runs of a condition without draws of wrong parameters", min=1, max=10**7)
+    ] = 8,
+    workers: Annotated[int, typer.Option(help="Processes; only the cost per step depends on it", min=1, max=1000)] = 2,
     fmus: Fmus = None,
     to: Out = Path("results"),
 ) -> None:

@@ -12,7 +12,7 @@ from gapsense.cli.common import Out, bar, show, study, written
 
 @study("hybrid-ekf")
 def hybrid_ekf(
-    seeds: Annotated[int, typer.Option(help="Runs at each level of noise")] = 100,
+    seeds: Annotated[int, typer.Option(help="Runs at each level of noise", min=1, max=10**7)] = 100,
     mismatch: Annotated[float, typer.Option(help="Largest relative error of the filter's parameters")] = 0.05,
     orientation: Annotated[str, typer.Option(help="Of the magnet: consistent or printed")] = "consistent",
     to: Out = Path("results"),

@@ -84,8 +84,10 @@ def identify(
     separator: Separator = ",",
     decimal: Decimal = ".",
     clipped: Clipped = False,
-    starts: Annotated[int, typer.Option(min=0, help="Starts of least squares; 0: multi-directional search")] = 6,
-    seed: Annotated[int, typer.Option(help="Of the random starts")] = 1,
+    starts: Annotated[
+        int, typer.Option(min=0, max=10**7, help="Starts of least squares; 0: multi-directional search")
+    ] = 6,
+    seed: Annotated[int, typer.Option(help="Of the random starts", min=0, max=2**31 - 1)] = 1,
 ) -> None:
     """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 

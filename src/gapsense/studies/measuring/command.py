@@ -12,7 +12,7 @@ from gapsense.cli.common import Out, bar, show, study, written
 
 @study("measuring")
 def measuring(
-    seeds: Annotated[int, typer.Option(help="Runs of each condition; 0: figures only", min=0)] = 2,
+    seeds: Annotated[int, typer.Option(help="Runs of each condition; 0: figures only", min=0, max=10**7)] = 2,
     to: Out = Path("results"),
 ) -> None:
     """How wrong `identify` is over sampling, converters, noise, filters and drives; figures of good and bad records."""

@@ -12,9 +12,13 @@ from gapsense.cli.common import Out, Workers, bar, show, study, written
 
 @study("run-to-run")
 def run_to_run(
-    runs: Annotated[int, typer.Option(help="Actuators", min=1)] = 200,
-    cycles: Annotated[int, typer.Option(help="Of each, where a condition needs no other number", min=2)] = 40,
-    seed: Annotated[int, typer.Option(help="Of actuators and noise; the laws were tuned on 1 and 2", min=0)] = 5,
+    runs: Annotated[int, typer.Option(help="Actuators", min=1, max=10**7)] = 200,
+    cycles: Annotated[
+        int, typer.Option(help="Of each, where a condition needs no other number", min=2, max=10**7)
+    ] = 40,
+    seed: Annotated[
+        int, typer.Option(help="Of actuators and noise; the laws were tuned on 1 and 2", min=0, max=2**31 - 1)
+    ] = 5,
     conditions: Annotated[str, typer.Option(help="Separated by commas", show_default="all")] = "",
     laws: Annotated[str, typer.Option(help="Separated by commas", show_default="those of each condition")] = "",
     workers: Workers = 2,

@@ -9,8 +9,8 @@ import typer
 
 from gapsense.cli.common import Out, Workers, bar, show, study, written
 
-Runs = Annotated[int, typer.Option(help="Runs at each width", min=1)]
-Seed = Annotated[int, typer.Option(help="Of the parameter errors and of the noise", min=0)]
+Runs = Annotated[int, typer.Option(help="Runs at each width", min=1, max=10**7)]
+Seed = Annotated[int, typer.Option(help="Of the parameter errors and of the noise", min=0, max=2**31 - 1)]
 Core = Annotated[str, typer.Option(help="`fitted` to the reference cycle, or the `published` values of Table II")]
 Widths = Annotated[
     str, typer.Option(help="Widths of the parameter errors in percent, separated by commas", show_default="13 of them")
