@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -54,13 +54,20 @@ def parsed(line: bytes) -> Entry | None:
     return entry
 
 
-def read_lines(file: Path) -> Iterator[tuple[int, Entry | None]]:
-    """Number and entry of each line, without a last one that a kill has torn."""
+def read_lines(file: Path) -> tuple[list[Entry], list[int]]:
+    """Entries of a file, and the numbers of its lines that are damaged; nothing if there is no file.
+
+    A last line that a kill has torn is neither.
+    """
+    entries: list[Entry] = []
+    damaged: list[int] = []
     with suppress(FileNotFoundError), file.open("rb") as opened:
         for number, line in enumerate(opened, 1):
-            entry = parsed(line.removesuffix(b"\n") + b"\n")
-            if entry or line.endswith(b"\n"):
-                yield number, entry
+            if entry := parsed(line.removesuffix(b"\n") + b"\n"):
+                entries.append(entry)
+            elif line.endswith(b"\n"):
+                damaged.append(number)
+    return entries, damaged
 
 
 def append_lines(file: Path, entries: Iterable[Mapping[str, Any]]) -> int:

@@ -70,8 +70,7 @@ class Ledger:
 
     def entries(self) -> tuple[list[Entry], list[int]]:
         """All entries of the file, also those with other keys, and the lines that are damaged."""
-        lines = [] if self.file is None else [*read_lines(self.file)]
-        return [entry for _, entry in lines if entry], [number for number, entry in lines if not entry]
+        return ([], []) if self.file is None else read_lines(self.file)
 
     def append(self, *entries: Entry) -> None:
         """Add entries and see them on the disk."""

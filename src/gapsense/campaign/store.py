@@ -124,11 +124,9 @@ def hash_of(file: Path, _: tuple[int, int, int]) -> str:
 def read_journal(file: Path, runs: int) -> tuple[list[Line], list[int]]:
     """The first line of each run below `runs` in a journal, and lines that are damaged; nothing if there is none."""
     found: dict[int, Line] = {}
-    damaged = []
-    for number, entry in read_lines(file):
-        if entry is None:
-            damaged.append(number)
-        elif isinstance(run := entry.get("run"), int) and 0 <= run < runs:
+    entries, damaged = read_lines(file)
+    for entry in entries:
+        if isinstance(run := entry.get("run"), int) and 0 <= run < runs:
             found.setdefault(run, entry)
     return [*found.values()], damaged
 
