@@ -144,3 +144,25 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
     assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.05
     assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
     assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))
+
+
+def test_a_command_that_no_motion_followed_is_told() -> None:
+    """A wire that breaks in the fourth cycle: neither voltage nor current; and it is mended in the fifth."""
+    s = plant()
+    command = (s.voltage > 0.0).astype(float)
+    shorter = Plant(*(np.r_[x[: START + 3 * CYCLE], np.full(CYCLE, x[0]), x[START + 3 * CYCLE :]] for x in s))
+    command = np.r_[command[: START + 4 * CYCLE], command[START + 3 * CYCLE :]]
+    voltage = with_noise(shorter.voltage, 1)
+    given = rows(voltage, noisy(shorter), command)
+    found = run(blind(option_command=1.0), given)
+    still = says(found, readings.STILL)
+    first, again = START + 3 * CYCLE, START + 4 * CYCLE
+    assert not still[:first].any() and still[first + HALF + 1 : again + HALF].all() and not still[again + CYCLE :].any()
+    assert not says(run(blind(), given), readings.STILL).any()
+
+
+def test_a_device_far_from_the_one_told_is_told() -> None:
+    """A mover of 1.6 times the mass, where 4 % is what was said of it."""
+    s = plant()
+    found = {mass: run(blind(mover_mass=mass * RTS_VALVE.mover_mass), rows(s.voltage, noisy(s))) for mass in (0.6, 1.0)}
+    assert says(found[0.6], readings.OTHER)[-1] and not says(found[1.0], readings.OTHER).any()

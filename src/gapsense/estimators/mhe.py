@@ -13,7 +13,6 @@ from typing import Annotated, NamedTuple
 from gapsense.estimators.mhe_effort import USUAL
 from gapsense.estimators.mhe_model import (
     Device,
-    Model,
     Point,
     advance,
     current,
@@ -32,31 +31,44 @@ from gapsense.estimators.mhe_records import (
     Work,
     first_work,
     get,
-    place,
     priors,
     published,
     put,
 )
+from gapsense.estimators.mhe_watch import (
+    RECENT,
+    Seen,
+    Watch,
+    as_seen,
+    first_watch,
+    is_strange,
+    is_untold,
+    is_wild,
+    listened,
+    watched,
+    weight,
+)
 from gapsense.estimators.mhe_window import BAD, LOGARITHMS, work_on
-from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
+from gapsense.estimators.readings import (
+    INNOVATION,
+    LOST,
+    OTHER,
+    RESTARTED,
+    STILL,
+    UNTOLD,
+    Health,
+    can_be_read,
+    health,
+    most_current,
+)
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.linalg import vector
 from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
-from gapsense.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
+from gapsense.trace import clip, cond, fabs, floor, load, not_, store, where
 
+FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
-RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
-SAME = 30.0  # samples over which the model's error of the current is the same
-KNOWN = 6.0  # operations that were explained, after which innovations are judged
-STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
-ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere in a sampling period [1]
-PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
-MEDIAN = 0.6745 * 20.0**0.5  # of the sizes of third differences, over the deviation of white noise
-LEVELLING = 1.0 / 500.0  # share by which a sample moves the deviation of the noise that is seen
-TOLD_TOO_LOW, TOO_NOISY = 1.3, 12.0  # times the noise that was told: what is seen counts; and is told
-LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
-WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 
 
 class Parameters(NamedTuple):
@@ -127,26 +139,12 @@ class Held(NamedTuple):
     zero: Scalar  # current that was measured at the end of the last one without voltage that was long enough
 
 
-class Watch(NamedTuple):
-    """What the innovations of the causal estimate say of now."""
-
-    surprise: Scalar  # mean of the innovations, of late [A]
-    is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
-    is_moving: Scalar  # 1: there was a motion in this operation
-    is_suspect: Scalar  # 1: an operation was strange, and none since then was not
-    place: Scalar  # of the last edge of the voltage, between two samples, from where the model has it [periods]
-    place_variance: Scalar
-    spread: Scalar  # variance of the places of edges, of late
-    faded: Scalar  # flux linkage by which the model is off now if that edge is a period off [Wb]
-
-
 class State(NamedTuple):
     """The samples, the model at the newest one, the window, and what was learnt."""
 
     last_command: Scalar
     causal: Annotated[Array, Vector(10)]  # a `Point`
     believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
-    noise: Scalar  # standard deviation of the current, as it is seen; at least what was told [A]
     held: Held
     watch: Watch
     work: Work
@@ -232,11 +230,6 @@ class Outputs(NamedTuple):
     certainty: Certainty
 
 
-def first_watch() -> Watch:
-    """Nothing was seen yet."""
-    return Watch(0.0, 0.0, 0.0, 0.0, place=0.0, place_variance=0.0, spread=ANYWHERE, faded=0.0)
-
-
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, on the stop to which the spring pushes."""
     d, has_voltage = device(par), can_be_read(inputs.voltage, par.range_voltage)
@@ -247,11 +240,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
     held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING), zeros(RING))
-    learns = (held, first_watch(), work, samples)
-    state = State(inputs.command, vector(at), zeros(len(d)), par.noise_current, *learns, *smoothed)
-    is_lost = not_(has_voltage & _has_current(inputs, par))
+    learns = (held, first_watch(par), work, samples)
+    state = State(inputs.command, vector(at), zeros(len(d)), *learns, *smoothed)
+    fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
-    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), is_lost, False, par)
+    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), fine, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -261,10 +254,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     u = where(has_voltage, inputs.voltage, before.voltage)
     zero = where(par.option_zero > 0.0, state.held.zero, 0.0)
     i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
-    told, noise = par.noise_current, _noise(state.noise, state.samples, u, i, par)
-    par = par._replace(noise_current=where(noise > TOLD_TOO_LOW * told, noise, told))
-    is_edge = _is_edge(u, before.voltage, par)
-    has_current = can_read & not_(_is_wild(state.samples, u, i, par))
+    is_edge, heard = drives(u - before.voltage, par), listened(state.watch, state.samples, u, i, par)
+    told, par = par, as_seen(heard, par)
+    has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
     held = _held(_forgotten(state.held, inputs.command == state.last_command, par), u, i + zero, par)
@@ -282,58 +274,28 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
-    watch = _watched(state.watch, innovation, has_current, u - before.voltage, now, work.learnt, m, par)
+    seen = Seen(innovation, has_current, u - before.voltage, inputs.command - state.last_command)
+    watch = watched(heard, seen, now, work.learnt, m, par)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
-    state = State(inputs.command, at, believed, noise, held, watch, work, samples, *smoothed)
-    is_lost, known = not_(has_voltage & has_current), get(work.learnt.deviations, START)
-    is_strange = (watch.is_strange > 0.0) | (watch.is_suspect > 0.0) | (noise > TOO_NOISY * told)
-    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, is_lost, is_strange, par)
+    state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
+    causes = {
+        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
+        LOST: not_(has_voltage & has_current),
+        RESTARTED: work.learnt.given_up > 0.0,
+        STILL: watch.is_still > 0.0,
+        OTHER: _is_other(work, par),
+        UNTOLD: is_untold(watch, told),
+    }
+    known = get(work.learnt.deviations, START)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
 
-def _watched(
-    before: Watch,
-    innovation: Scalar,
-    counts: Scalar,
-    change: Scalar,
-    now: Point,
-    learnt: Learnt,
-    m: Model,
-    par: Parameters,
-) -> Watch:
-    """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
-    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
-    is_edge, between = drives(change, par), (now.position > par.stop_lower) & (now.position < par.stop_upper)
-    fades = 1.0 - par.sample_time * m.load * now.mmf_slope
-    faded = where(is_edge, par.sample_time * change, before.faded * fades)
-    by_place = faded * now.mmf_slope * m.through
-    is_known = learnt.explained >= KNOWN
-    placed = before.spread + PLACED * (square(before.place) + before.place_variance - before.spread)
-    spread = where(is_edge & is_known & (before.is_strange < 1.0), placed, before.spread)
-    variance = where(is_edge, spread, before.place_variance)
-    told = where(counts & not_(is_edge | between), weight(par) * square(by_place) * variance, 0.0)
-    variance = variance / (1.0 + told)
-    missing = innovation - by_place * where(is_edge, 0.0, before.place)
-    place = clip(
-        where(is_edge, 0.0, before.place) + variance * weight(par) * by_place * where(told > 0.0, missing, 0.0),
-        -0.5,
-        0.5,
-    )
-    surprise = before.surprise + where(
-        counts & not_(is_edge), RECENT * (innovation - by_place * place - before.surprise), 0.0
-    )
-    most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
-    is_strange = is_known & (fabs(surprise) > most * usual)
-    is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
-    return Watch(
-        surprise=surprise,
-        is_strange=where(is_strange, 1.0, where(is_over, 0.0, before.is_strange)),
-        is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        is_suspect=where(is_over, before.is_strange, before.is_suspect),
-        place=place,
-        place_variance=variance,
-        spread=spread,
-        faded=faded,
-    )
+def _is_other(work: Work, par: Parameters) -> Scalar:
+    """Something was learnt that is too far from what was told."""
+    is_other: Scalar = False
+    for q, s in zip(get(work.q_prior, START), priors(par)):
+        is_other = (fabs(q) > FAR * s) | is_other
+    return is_other
 
 
 def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
@@ -346,40 +308,6 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _is_edge(u: Scalar, before: Scalar, par: Parameters) -> Scalar:
-    return drives(u - before, par)
-
-
-def _is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
-    """A current that is far from the line through the last two, although the voltage has not changed."""
-    last, older, _ = _last(before.currents, before)
-    is_far = square(i - 2.0 * last + older) * weight(par) > square(WILD)
-    return is_far & _is_held(before, u, par.edge + JUMP * par.noise_voltage)
-
-
-def _noise(noise: Scalar, before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
-    """The median of the third differences where the voltage has not changed, by steps: spikes do not move it far."""
-    last, older, oldest = _last(before.currents, before)
-    is_more = fabs(i - 3.0 * last + 3.0 * older - oldest) > MEDIAN * noise
-    moved = noise * where(is_more, 1.0 + LEVELLING, 1.0 - LEVELLING)
-    counts = _is_held(before, u, JUMP * par.noise_voltage) & (moved > par.noise_current)
-    return where(counts, moved, noise)
-
-
-def _last(memory: Array, samples: Samples) -> list[Scalar]:
-    """The three newest entries, the newest first."""
-    return [load(memory, place(samples.newest, age)) for age in (0.0, 1.0, 2.0)]
-
-
-def _is_held(before: Samples, u: Scalar, most: Scalar) -> Scalar:
-    """The voltage has changed by no more than this in each of the last three samples and this one."""
-    voltages = [u, *_last(before.voltages, before)]
-    is_held: Scalar = True
-    for new, old in zip(voltages, voltages[1:]):
-        is_held = (fabs(new - old) <= most) & is_held
-    return is_held
-
-
 def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
     newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
     return Samples(
@@ -389,11 +317,6 @@ def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: S
         weights=store(before.weights, newest, w),
         commands=store(before.commands, newest, has_command),
     )
-
-
-def weight(par: Parameters) -> Scalar:
-    """w^2 of a current: noise, and an error of the model that is the same over some samples."""
-    return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
 
 
 def _forgotten(held: Held, goes_on: Scalar, par: Parameters) -> Held:
@@ -463,18 +386,12 @@ def _outputs(
     shown: Shown,
     learnt: Learnt,
     known: Array,
-    is_lost: Scalar,
-    is_strange: Scalar,
+    fine: Health,
     par: Parameters,
 ) -> Outputs:
     """The mode is that of the model; deviations of logarithms are relative."""
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
-    causes = {
-        INNOVATION: (learnt.misfit >= par.health_limit) | is_strange,
-        LOST: is_lost,
-        RESTARTED: learnt.given_up > 0.0,
-    }
     sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
     stds = Certainty(*(size * std for size, std in zip(sizes, known)))
     motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)
-    return Outputs(*motion, health(causes), shown, Operation(*learnt[:6]), Found(*d), stds)
+    return Outputs(*motion, fine, shown, Operation(*learnt[:6]), Found(*d), stds)
