@@ -23,7 +23,7 @@ OFTEN, PULSED = 1.0 / 512.0, 0.02  # weight of a sample in the share of edges, a
 MINOR = 0.8  # error of the current under PWM, whose minor loops the hysteresis of the model does not have, over I_h
 ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere in a sampling period [1]
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
-KNOWN = 6.0  # operations that were explained, after which innovations are judged
+KNOWN, YOUNG = 4.0, 6.0  # operations that were explained, after which innovations are judged, first with more patience
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 
@@ -146,13 +146,15 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
+    young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
+    limit = (1.0 + young) * most * usual
     is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
     is_other = (par.option_command > 0.0) & (fabs(seen.change) > 0.0)
     return before._replace(
         edge=edge,
         spread=spread,
         surprise=surprise,
-        is_strange=where(is_known & (fabs(surprise) > most * usual), 1.0, where(is_over, 0.0, before.is_strange)),
+        is_strange=where(is_known & (fabs(surprise) > limit), 1.0, where(is_over, 0.0, before.is_strange)),
         is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
         is_suspect=where(is_over, before.is_strange, before.is_suspect),
         was_commanded=where(is_other, 1.0, before.was_commanded),
