@@ -263,7 +263,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     smoothed = (state.fluxes, state.positions)
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     first = model(par, device(par))
-    work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, first, par)
+    doubtful = state.work._replace(doubt=where(is_strange(state.watch), 1.0, state.work.doubt))
+    work, smoothed, caught = work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
     is_told = _is_told_late(work, state.work.learnt, par)
     is_other = is_new | is_first | is_told

@@ -102,6 +102,7 @@ class Work(NamedTuple):
     total: Scalar = 0.0  # cost at q
     promised: Scalar = 0.0  # cost after a whole step, if all were linear
     follows: Scalar = 0.0  # 1: the causal estimate has the device too
+    doubt: Scalar = 0.0  # 1: the causal estimate was strange since it began
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     ready: Annotated[Scalar, Whole(0, RING)] = 0.0  # smoothed samples that are not published yet
     shown: Annotated[Scalar, Whole(0, RING - 1)] = 0.0  # place of the last one that was

@@ -121,7 +121,7 @@ def _given_up(work: Work, causal: Point) -> Work:
 def _opened(work: Work) -> Work:
     """A window begins at its origin."""
     known = put(work.q_prior, get(work.q, N))
-    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0)
+    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, doubt=0.0)
     return _deriving(new._replace(tries=0.0, start=0.0, searches=0.0))
 
 
@@ -338,7 +338,9 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
     def rejected() -> Work:
         return cond(is_lost, lambda: _forgotten(told, par), lambda: _rejected(told, par))
 
-    return cond(misfit < BAD, lambda: _explained(told, misfit, par), rejected)
+    is_cut = work.end >= par.window_longest / par.sample_time  # no landing has ended it: what moved was no operation
+    most = where(is_cut & (work.doubt > 0.0), GOOD, BAD)
+    return cond(misfit < most, lambda: _explained(told, misfit, par), rejected)
 
 
 def _passed(work: Work, samples: Samples) -> Work:
