@@ -55,6 +55,12 @@ def first(travel: Scalar, par: Parameters) -> Law:
     )
 
 
+def doubted(law: Law, par: Parameters) -> Law:
+    """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
+    new = first(law.travel, par)
+    return law._replace(cov=new.cov, slopes=new.slopes, speed=new.speed, floor=new.floor)
+
+
 def started(law: Law, is_plain: Scalar) -> Law:
     """With an operation that nobody has judged yet."""
     missed = law.missed + where(is_plain, 0.0, UNJUDGED)

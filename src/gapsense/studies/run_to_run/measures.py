@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.control.records import Noted
 from gapsense.studies.run_to_run.cycles import NEVER, Outcome
 
 Floats = npt.NDArray[np.float64]
@@ -15,15 +16,7 @@ OPERATIONS = ("closing", "opening")
 LEVELS = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "worst": 1.0}
 LAST = 10  # cycles at the end that are taken together
 LEARNT = 3  # cycle from which an operation that does not arrive counts
-WARNINGS = (
-    "unseen",
-    "too fast",
-    "used up",
-    "unexplained",
-    "lost",
-    "shifted",
-    "hard",
-)  # in the order of their bits, see `control.operations`
+WARNINGS = tuple(name.replace("_", " ") for name in Noted._fields)  # in the order of their bits
 SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
 
 
