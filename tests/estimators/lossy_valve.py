@@ -37,9 +37,9 @@ def square_wave(sample_time: float = T_S) -> Signals:
     return Signals(voltage, current + 2e-3 * np.random.default_rng(1).standard_normal(k.size), *others)
 
 
-def faulty(first: int, last: int, volts: float = 30.0, **changes: float) -> Signals:
+def faulty(first: int, last: int, halves: int = 12, volts: float = 30.0, **changes: float) -> Signals:
     """The square wave with another valve in some of its halves; else as `square_wave`."""
-    kernel, k = Kernel(reluctance_actuator), np.arange(START + 12 * HALF)
+    kernel, k = Kernel(reluctance_actuator), np.arange(START + halves * HALF)
     half = (k - START) // HALF
     voltage = np.where((k >= START) & (half % 2 == 0), volts, 0.0)
     devices = (RTS_VALVE, RTS_VALVE._replace(**changes))
