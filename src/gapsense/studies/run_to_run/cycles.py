@@ -95,7 +95,7 @@ def outcome(law: str, condition: Condition, seed: int, runs: range, cycles: int)
             motions[str(k)] = cycle.position[::every, :shown].copy()
     mass = np.broadcast_to(loop.par["plant.mover_mass"][0], len(runs))
     numbers = (np.array(column) for column in zip(*rows))
-    return Outcome(*numbers, mass, motions)
+    return Outcome._make([*numbers, mass, motions])
 
 
 def gone(law: str, loop: Loop, condition: Condition, runs: int, cycles: int) -> Iterator[Cycle]:
