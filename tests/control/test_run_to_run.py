@@ -89,7 +89,8 @@ def test_a_miss_is_told_and_followed_by_ordinary_cycles_until_one_lands():
     states = [rows[200 * c + 90].state for c in range(9)]
     assert states[0] == LEARNING and states[1] != BACK
     assert states[2:6] == [BACK] * 4
-    hold = {row.voltage_reference for row in rows[400:498]}
+    assert {row.voltage_reference for row in rows[400:498]} == {PAR.voltage_hold}
+    hold = {row.voltage_reference for row in rows[600:698]}
     assert hold == {PAR.voltage_most}  # more than usual, as usual was not enough
     assert rows[297].warnings < 128.0 <= rows[310].warnings  # in the next operation
     assert states[8] != BACK  # and then it tries again
@@ -201,14 +202,14 @@ def test_lost_command_goes_on():
 
 
 def test_stronger_hold_ends_with_a_closing_that_arrives():
-    """One closing in which the mover does not move."""
+    """A soft closing in which the mover does not move, and the ordinary one after it."""
 
-    def stuck_once(k):
-        return 3.0 if 200 < k <= 400 else landing(k)
+    def stuck_twice(k):
+        return 3.0 if 200 < k <= 600 else landing(k)
 
-    rows, _ = run(CYCLE * 5, voltage=10.0, current=0.2, mode=stuck_once)
-    held = [rows[200 * c + 97].voltage_reference for c in range(5)]
-    assert held == [PAR.voltage_hold] * 2 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
+    rows, _ = run(CYCLE * 6, voltage=10.0, current=0.2, mode=stuck_twice)
+    held = [rows[200 * c + 97].voltage_reference for c in range(6)]
+    assert held == [PAR.voltage_hold] * 3 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
 
 
 def test_windows_that_explain_nothing_judge_nothing_and_are_told():

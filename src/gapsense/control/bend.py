@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.mover import gap_slopes, make_mover
-from gapsense.control.profile import path, stops
+from gapsense.control.profile import arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.records import Scalar
@@ -17,26 +17,30 @@ from gapsense.trace import cond, floor, load, sqrt, square, where
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
+USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE = 1e-4  # flux linkage [Wb]
 UNKNOWN = 1e3  # error of what was not measured
 
 
 def watched(state: State, par: Parameters) -> Heard:
-    """With the hardest bend so far of an operation that a contact tells: a stop left at once is none to that."""
+    """With the hardest bend so far of an operation: a stop that is left at once is none to a contact."""
     heard, is_closing = state.heard, state.running.command
     at = state.running.age - 2.0 * piece(par)
     has_left = (heard.takeoff > 0.0) & (at - 2.0 * piece(par) > heard.takeoff)
-    is_on = (state.running.is_plain < 1.0) & (state.by_model < 1.0) & has_left & (state.running.age < LONGEST)
-    lead = where(is_closing > 0.5, par.closing_lead, par.opening_lead)
-    share = where(is_closing > 0.5, *NEAR)
-    is_near = (heard.landing < 1.0) & (at * par.sample_time > lead + share * state.running.travel)
+    is_on = (state.running.is_plain < 1.0) & (has_left | (state.by_model > 0.0)) & (state.running.age < LONGEST)
+    running = state.running
+    plan = planned(is_closing, running.speed, running.travel, 0.0, par)
+    is_near = at * par.sample_time > plan.lead + where(is_closing > 0.5, *NEAR) * plan.travel
+    is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
+    is_near = is_near & (heard.landing < 1.0)
     is_on = is_on & (is_near | (at == heard.landing))
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = speed_at(state, is_closing, at, par)
         speed = speed - _braked(state.running, at, par)
         is_landing = at == heard.landing
+        speed = speed - where(is_landing & (noise > USUAL), VAGUE * (noise - USUAL), 0.0)
         is_harder = (speed > heard.hardest) & (is_landing | (speed > HIT + VAGUE * noise))
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
@@ -67,8 +71,7 @@ def speed_at(state: State, half: Scalar, landing: Scalar, par: Parameters) -> tu
     slope, _ = gap_slopes(stops(half > 0.0, m)[1], m)
     rises = [_rise(state, middle, n, T_s) for middle in (at - 1.0 - n, at + n)]
     flux, before, after = load(state.fluxes, at), *rises
-    for k in (-1.0 - 2.0 * n, 0.0, 2.0 * n):  # the law model keeps none where it follows no profile
-        is_kept = is_kept & (load(state.fluxes, at + k) > LITTLE)
+    is_kept = is_kept & (flux > LITTLE)
     bend = where(half > 0.0, -1.0, 1.0) * (before - after)
     noise = 2.0 * state.coil.noise / _large(flux) / (n * T_s * sqrt(n) * slope)
     return where(is_kept, bend / slope, 0.0), where(is_kept, noise, UNKNOWN)

@@ -150,5 +150,5 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),
-        is_strong=where(half > 0.0, 1.0 - has_landed, state.is_strong),
+        is_strong=where(half > 0.0, where(is_plain, 1.0 - has_landed, 0.0), state.is_strong),
     )

@@ -25,7 +25,7 @@ from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
-ROW = 1.0  # operations in a row that did not arrive
+ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 4.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
@@ -146,6 +146,7 @@ def _noted(state: State, par: Parameters) -> Noted:
     """With what only a whole cycle tells."""
     is_ready = (state.is_ready > 0.0) | (state.since_plain > 0.0) | (state.cycles < PATIENT)
     unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
+    unexplained = unexplained | (state.noted.unexplained > 0.0)
     shifted = fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most
     return state.noted._replace(unexplained=where(unexplained, 1.0, 0.0), shifted=where(shifted, 1.0, 0.0))
 
@@ -167,7 +168,9 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
+    is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
+        noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
         laws=laws.write(state.laws, half, laws.started(law, is_plain)),
         running=Running(
             command=half,
@@ -198,7 +201,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
 def _falls_back(state: State) -> Scalar:
     """Whether an ordinary cycle is due."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
-    return (state.alarm > 0.0) | (closing.missed >= ROW) | (opening.missed >= ROW)
+    return (state.alarm > 0.0) | (closing.missed >= laws.UNJUDGED) | (opening.missed > ROW)
 
 
 def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:

@@ -207,7 +207,8 @@ class State(NamedTuple):
     course: Pass
     noted: Noted
     laws: Annotated[Array, Memory(2 * LAW, LAW_SPANS)]
-    fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop; law model: what the profile wanted, or 0 [Wb]
+    fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop [Wb]
+    profiles: Annotated[Array, Memory(2 * LONGEST)]  # what the profile wanted where it was followed, or 0 [Wb]
     charges: Annotated[Array, Memory(2 * LONGEST)]  # [A s]
     errors: Annotated[Array, Memory(2 * LONGEST)]  # of the loop's flux linkage [Wb]
     cycles: Scalar
@@ -218,7 +219,7 @@ class State(NamedTuple):
     first_mass: Scalar  # that the estimator was told: another one is learnt, and in use [kg]
     smoothed_until: Scalar  # time of the last smoothed sample [s]
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
-    is_strong: Scalar  # 1: the voltage that holds is the largest one
+    is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
     alarm: Scalar  # operations that are to be ordinary
     explained: Scalar  # 1: the estimator has explained a window in this cycle

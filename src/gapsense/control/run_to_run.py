@@ -72,6 +72,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         remembered=vector([*NOTHING]),
         laws=zeros(2 * LAW),
         fluxes=zeros(2 * LONGEST),
+        profiles=zeros(2 * LONGEST),
         charges=zeros(2 * LONGEST),
         errors=zeros(2 * LONGEST),
         cycles=0.0,
