@@ -1,6 +1,5 @@
 """Port table of the extended Kalman filter; `Ertss` and `BoundedUkf` take what they have in common from here."""
 
-from gapsense.estimators.readings import CAUSES
 from gapsense.fmi.ports import Component, choice, fixed, input_, measured, option, output, parameter, sample_time, table
 
 BOTH = ("current", "mode")
@@ -53,9 +52,12 @@ COMPONENT = Component(
         output(
             "health_causes",
             "1",
-            "Why not, a sum of " + ", ".join(f"{bit:.0f}: {text}" for bit, text in CAUSES.items()),
+            "Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux "
+            "linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: "
+            "covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise "
+            "or switching larger than told",
             min=0.0,
-            max=sum(CAUSES),
+            max=511.0,
             feedthrough=ALL,
         ),
         sample_time(20e-6),

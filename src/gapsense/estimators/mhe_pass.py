@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gapsense.estimators.mhe_model import (
     Device,
     Model,
@@ -16,6 +14,7 @@ from gapsense.estimators.mhe_model import (
     point,
     with_device,
 )
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_records import (
     ALL,
     DERIVING,
@@ -37,9 +36,6 @@ from gapsense.estimators.mhe_records import (
 from gapsense.linalg import matrix, outer, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, floor, load, loop, not_, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 PACE = 7  # samples of a trial that are a piece of work
 FASTEST = 64  # pieces in a step, at most

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Point
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.linalg import matrix, vector
 from gapsense.records import Array, Memory, Scalar, Vector, Whole, triangle, zeros
 from gapsense.trace import load, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 RING = 8192  # samples that are kept
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window

@@ -10,10 +10,11 @@ was the last trial: the smoothed estimate.  The inverse then becomes the next Pi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from gapsense.estimators.mhe_effort import effort, start_of
 from gapsense.estimators.mhe_model import Model, Point
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, has_moved, is_idle, walked
 from gapsense.estimators.mhe_records import (
     DERIVING,
@@ -43,9 +44,6 @@ from gapsense.estimators.mhe_records import (
 from gapsense.linalg import deviation, diagonal, outer, swept, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe import Parameters
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import JUMP
 from gapsense.estimators.mhe_watch import SAME
 from gapsense.studies.identification.noise import noises
