@@ -42,7 +42,7 @@ UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
-WILD = 50.0  # deviations of an innovation that is told in its sample, however few there are
+WILD = 200.0  # deviations of an innovation that is told in its sample, however few there are
 NEAR = 0.05  # part of the stroke within which the position is at a stop
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 

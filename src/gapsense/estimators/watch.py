@@ -17,7 +17,8 @@ OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motio
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
 KNOWN = 8.0  # operations after which it is known how large innovations usually are
-UNUSUAL, SLACK = 1.35, 0.4  # as many times of the usual, and deviations more, are another device
+FEW, FIRST_UNUSUAL = 5.0, 2.5  # operations after which so many times of it are another device
+UNUSUAL, SLACK = 1.3, 0.4  # so many times of it, once it is known, and so many deviations more
 RISE, FALL = 0.2, 0.02  # share of an operation in what is usual, if it has more or less
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
@@ -144,9 +145,10 @@ def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, le
     biased = where(is_used, mean(before.bias, normalised(seen, std), 0.5 * limits.samples), before.bias)
     is_over, is_known = is_takeoff(before.left, leaves), before.operations >= KNOWN
     goes_down = before.left > 2.0
-    above = UNUSUAL * where(goes_down, before.down_above, before.up_above) + SLACK
-    below = UNUSUAL * where(goes_down, before.down_below, before.up_below) + SLACK
-    is_other = is_known & (before.left > 0.0) & ((biased > above) | (-biased > below))
+    times = where(is_known, UNUSUAL, FIRST_UNUSUAL)
+    above = times * where(goes_down, before.down_above, before.up_above) + SLACK
+    below = times * where(goes_down, before.down_below, before.up_below) + SLACK
+    is_other = (before.operations >= FEW) & ((biased > above) | (-biased > below))
     is_learnt = is_over & (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
 
     def usual(value: Scalar, new: Scalar, is_so: Scalar) -> Scalar:
