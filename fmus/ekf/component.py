@@ -54,9 +54,9 @@ COMPONENT = Component(
             "1",
             "Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux "
             "linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: "
-            "covariance lost, restarted",
+            "covariance lost, restarted, 64: first impact perhaps missed by the contact",
             min=0.0,
-            max=63.0,
+            max=127.0,
             feedthrough=ALL,
         ),
         sample_time(20e-6),
