@@ -20,7 +20,6 @@ from gapsense.estimators.reduced_model import (
     POSITION,
     POSITION_PREV,
     Model,
-    core_law,
     gap_law,
     is_moving,
     magnetic_force,
@@ -35,8 +34,9 @@ CLEAR = 8.0  # standard deviations of a kink that is none of noise
 LEAST = 0.5  # share of the kink of a mover that stops dead
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
 NEAR = 0.5  # largest distance from the stop, in strokes, of an estimate whose kink is an impact on it
+UNSURE = 0.2  # least standard deviation of the position, in strokes: that of the filter may be too small
 PULLED = 0.5  # least magnetic force on the stop, in those of the spring, with which the magnet drives the mover
-BEYOND_FREE, BEYOND_PULLED = 1.0, 4.5  # deviations by which the estimate may pass the stop before the contact closes
+BEYOND_FREE, BEYOND_PULLED = 0.8, 2.0  # deviations by which the estimate may pass the stop before the contact closes
 
 _LINES = np.array([np.ones(TAPS), np.arange(SIDE, -SIDE - 1.0, -1.0), np.arange(SIDE, -SIDE - 1.0, -1.0).clip(0.0)]).T
 KINK = np.linalg.pinv(_LINES)[2].tolist()  # weights of the readings, newest first
@@ -79,15 +79,19 @@ def sought(
     def flying() -> Kink:
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
         noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
-        jump = m.T_s * (now.voltage - before.voltage) * (gap_law(z, m)[0] + core_law(lam, m))
-        is_steady = is_read & (fabs(jump) <= SPREAD * noise)
+        jump = (
+            m.T_s * (now.voltage - before.voltage) * shifted[0]
+        )  # of the slope of the current, times the flux linkage
+        is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
         can_see = (steady >= TAPS) & (motion.count >= TAPS)
         slope = total(w * i for w, i in zip(KINK, shifted))
         size = where(lam * (z - z_prev) < 0.0, slope, -slope)
-        is_clear = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise) & _is_two_lines(shifted, size, noise)
+        is_large = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
+        is_clear = cond(is_large, lambda: _is_two_lines(shifted, size, noise), lambda: False)
         passes = is_moving(now.mode) & (fabs(z - motion.stop) >= 1.0)
-        step = fabs(z - z_prev) / (deviation(now.P[POSITION, POSITION]) + 1e-12)
+        std = deviation(now.P[POSITION, POSITION])
+        step = fabs(z - z_prev) / where(std > UNSURE, std, UNSURE)
         return kink._replace(
             currents=shifted,
             steady=steady,
@@ -117,15 +121,16 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters
     """A landing on `stop`; `at` is the estimate at the supposed impact.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
-    error: if the estimate was on the stop well before the contact, so was the mover.
+    error: if the estimate was on the stop well before the contact, so was the mover.  Without e_i it has a bias.
     """
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
     dead = fabs(slope * lam * (z - z_prev))
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
     is_told = is_kinked & (fabs(z - stop) <= NEAR)
-    is_pulled = fabs(magnetic_force(slope, lam)) >= PULLED * fabs(m.k_sp * (m.z_sp - stop))
+    is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
+    is_free = is_sprung & (par.option_current_error > 0.0)
     would_show = (kink.was_steady > 0.5) & (LEAST * dead >= CLEAR * SPREAD * par.noise_current)
-    is_beyond = not_(would_show) & (kink.beyond >= where(is_pulled, BEYOND_PULLED, BEYOND_FREE))
-    is_guessed = (kink.size == 0.0) & is_beyond & not_(is_pulled)
+    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, BEYOND_FREE, BEYOND_PULLED))
+    is_guessed = (kink.size == 0.0) & is_beyond & is_free
     return Verdict(is_told | is_guessed, not_(is_told) & (is_kinked | is_beyond))
