@@ -121,7 +121,7 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters
     """A landing on `stop`; `at` is the estimate at the supposed impact.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
-    error: if the estimate was on the stop well before the contact, so was the mover.  Without e_i it has a bias.
+    error: if the estimate was on the stop well before the contact, so was the mover.  Without e_i or e_F it has a bias.
     """
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
@@ -129,7 +129,7 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
     is_told = is_kinked & (fabs(z - stop) <= NEAR)
     is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
-    is_free = is_sprung & (par.option_current_error > 0.0)
+    is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
     would_show = (kink.was_steady > 0.5) & (LEAST * dead >= CLEAR * SPREAD * par.noise_current)
     is_beyond = not_(would_show) & (kink.beyond >= where(is_free, BEYOND_FREE, BEYOND_PULLED))
     is_guessed = (kink.size == 0.0) & is_beyond & is_free
