@@ -3,7 +3,8 @@
 python benchmarks/run_to_run.py [FOLDER ...]    after `python build_fmus.py` and `python build_fmus.py --native`
 
 Each FMU by itself in a loop in C, on the inputs that it had in the scenario; of each of the steps the shortest of some
-runs, since others disturb single ones.  Bounds, of both together: 20 us at the median, 60 us in any step.
+runs, since others disturb single ones.  The steps of the first cycle, which find memory and caches cold, have a column
+of their own.  Bound: no later step of both together costs more than five times the median.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from gapsense.cosim.scenario import Port
 SCENARIO, VARIANT = ROOT / "scenarios" / "run_to_run", "model"
 PARTS = {"mhe": "Mhe", "controller": "RunToRun"}
 FOLDERS = [ROOT / "build" / "fmus", ROOT / "build" / "native"]
-MEDIAN, LARGEST = 20.0, 60.0  # us, of both together
+CYCLE = 1000  # steps
+RATIO = 5.0  # of the largest step to the median, of both together
 
 
 def main() -> None:
@@ -35,7 +37,7 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=7, help="runs of which the shortest steps are taken")
     options = parser.parse_args()
     table, together = Table(title="Microseconds of a step"), {}
-    for column in ("FMUs", "", "median", "99 %", "largest", "over the median"):
+    for column in ("FMUs", "", "cold", "median", "99 %", "largest", "over the median"):
         table.add_column(column, justify="left" if column in ("FMUs", "") else "right")
     for folder in options.folders:
         run = recorded(SCENARIO, folder.resolve(), Port("actuator", "mode"), (2.0,), VARIANT)
@@ -45,8 +47,13 @@ def main() -> None:
             table.add_row(folder.name, title, *shown(each))
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     for name, each in together.items():
-        hold(f"{name}, median step of both FMUs", float(np.median(each)), MEDIAN, "us")
-        hold(f"{name}, largest step of both FMUs", float(np.max(each)), LARGEST, "us")
+        later = each[CYCLE:]
+        hold(
+            f"{name}, largest step of both FMUs over the median",
+            float(np.max(later) / np.median(later)),
+            RATIO,
+            "times",
+        )
 
 
 def shortest(run: Run, name: str, times: int) -> Rows:
@@ -56,8 +63,9 @@ def shortest(run: Run, name: str, times: int) -> Rows:
 
 def shown(each: Rows) -> list[str]:
     """Cells of a row."""
-    median, most, largest = np.median(each), np.quantile(each, 0.99), np.max(each)
-    return [f"{median:.2f}", f"{most:.2f}", f"{largest:.2f}", f"{largest / median:.1f}"]
+    cold, later = np.max(each[:CYCLE]), each[CYCLE:]
+    median, most, largest = np.median(later), np.quantile(later, 0.99), np.max(later)
+    return [f"{cold:.2f}", f"{median:.2f}", f"{most:.2f}", f"{largest:.2f}", f"{largest / median:.1f}"]
 
 
 if __name__ == "__main__":

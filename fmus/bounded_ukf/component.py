@@ -64,6 +64,6 @@ COMPONENT = Component(
         fixed("prior.flux_linkage_std", "Wb", "Its standard deviation", 0.0, min=0.0),
         fixed("prior.current_error_std", "A", "Standard deviation of the current error at the start", 0.0, min=0.0),
         parameter("health.samples", "1", "Samples over which the innovations are averaged", 50.0, min=1.0),
-        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 4.0, min=0.0),
+        parameter("health.limit", "1", "Largest mean of the squared normalised innovation", 60.0, min=0.0),
     ),
 )

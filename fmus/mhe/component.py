@@ -41,6 +41,11 @@ COMPONENT = Component(
             2000.0,
             "the memory of 4096 samples could not hold two windows",
         ),
+        Limit(
+            (("sample_time", 1), ("window.tail", -1)),
+            0.075,
+            "a motion has too few samples; sample more often, or say by a longer `window.tail` that motions are slower",
+        ),
     ),
     survives=True,
     ports=(
@@ -89,7 +94,14 @@ COMPONENT = Component(
         parameter("edge", "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9),
         parameter("window.tail", "s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9),
         parameter("window.longest", "s", "Longest window; at most 2000 samples", 20e-3, min=1e-9),
-        parameter("window.pace", "1", "Pieces of the work on a window that a step may do", 1.0, min=1.0, max=64.0),
+        parameter(
+            "window.pace",
+            "1",
+            "Pieces of the work on a window in a step; 0: by the sample time",
+            0.0,
+            min=0.0,
+            max=64.0,
+        ),
         parameter("publish.within", "s", "Age beyond which a sample is not published; 0: all are", 0.0, min=0.0),
         *(
             parameter(f"prior.{prior}", "1", f"{what}: relative deviation before the first window", start, min=0.0)

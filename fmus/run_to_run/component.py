@@ -92,11 +92,12 @@ COMPONENT = Component(
         output(
             "warnings",
             "1",
-            "Of the last cycle, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the "
-            "voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading "
-            "lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard",
+            "Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile "
+            "faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no "
+            "window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation "
+            "landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary",
             min=0.0,
-            max=127.0,
+            max=255.0,
             feedthrough=ALL,
         ),
         sample_time(20e-6),

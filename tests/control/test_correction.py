@@ -19,7 +19,7 @@ def changed(back, misfit=0.5, published=1.0):
     state = state._replace(
         laws=known,
         running=state.running._replace(command=1.0, age=AGE),
-        fluxes=[WANTED] * (2 * LONGEST),
+        profiles=[WANTED] * (2 * LONGEST),
         errors=[0.0] * (2 * LONGEST),
     )
     now = 3.0

@@ -42,7 +42,7 @@ def learnt(law, half, operations=3):
     state = state._replace(laws=known, fluxes=memory.tolist() if isinstance(state.fluxes, list) else memory)
     misses = []
     for _ in range(operations + 1):
-        state = learning.begun(state._replace(heard=Heard(3.0, 1.0, takeoff, landing)), half, 0.0, 0.0, PAR)
+        state = learning.begun(state._replace(heard=Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)), half, 0.0, 0.0, PAR)
         while state.course.last >= state.course.at:
             last, state = state, learning.worked(state, PAR)
         assert last.course.half == half
@@ -74,7 +74,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
     """More pull at a closing; at an opening less."""
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, PAR)))
-    state = learning.begun(state._replace(heard=Heard(3.0, 1.0, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+    state = learning.begun(state._replace(heard=Heard(3.0, 1.0, 0.0, 0.0, 0.0, 0.0)), half, 0.0, 0.0, PAR)
     assert laws.read(state.laws, half).mean[0] == pytest.approx(sign * learning.STUCK)
     assert state.course.last < state.course.at  # and there is nothing to compute
 
@@ -82,7 +82,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
 def test_nothing_is_learnt_where_the_contact_was_not_heard():
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, PAR)))
-    state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
+    state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
     assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at
 
 

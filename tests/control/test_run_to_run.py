@@ -83,15 +83,17 @@ def test_enable_counts_where_a_closing_begins():
     assert on == off
 
 
-def test_two_misses_are_followed_by_an_ordinary_cycle():
-    """A mover that never lands, after one good cycle."""
-    rows, _ = run(CYCLE * 10, voltage=10.0, current=0.2, mode=lambda k: landing(k) if k <= 200 else 3.0)
-    states = [rows[200 * c + 90].state for c in range(10)]
-    assert states[0] == LEARNING and BACK in states[3:]
-    back = states.index(BACK)
-    hold = {row.voltage_reference for row in rows[200 * back : 200 * back + 98]}
+def test_a_miss_is_told_and_followed_by_ordinary_cycles_until_one_lands():
+    """A mover that does not land in the cycles 1 to 5."""
+    rows, _ = run(CYCLE * 9, voltage=10.0, current=0.2, mode=lambda k: 3.0 if 200 < k <= 1200 else landing(k))
+    states = [rows[200 * c + 90].state for c in range(9)]
+    assert states[0] == LEARNING and states[1] != BACK
+    assert states[2:6] == [BACK] * 4
+    assert {row.voltage_reference for row in rows[400:498]} == {PAR.voltage_hold}
+    hold = {row.voltage_reference for row in rows[600:698]}
     assert hold == {PAR.voltage_most}  # more than usual, as usual was not enough
-    assert states[back + 1] != BACK  # and then it tries again
+    assert rows[297].warnings < 128.0 <= rows[310].warnings  # in the next operation
+    assert states[8] != BACK  # and then it tries again
 
 
 @pytest.mark.parametrize(("command", "is_closed"), [(0.5, 0.0), (0.51, 1.0), (1e9, 1.0), (-1.0, 0.0), (math.inf, 1.0)])
@@ -200,14 +202,14 @@ def test_lost_command_goes_on():
 
 
 def test_stronger_hold_ends_with_a_closing_that_arrives():
-    """One closing in which the mover does not move."""
+    """A soft closing in which the mover does not move, and the ordinary one after it."""
 
-    def stuck_once(k):
-        return 3.0 if 200 < k <= 400 else landing(k)
+    def stuck_twice(k):
+        return 3.0 if 200 < k <= 600 else landing(k)
 
-    rows, _ = run(CYCLE * 5, voltage=10.0, current=0.2, mode=stuck_once)
-    held = [rows[200 * c + 97].voltage_reference for c in range(5)]
-    assert held == [PAR.voltage_hold] * 2 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
+    rows, _ = run(CYCLE * 6, voltage=10.0, current=0.2, mode=stuck_twice)
+    held = [rows[200 * c + 97].voltage_reference for c in range(6)]
+    assert held == [PAR.voltage_hold] * 3 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
 
 
 def test_windows_that_explain_nothing_judge_nothing_and_are_told():

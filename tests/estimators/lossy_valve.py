@@ -9,6 +9,7 @@ import numpy as np
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
+from gapsense.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE, driven
 from gapsense.studies.estimators.parameters import VALVE, reduced
 
@@ -34,6 +35,25 @@ def square_wave(sample_time: float = T_S) -> Signals:
         reluctance_actuator, RTS_VALVE, voltage, sample_time, "current", "mode", "position", "flux_linkage"
     ).T
     return Signals(voltage, current + 2e-3 * np.random.default_rng(1).standard_normal(k.size), *others)
+
+
+def faulty(first: int, last: int, halves: int = 12, volts: float = 30.0, **changes: float) -> Signals:
+    """The square wave with another valve in some of its halves; else as `square_wave`."""
+    kernel, k = Kernel(reluctance_actuator), np.arange(START + halves * HALF)
+    half = (k - START) // HALF
+    voltage = np.where((k >= START) & (half % 2 == 0), volts, 0.0)
+    devices = (RTS_VALVE, RTS_VALVE._replace(**changes))
+    state, out = kernel.initial(reluctance_actuator.Inputs(0.0, 0.0, 0.0), RTS_VALVE)
+    rows = [out]
+    for n in range(1, k.size):
+        given = reluctance_actuator.Inputs(n * T_S, T_S, float(voltage[n - 1]))
+        state, out = kernel.step(state, given, devices[int(first <= half[n] < last)])
+        rows.append(out)
+    current, *others = (
+        np.array([float(getattr(row, name)) for row in rows])
+        for name in ("current", "mode", "position", "flux_linkage")
+    )
+    return Signals(voltage, current + 2e-3 * np.random.default_rng(2).standard_normal(k.size), *others)
 
 
 def believed(memory: float | None = None, resistance: float = 1.0, sample_time: float = T_S) -> Any:

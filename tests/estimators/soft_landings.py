@@ -102,7 +102,7 @@ def landings(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1) -> Land
 
 
 @cache
-def estimated(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1, pace: float = 1.0) -> dict[str, np.ndarray]:
+def estimated(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1, pace: float = 0.0) -> dict[str, np.ndarray]:
     """Outputs of `Mhe` (samples, runs) with 2 mA of noise; it is told which operation is commanded."""
     s = landings(dt, restitution, seed)
     k, per = np.arange(len(s.mode))[:, None], round(CYCLE / dt)

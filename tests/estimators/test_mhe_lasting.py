@@ -9,6 +9,7 @@ import pytest
 from lossy_valve import HALF, START, T_S
 from mhe_plant import CYCLE, Plant, noisy, plant, says
 from mhe_signals import blind, rows, run
+from soft_landings import balance
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
@@ -144,3 +145,73 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
     assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.05
     assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
     assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))
+
+
+def test_a_command_that_no_motion_followed_is_told() -> None:
+    """A wire that breaks in the fourth cycle: neither voltage nor current; and it is mended in the fifth."""
+    s = plant()
+    command = (s.voltage > 0.0).astype(float)
+    shorter = Plant(*(np.r_[x[: START + 3 * CYCLE], np.full(CYCLE, x[0]), x[START + 3 * CYCLE :]] for x in s))
+    command = np.r_[command[: START + 4 * CYCLE], command[START + 3 * CYCLE :]]
+    voltage = with_noise(shorter.voltage, 1)
+    given = rows(voltage, noisy(shorter), command)
+    found = run(blind(option_command=1.0), given)
+    still = says(found, readings.STILL)
+    first, again = START + 3 * CYCLE, START + 4 * CYCLE
+    assert not still[:first].any() and still[first + HALF + 1 : again + HALF].all() and not still[again + CYCLE :].any()
+    assert not says(run(blind(), given), readings.STILL).any()
+
+
+def test_a_device_far_from_the_one_told_is_told() -> None:
+    """A mover of 1.6 times the mass, where 4 % is what was said of it."""
+    s = plant()
+    found = {mass: run(blind(mover_mass=mass * RTS_VALVE.mover_mass), rows(s.voltage, noisy(s))) for mass in (0.6, 1.0)}
+    assert says(found[0.6], readings.OTHER)[-1] and not says(found[1.0], readings.OTHER).any()
+
+
+# between the stops
+
+
+@cache
+def served(is_sine: bool) -> tuple[Plant, int, int]:
+    """Six cycles, 0.15 s of a servo that has the position, and six cycles more; where the servo begins and ends."""
+    par, frequency, sink = RTS_VALVE, 2.0 * np.pi * 300.0, 60e-6
+    scalar, names = Kernel(reluctance_actuator).scalar, reluctance_actuator.Outputs._fields
+    entries, low = (
+        {name: np.float64(value) for name, value in par._asdict().items() if np.ndim(value) == 0},
+        par.stop_lower,
+    )
+    state, seen = scalar["initial"]((0.0, 0.0, 0.0), tuple(flat(par)))
+    found, voltages, n = [seen], [0.0], 0
+    first, last = START + 6 * CYCLE, START + 6 * CYCLE + 7500
+    for n in range(1, last + START + 6 * CYCLE):
+        now = dict(zip(names, found[-1]))
+        k = n - START if n < first else n - last - START
+        u = 30.0 if k >= 0 and k % CYCLE < HALF else 0.0
+        if first <= n < last:
+            t = (n - first) * T_S
+            wanted = low + (0.5 + (0.3 * np.sin(2.0 * np.pi * 12.0 * t) if is_sine else 0.0)) * STROKE
+            wanted = par.stop_upper + (wanted - par.stop_upper) * min(1.0, t / 5e-3)
+            force, square = balance(np.float64(now["position"]), entries)
+            a = frequency**2 * (wanted - now["position"]) - 1.8 * frequency * now["velocity"]
+            flux = np.sqrt(max(square * (1.0 - (par.mover_mass * a + par.damping * now["velocity"]) / force), 1e-9))
+            u = float(np.clip(par.coil_resistance * now["current"] + (flux - now["flux_linkage"]) / sink, -48.0, 48.0))
+        state, seen = scalar["step"](state, (n * T_S, T_S, u), tuple(flat(par)))
+        found.append(seen)
+        voltages.append(u)
+    signals = np.array(found, float)[:, [names.index(name) for name in Plant._fields[1:]]]
+    return Plant(np.array(voltages), *signals.T), first, last
+
+
+@pytest.mark.parametrize("option_mean", [0.0, 1.0])
+@pytest.mark.parametrize("is_sine", [False, True])
+def test_it_says_that_it_does_not_hold_between_the_stops(is_sine: bool, option_mean: float) -> None:
+    """It believes in a stop, 500 um off; `health` was 1 for 92 to 100 % of the time, eddy currents were unlearnt."""
+    s, first, last = served(is_sine)
+    found = run(blind(option_mean=option_mean), rows(with_noise(s.voltage, 2), noisy(s, 2)))
+    far = np.abs(found["position"] - s.position)[first + 250 : last] > 100e-6
+    assert np.all(s.mode[first + 250 : last] == 2.0) and far.mean() > 0.5
+    assert np.mean(found["health"][first + 250 : last][far]) < 0.02
+    for name in ("eddy", "resistance", "gap_factor"):
+        assert found[name][last] == pytest.approx(found[name][first - 1], rel=0.1)
+    assert np.all(causal_errors(found["position"], s, last + START)[1:] < 45.0)

@@ -27,7 +27,7 @@ from gapsense.studies.run_to_run.chain import Chain, Running
 from gapsense.studies.run_to_run.conditions import CHANGED, CONDITIONS, factors, piece, samples
 from gapsense.studies.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
 from gapsense.studies.run_to_run.loops import LAWS, Loop, controller, loop_of
-from gapsense.studies.run_to_run.measures import impact_energy, missed, verdicts, warned, worst_cycle
+from gapsense.studies.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = CONDITIONS["plain"]
@@ -332,7 +332,8 @@ def test_trials_are_told_their_own_costs():
 def made(speeds, runs=4):
     shape = (len(speeds), runs)
     both = np.repeat(np.asarray(speeds, float)[:, None, None], 2, axis=1) * np.ones((1, 1, runs))
-    return Outcome(both, np.ones(shape), np.zeros(shape), np.zeros(shape), np.full(runs, 2e-3), {})
+    quiet = np.zeros(both.shape)
+    return Outcome(both, np.ones(shape), np.zeros(shape), np.zeros(shape), quiet + 2.0, quiet, np.full(runs, 2e-3), {})
 
 
 def test_measures():
@@ -346,7 +347,21 @@ def test_measures():
 def test_warnings_are_told_bit_by_bit():
     bits = np.zeros((40, 4))
     bits[:30], bits[30:, 0], bits[39, 1] = 15.0, 5.0, 8.0
-    assert warned(made(np.ones(40))._replace(warnings=bits)) == [0.25, 0.0, 0.25, 1 / 40, 0.0, 0.0, 0.0]
+    assert warned(made(np.ones(40))._replace(warnings=bits)) == [0.25, 0.0, 0.25, 1 / 40, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_what_was_noticed_is_counted_by_operation():
+    """One run, closings and openings soft; the closing of cycle 10 is hard, that of 20 worse than ordinary, with 21."""
+    quiet = made(np.r_[1.0, np.full(39, 0.1)], runs=1)
+    assert noticed(quiet) == (0, 0, 0, 2 * (40 - 3) - 2, 0, 0)
+    speeds, states, said = quiet.speeds.copy(), quiet.states.copy(), quiet.said.copy()
+    speeds[10, 0] = speeds[12, 0] = 0.6
+    said[10, 1] = said[11] = 64.0  # in the opening after it, and longer
+    states[13, 0] = 4.0  # an ordinary closing, after an opening that says nothing
+    assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (2, 1, 2, 72 - 3, 0, 0)
+    speeds[20:22, 0] = 1.2
+    said[30, 0] = 128.0  # of the soft opening before
+    assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 1)
 
 
 def test_verdicts_tell_what_holds():

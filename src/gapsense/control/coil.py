@@ -16,6 +16,7 @@ TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
+NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
@@ -39,6 +40,7 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         last_current=i,
         far=0.0,
         change=0.0,
+        noise=NOISY * usual_current(par),
         calm=0.0,
         resistance=R,
         measured=R,
@@ -81,6 +83,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
     calm = where(is_late & is_settled, coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
+    noise = coil.noise + where(calm > 0.0, late, 0.0) * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
     new = coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
@@ -90,6 +93,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
         far=where(has_current, 0.0, coil.far + 1.0),
         calm=calm,
         change=i - coil.last_current,
+        noise=noise,
         held_voltage=coil.held_voltage + share * (u - coil.held_voltage),
         held_current=coil.held_current + share * (i - coil.held_current),
         late_current=coil.late_current + late * (i - coil.late_current),
@@ -150,11 +154,10 @@ def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
 def closed(coil: Coil, cycles: Scalar, is_open: Scalar, par: Parameters) -> Coil:
     """The next cycle begins; the resistance is that of the last one, and its trend."""
     R, end = cycle_resistance(coil, par), open_flux(coil, par)
-    more = where(cycles > YOUNG, TREND * ((R - coil.measured) - coil.trend), 0.0)
     off = end - coil.remanence
     start = coil.remanence + where(fabs(off) > FAR, 1.0, NEAR) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
-    trend = coil.trend + more
+    trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
     return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start)
 
 

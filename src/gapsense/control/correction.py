@@ -24,7 +24,7 @@ def corrected(state: State, inputs: Inputs, par: Parameters) -> State:
     """With the smoothed flux linkage of a sample that an estimator has published."""
     half, sample, is_known = _found(state, inputs, par)
     place = half * LONGEST + sample
-    wanted, error = load(state.fluxes, place), load(state.errors, place)
+    wanted, error = load(state.profiles, place), load(state.errors, place)
     new = error + GAIN * clip(wanted - inputs.smoothed_flux_linkage, -LARGEST, LARGEST)
     return state._replace(errors=store(state.errors, place, where(is_known & (wanted > 0.0), new, error)))
 

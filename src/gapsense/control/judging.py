@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from gapsense.control import laws
+from gapsense.control.bend import piece
 from gapsense.control.profile import arrival
-from gapsense.control.records import Heard, Inputs, Law, Parameters, State
+from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
 from gapsense.records import Scalar
 from gapsense.trace import cond, not_, where
@@ -12,6 +13,8 @@ from gapsense.trace import cond, not_, where
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
+ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
+AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FORGIVEN = 0.5  # hard impacts, by a soft one
 YOUNG = 8.0  # cycles in which approaches are still fast
 
@@ -31,12 +34,46 @@ def listened(state: State, inputs: Inputs) -> Heard:
 
 
 def judged_by_contact(state: State, par: Parameters) -> State:
-    """With its end: what the contact has said of it."""
-    heard, is_plain = state.heard, state.running.is_plain > 0.0
+    """With its end: what the contact has said of it, and the current where it tells a stop that was hit before."""
+    heard, is_plain = _with_hit(state.heard, par), state.running.is_plain > 0.0
     says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0)
-    state = state._replace(noted=state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen)))
+    noted = state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen))
     has_landed = where(heard.landing > 0.0, 1.0, 0.0)
+    state = state._replace(heard=heard, noted=noted)
     return _judged(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
+
+
+def judged_by_current(state: State, par: Parameters) -> State:
+    """With the end of an operation: whether it landed hard, or by the contact not at all."""
+    heard, running, is_soft = state.heard, state.running, state.running.is_plain < 1.0
+    is_hard = is_soft & (heard.hardest > AUDIBLE)
+    is_short = is_soft & (state.by_model < 1.0) & (heard.landing < 1.0)
+    state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
+    return _alarmed(state, is_short | (is_soft & (heard.hardest > _most(running.speed))), par)
+
+
+def _most(speed: Scalar) -> Scalar:
+    """Impact speed that nothing but a change explains, after an approach with a speed [m/s]."""
+    return ENOUGH + ALLOWED * speed
+
+
+def _with_hit(heard: Heard, par: Parameters) -> Heard:
+    """A stop that the current tells to have been hit well before the contact did."""
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (heard.landing - heard.hit > 2.0 * piece(par)))
+    return heard._replace(landing=where(is_before, heard.hit, heard.landing))
+
+
+def _alarmed(state: State, is_bad: Scalar, par: Parameters) -> State:
+    """After a soft operation that landed hard or not at all: a cycle is ordinary, and all is learnt afresh."""
+
+    def doubted() -> State:
+        known = state.laws
+        for half in (CLOSING, OPENING):
+            known = laws.write(known, half, laws.doubted(laws.read(known, half), par))
+        alarm = 1.0 + state.running.command  # with the opening of a closing that has begun
+        return state._replace(laws=known, alarm=alarm, noted=state.noted._replace(changed=1.0))
+
+    return cond(is_bad, doubted, lambda: state)
 
 
 def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -52,7 +89,7 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
     is_due = (running.is_judged < 1.0) & _is_known(now, start, running.age * T_s, inputs, par)
     state = state._replace(
         smoothed_until=inputs.smoothed_time,
-        noted=state.noted._replace(explained=1.0),
+        explained=1.0,
         running=running._replace(
             is_judged=where(is_due, 1.0, running.is_judged),
             last_is_judged=where(is_last_due, 1.0, running.last_is_judged),
@@ -77,12 +114,15 @@ def _landed(start: Scalar, length: Scalar, inputs: Inputs) -> Scalar:
 
 def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
     has_landed = _landed(start, length, inputs)
-    heard = _impact_heard(state, laws.read(state.laws, half), has_landed, inputs, par)
-    return cond(
-        state.by_model > 0.0,
-        lambda: _judged(heard, half, has_landed, inputs.landing_time - start, par),
-        lambda: heard,
-    )
+    law = laws.read(state.laws, half)
+    heard = _impact_heard(state, law, has_landed, inputs, par)
+    is_hard = (inputs.misfit < GOOD) & (inputs.estimated_impact_speed > _most(law.speed))
+    is_bad = (law.was_plain < 1.0) & ((has_landed < 1.0) | is_hard)
+
+    def judged() -> State:
+        return _alarmed(_judged(heard, half, has_landed, inputs.landing_time - start, par), is_bad, par)
+
+    return cond(state.by_model > 0.0, judged, lambda: heard)
 
 
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
@@ -110,5 +150,5 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),
-        is_strong=where(half > 0.0, 1.0 - has_landed, state.is_strong),
+        is_strong=where(half > 0.0, where(is_plain, 1.0 - has_landed, 0.0), state.is_strong),
     )

@@ -14,7 +14,7 @@ from gapsense.trace import load, store, where
 BEFORE = (0.2, 0.15, 0.2)  # standard deviations of a, b, q before anything is learnt
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
-UNJUDGED = 0.4  # operations that did not arrive: what one counts for until it is judged
+UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged
 LATE = 0.4  # travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
@@ -53,6 +53,12 @@ def first(travel: Scalar, par: Parameters) -> Law:
         was_plain=1.0,
         was_followed=1.0,
     )
+
+
+def doubted(law: Law, par: Parameters) -> Law:
+    """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
+    new = first(law.travel, par)
+    return law._replace(cov=new.cov, slopes=new.slopes, speed=new.speed, floor=new.floor)
 
 
 def started(law: Law, is_plain: Scalar) -> Law:

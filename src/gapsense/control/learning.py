@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gapsense.control import laws
+from gapsense.control.bend import SURE, speed_at
 from gapsense.control.mover import Motion, Mover, depth, make_mover, moved, squared_flux, squares, started
 from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
@@ -25,9 +26,10 @@ BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's
 EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
 PLACE = 80e-6  # error of the position at the landing [m]
 INSTANT = 0.5  # error of the time of the landing, in samples
+UNKNOWN = 1e6  # variance of what was not measured
+FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
-UNKNOWN = 1e6  # variance of what was not measured
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
 DRIFT = 0.005  # of a, b, q from operation to operation
 STUCK = 0.05  # change of a where the mover did not leave its stop
@@ -94,26 +96,31 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     course, law = state.course, laws.read(state.laws, state.course.half)
     (z0, z1), (z, v, *slopes) = stops(course.half > 0.0, m), course.motion
     before, after = measured(state, course.left - 1.0), measured(state, course.left)
-    mean, change = 0.5 * (before + after), fabs(after - before)
+    mean, step = 0.5 * (before + after), fabs(after - before)
     mean = where(mean > LITTLE, mean, LITTLE)
     believed = squared_flux(z0, 0.0, 0.0, with_law(m, vector([0.0] * 3)))
     x0 = depth(z0, m)
     late = (course.last - course.left) * par.sample_time / law.travel
     late = where(late > 1.0, late, 1.0)
-    has_landed, has_heard = course.landed > 0.0, (course.landed > 0.0) & (course.impact > 0.0)
-    heard = where(course.half > 0.0, -course.impact, course.impact)
-    innovation = vector([log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0), z1 - z, heard - v])
+    has_landed, is_measured = course.landed > 0.0, course.impact > 0.0
+    bent, doubt = speed_at(state, course.half, course.last, par)
+    heard = where(course.half > 0.0, -1.0, 1.0) * where(is_measured, course.impact, bent)
+    doubt = where(is_measured, square(SPEED * late * late), square(SURE) + square(doubt))
+    growth = slopes[3] / where(fabs(slopes[0]) > FLAT, slopes[0], FLAT)  # a motion that is late at its stop is slower
+    balance = log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0)
+    innovation = vector([balance, z1 - z, heard - v - growth * (z1 - z)])
     noise = vector(
         [
-            square(BALANCE) + square(PART * change / mean),
+            square(BALANCE) + square(PART * step / mean),
             where(has_landed, square(PLACE * late * late * late) + square(INSTANT * par.sample_time * v), UNKNOWN),
-            where(has_heard, square(SPEED * late * late), UNKNOWN),
+            where(has_landed & (is_measured | (law.was_plain < 1.0)), doubt, UNKNOWN),
         ]
     )
-    by_law = _steady(law, slopes[:3], where(state.cycles < YOUNG, EAGER, STEADY))
-    is_soft = has_landed & (law.was_plain < 1.0)
+    by_law = _steady(law, slopes[:3], where(state.since_plain < YOUNG, EAGER, STEADY))
+    is_soft = has_landed & (law.was_plain < 1.0) & (state.running.is_plain < 1.0)
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
-    H = matrix([[1.0, x0, 0.0], by_law, slopes[3:]])
+    by_speed = [change - growth * shift for change, shift in zip(slopes[3:], slopes[:3])]
+    H = matrix([[1.0, x0, 0.0], by_law, by_speed])
     return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise)))
 
 

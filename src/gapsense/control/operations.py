@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws, learning
 from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, zeroed
-from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact
+from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
 from gapsense.control.records import (
@@ -15,23 +15,24 @@ from gapsense.control.records import (
     Heard,
     Inputs,
     LawKind,
+    Noted,
     Parameters,
     Running,
     State,
 )
 from gapsense.control.tracking import believed, mover_of
-from gapsense.linalg import total, vector
+from gapsense.linalg import vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
-ROW, APART = 2.0, 3.0  # operations in a row that did not arrive; cycles between ordinary ones at least
+ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 4.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
+PATIENT = 8.0  # cycles after which an estimator is to be followed
 WARM = 0.85  # share of the voltage that the resistance may need
-WARNINGS = tuple(float(2**k) for k in range(7))  # in this order in `_warnings`
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -62,7 +63,7 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     def by_contact() -> State:
         return learning.begun(judged_by_contact(state, par), half, correction, inputs.impact_speed, par)
 
-    return cond(state.by_model < 1.0, by_contact, lambda: state)
+    return judged_by_current(cond(state.by_model < 1.0, by_contact, lambda: state), par)
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -114,7 +115,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
     new = cond(
         by_contact,
-        lambda: closed(coil, state.cycles, is_open, par),
+        lambda: closed(coil, state.since_plain + 1.0, is_open, par),
         lambda: told(coil, state.cycles, inputs, par),
     )
     used = where(by_contact, new.measured, new.resistance)
@@ -128,8 +129,9 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
         laws=known,
         cycles=state.cycles + 1.0,
         since_plain=state.since_plain + 1.0,
-        warned=_warnings(state, par),
+        remembered=vector([*_noted(state, par)]),
         noted=NOTHING,
+        explained=0.0,
     )
 
 
@@ -140,12 +142,13 @@ def _grown(known: Array, par: Parameters) -> Array:
     return known
 
 
-def _warnings(state: State, par: Parameters) -> Scalar:
-    noted = state.noted
-    unexplained = where((state.by_model > 0.0) & (noted.explained < 1.0), 1.0, 0.0)
-    shifted = where(fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most, 1.0, 0.0)
-    said = (noted.unseen, noted.too_fast, noted.used_up, unexplained, noted.lost, shifted, noted.hard)
-    return total(bit * is_so for bit, is_so in zip(WARNINGS, said))
+def _noted(state: State, par: Parameters) -> Noted:
+    """With what only a whole cycle tells."""
+    is_ready = (state.is_ready > 0.0) | (state.since_plain > 0.0) | (state.cycles < PATIENT)
+    unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
+    unexplained = unexplained | (state.noted.unexplained > 0.0)
+    shifted = fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most
+    return state.noted._replace(unexplained=where(unexplained, 1.0, 0.0), shifted=where(shifted, 1.0, 0.0))
 
 
 # the beginning of an operation
@@ -163,9 +166,11 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     z0, _ = stops(is_closing, m)
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
-    is_plain = is_plain | is_there
+    is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
+    is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
+        noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
         laws=laws.write(state.laws, half, laws.started(law, is_plain)),
         running=Running(
             command=half,
@@ -184,7 +189,8 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             last_is_judged=state.running.is_judged,
             strain=0.0,
         ),
-        heard=Heard(inputs.mode, began, 0.0, 0.0),
+        heard=Heard(inputs.mode, began, 0.0, 0.0, 0.0, 0.0),
+        alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
         by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),
         is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
@@ -195,7 +201,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
 def _falls_back(state: State) -> Scalar:
     """Whether an ordinary cycle is due."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
-    return ((closing.missed >= ROW) | (opening.missed >= ROW)) & (state.since_plain > APART)
+    return (state.alarm > 0.0) | (closing.missed >= laws.UNJUDGED) | (opening.missed > ROW)
 
 
 def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:

@@ -139,6 +139,8 @@ class Heard(NamedTuple):
     began: Scalar  # 1: with the mover on the stop where it begins
     takeoff: Annotated[Scalar, Count]  # last sample with which it left that before it landed, or 0
     landing: Annotated[Scalar, Count]  # first one with which it landed, or 0
+    hardest: Scalar  # hardest landing by the bends of the current [m/s]
+    hit: Annotated[Scalar, Count]  # its sample, or 0
 
 
 class Coil(NamedTuple):
@@ -154,6 +156,7 @@ class Coil(NamedTuple):
     last_current: Scalar
     far: Scalar  # readings of the current in a row that were too far from the one before
     change: Scalar  # of the current in the last sample
+    noise: Scalar  # of the current: its standard deviation [A]
     calm: Scalar  # samples in a row in which the current has hardly changed
     resistance: Scalar  # in use [ohm]
     measured: Scalar  # that of the last cycle
@@ -180,14 +183,16 @@ class Pass(NamedTuple):
 
 
 class Noted(NamedTuple):
-    """What was noticed in this cycle, 1 or 0."""
+    """What was noticed in a cycle, 1 or 0, in the order of the bits of `warnings`."""
 
     unseen: Scalar  # an ordinary operation of which the contact has said nothing
     too_fast: Scalar  # a soft one with the voltage at its limit
     used_up: Scalar  # a soft one whose resistance needs nearly all voltage
-    explained: Scalar  # the estimator has explained a window
+    unexplained: Scalar  # the estimator has explained no window, or too few to be followed
     lost: Scalar  # a reading was lost or wild
+    shifted: Scalar  # the reading of the voltage has an offset
     hard: Scalar  # a soft operation landed hard
+    changed: Scalar  # a soft operation landed hard or not at all, and what was learnt is not believed any more
 
 
 NOTHING = Noted(*[0.0] * len(Noted._fields))
@@ -202,7 +207,8 @@ class State(NamedTuple):
     course: Pass
     noted: Noted
     laws: Annotated[Array, Memory(2 * LAW, LAW_SPANS)]
-    fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop; law model: what the profile wanted, or 0 [Wb]
+    fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop [Wb]
+    profiles: Annotated[Array, Memory(2 * LONGEST)]  # what the profile wanted where it was followed, or 0 [Wb]
     charges: Annotated[Array, Memory(2 * LONGEST)]  # [A s]
     errors: Annotated[Array, Memory(2 * LONGEST)]  # of the loop's flux linkage [Wb]
     cycles: Scalar
@@ -213,6 +219,8 @@ class State(NamedTuple):
     first_mass: Scalar  # that the estimator was told: another one is learnt, and in use [kg]
     smoothed_until: Scalar  # time of the last smoothed sample [s]
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
-    is_strong: Scalar  # 1: the voltage that holds is the largest one
+    is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
-    warned: Scalar  # sum of the warnings of the last cycle
+    alarm: Scalar  # operations that are to be ordinary
+    explained: Scalar  # 1: the estimator has explained a window in this cycle
+    remembered: Annotated[Array, Vector(8)]  # what was noticed in the last cycle

@@ -4,7 +4,7 @@ An operation begins with its command.  The mover is to follow a path that ends s
 is the profile, and the voltage follows it with the integral of u - R i.  The first cycles are ordinary ones.  From a
 contact three mechanical numbers of each kind of operation are learnt; without one the mover is that of an estimator,
 which also tells afterwards what the loop's flux linkage was wrong by.  Approaches get slower as long as they arrive in
-time.  After two operations in a row that do not arrive comes an ordinary cycle.
+time.  After an operation that lands hard, or does not arrive, comes an ordinary cycle, and all is learnt afresh.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, learning
+from gapsense.control.bend import watched
 from gapsense.control.coil import first_coil, integrated
 from gapsense.control.judging import judged_by_estimator, listened
 from gapsense.control.operations import turned
@@ -38,6 +39,7 @@ from gapsense.records import Scalar, zeros
 from gapsense.trace import cond, fabs, where
 
 FASTEST = 1e3  # impact speed that can be [m/s]
+WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 
@@ -63,11 +65,14 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             last_is_judged=1.0,
             strain=0.0,
         ),
-        heard=Heard(inputs.mode, 0.0, 0.0, 0.0),
+        heard=Heard(inputs.mode, 0.0, 0.0, 0.0, 0.0, 0.0),
         course=Pass(0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, vector([0.0] * 8)),
         noted=NOTHING,
+        explained=0.0,
+        remembered=vector([*NOTHING]),
         laws=zeros(2 * LAW),
         fluxes=zeros(2 * LONGEST),
+        profiles=zeros(2 * LONGEST),
         charges=zeros(2 * LONGEST),
         errors=zeros(2 * LONGEST),
         cycles=0.0,
@@ -80,7 +85,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         is_ready=0.0,
         is_strong=0.0,
         fell=0.0,
-        warned=0.0,
+        alarm=0.0,
     )
     return state, _outputs(state, 0.0)
 
@@ -98,6 +103,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     state = cond(goes_on, lambda: state, lambda: turned(state, _readable(state, inputs), par))
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
+    state = state._replace(heard=watched(state, par))
     state = informed(state, inputs, par)
     return cond(state.by_model > 0.0, lambda: state, lambda: learning.worked(state, par)), _outputs(state, u)
 
@@ -132,6 +138,12 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
     )
 
 
+def _warnings(state: State) -> Scalar:
+    """What was noticed in this cycle, or in the last one."""
+    noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
+    return total(bit * is_so for bit, is_so in zip(WARNINGS, noticed))
+
+
 def _outputs(state: State, u: Scalar) -> Outputs:
     running = state.running
     ordinary = where(state.is_ready == 0.0, LEARNING, BACK)
@@ -145,5 +157,5 @@ def _outputs(state: State, u: Scalar) -> Outputs:
         balance_flux=running.balance_flux,
         cycle=state.cycles,
         state=where(state.cycles < 1.0, IDLE, where(running.is_plain > 0.0, ordinary, soft)),
-        warnings=state.warned,
+        warnings=_warnings(state),
     )

@@ -67,12 +67,15 @@ def _error(state: State) -> Scalar:
 
 
 def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:
-    """What the contact's law needs of a sample, or the estimator's."""
+    """What the laws need of a sample."""
     running, place = _watched(state, is_on, then, is_limited, par), _place(state.running)
     is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
-    kept = where(state.by_model > 0.0, where(is_clear, now, 0.0), state.coil.flux)
-    fluxes, charges = store(state.fluxes, place, kept), store(state.charges, place, state.coil.charge)
-    return state._replace(running=running, fluxes=fluxes, charges=charges)
+    return state._replace(
+        running=running,
+        fluxes=store(state.fluxes, place, state.coil.flux),
+        profiles=store(state.profiles, place, where(is_clear, now, 0.0)),
+        charges=store(state.charges, place, state.coil.charge),
+    )
 
 
 def _place(running: Running) -> Scalar:

@@ -29,7 +29,7 @@ from gapsense.estimators.reduced_model import (
     rest,
     stay,
 )
-from gapsense.estimators.watch import OFTEN, START, Seen, Watch, is_far, patient, stationary, watched
+from gapsense.estimators.watch import EARLY, PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.linalg import deviation, diagonal, vector
 from gapsense.records import Array, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, fabs, not_, square, where
@@ -177,7 +177,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     now, measured, is_whole = _read(inputs, before, state.watch.far, par)
     new = forward(Gaussian(state.x, state.P), before, measured, m, tuning(par))
     x, P = new.filtered
-    watch = watched(state.watch, _seen(new, now, par), par.range_innovation, par.health_samples)
+    limits = Limits(par.health_samples, par.health_limit, par.health_current_error)
+    watch = watched(state.watch, _seen(new, state, now, m, par), par.range_innovation, limits)
     health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
     R = readings.believed(inputs.resistance, par.coil_resistance)
@@ -195,9 +196,16 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
     return now, measured, has_voltage & has_current & has_mode
 
 
-def _seen(new: Pass, now: Held, par: Parameters) -> Seen:
-    """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion."""
-    x, moves = new.filtered.mean, is_moving(now.mode)
+def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
+    """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
+
+    Of another device are a contact far from where the mover is believed to be, and a stop that seems to pull.
+    """
+    x, moves, moved = new.filtered.mean, is_moving(now.mode), is_moving(state.mode)
+    stop = limit(now.mode)
+    is_early = moved & not_(moves) & (fabs(state.x[POSITION] - stop) > EARLY)
+    pull = where(stop > 0.5, 1.0, -1.0) * x[FORCE_ERROR]
+    holds = not_(moves | moved) & (pull > PULL * fabs(m.k_sp * (m.z_sp - stop)))
     return Seen(
         innovation=new.innovation,
         innovation_std=new.innovation_std,
@@ -206,17 +214,20 @@ def _seen(new: Pass, now: Held, par: Parameters) -> Seen:
         current_error_std=stationary(par.process_current_error, par.process_current_error_memory, USUAL),
         is_resting=not_(moves),
         is_pressed=moves & ((x[POSITION] <= 0.0) | (x[POSITION] >= 1.0)),
+        leaves=where(moves & not_(moved), state.mode, 0.0),
+        is_other=is_early | holds,
     )
 
 
 def _health(watch: Watch, x: Array, is_lost: Scalar, par: Parameters) -> readings.Health:
     return readings.health(
         {
-            readings.INNOVATION: watch.surprise >= par.health_limit,
-            readings.CURRENT_ERROR: watch.strain >= square(par.health_current_error),
+            readings.INNOVATION: watch.innovation > 0.0,
+            readings.CURRENT_ERROR: watch.current_error > 0.0,
             readings.SATURATION: fabs(x[FLUX_LINKAGE]) >= par.core_saturation,
-            readings.BOUND: watch.pressed >= OFTEN,
+            readings.BOUND: watch.bound > 0.0,
             readings.LOST: is_lost,
+            readings.OTHER: watch.other > 0.0,
         }
     )
 

@@ -82,9 +82,13 @@ def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: G
 
 def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -> Scalar:
     """Mean of the squared normalised innovation over about so many samples; its expected value is 1."""
+    return mean(before, square(normalised(innovation, std)), samples)
+
+
+def normalised(innovation: Scalar, std: Scalar) -> Scalar:
+    """An innovation in standard deviations; 0 where none is expected."""
     is_known = std > 0.0
-    squared = where(is_known, square(innovation / where(is_known, std, 1.0)), 0.0)
-    return mean(before, squared, samples)
+    return where(is_known, innovation / where(is_known, std, 1.0), 0.0)
 
 
 def mean(before: Scalar, value: Scalar, samples: Scalar) -> Scalar:

@@ -11,7 +11,18 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_effort import USUAL
-from gapsense.estimators.mhe_model import Device, Point, advance, current, device, mean_of, model, point, with_device
+from gapsense.estimators.mhe_model import (
+    Device,
+    Point,
+    advance,
+    current,
+    device,
+    mean_of,
+    model,
+    point,
+    with_device,
+)
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import JUMP, LARGE, drives
 from gapsense.estimators.mhe_records import (
     RING,
@@ -21,81 +32,43 @@ from gapsense.estimators.mhe_records import (
     Work,
     first_work,
     get,
-    place,
     priors,
     published,
     put,
 )
+from gapsense.estimators.mhe_watch import (
+    RECENT,
+    Seen,
+    Watch,
+    as_seen,
+    first_watch,
+    is_strange,
+    is_untold,
+    is_wild,
+    listened,
+    watched,
+    weight,
+)
 from gapsense.estimators.mhe_window import BAD, LOGARITHMS, work_on
-from gapsense.estimators.readings import INNOVATION, LOST, RESTARTED, Health, can_be_read, health, most_current
-from gapsense.estimators.reduced_model import GapLaw
+from gapsense.estimators.readings import (
+    INNOVATION,
+    LOST,
+    OTHER,
+    RESTARTED,
+    STILL,
+    UNTOLD,
+    Health,
+    can_be_read,
+    health,
+    most_current,
+)
 from gapsense.linalg import vector
-from gapsense.records import Array, Memory, Scalar, Table, Vector, zeros
-from gapsense.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
+from gapsense.records import Array, Memory, Scalar, Vector, zeros
+from gapsense.trace import clip, cond, fabs, floor, load, not_, store, where
 
+FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
-RECENT = 1.0 / 16.0  # weight of a sample in the means of a held voltage and its current
-SAME = 30.0  # samples over which the model's error of the current is the same
-KNOWN = 4.0  # operations that were explained, after which innovations are judged
-STRANGE, STRANGE_SOFT = 5.0, 7.0  # deviations of a mean innovation that no healthy device has; where more is learnt
-WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
-
-
-class Parameters(NamedTuple):
-    """The actuator as a user knows it, how well, and the tuning."""
-
-    sample_time: Scalar  # T_s [s]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    core_reluctance: Scalar  # R_c0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
-    core_bend: Scalar  # K: b = K lambda_sat / N^2 [1/H]; 0: the core is that of Froehlich and Kennelly
-    core_eddy: Scalar  # g_e [S]
-    core_hysteresis: Scalar  # I_h [A]
-    core_turnover: Scalar  # l_h [Wb]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_reluctance: Scalar  # R_g0 [1/H]
-    gap_slope: Scalar  # R_g0' [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
-    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
-    gap_factor: Scalar  # of R_g [1]
-    gap_bend: Scalar  # added to it between the stops [1]
-    option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
-    option_command: Scalar  # 1: a window ends when the input `command` changes
-    option_zero: Scalar  # 1: the current that is left after a long time without voltage is the sensor's offset
-    option_mean: Scalar  # 1: the voltage is the mean since the last sample
-    noise_voltage: Scalar  # sigma_v [V]
-    noise_current: Scalar  # sigma_i [A]
-    model_error: Scalar  # of the current, the same over `SAME` samples [A]
-    edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
-    window_tail: Scalar  # at rest after a landing until the window ends [s]
-    window_longest: Scalar  # [s]
-    window_pace: Scalar  # pieces of a pass that a step may take
-    publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
-    prior_resistance: Scalar  # relative standard deviations before the first window
-    prior_eddy: Scalar
-    prior_gap: Scalar
-    prior_knee: Scalar
-    prior_saturation: Scalar
-    prior_hysteresis: Scalar
-    prior_mass: Scalar
-    prior_rest: Scalar
-    prior_damping: Scalar  # with `option_further`
-    prior_core: Scalar  # the same; standard deviation [1/H]
-    prior_bend: Scalar  # the same [1]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]
-    health_limit: Scalar  # largest misfit [1]
 
 
 class Held(NamedTuple):
@@ -108,15 +81,6 @@ class Held(NamedTuple):
     held_drift: Scalar  # last current less its mean
     held_resistance: Scalar  # at the end of the last one that was long and large enough; or 0
     zero: Scalar  # current that was measured at the end of the last one without voltage that was long enough
-
-
-class Watch(NamedTuple):
-    """What the innovations of the causal estimate say of now."""
-
-    surprise: Scalar  # mean of the innovations, of late [A]
-    is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
-    is_moving: Scalar  # 1: there was a motion in this operation
-    is_suspect: Scalar  # 1: an operation was strange, and none since then was not
 
 
 class State(NamedTuple):
@@ -220,10 +184,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
     )
     held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING), zeros(RING))
-    state = State(inputs.command, vector(at), zeros(len(d)), held, Watch(0.0, 0.0, 0.0, 0.0), work, samples, *smoothed)
-    is_lost = not_(has_voltage & _has_current(inputs, par))
+    learns = (held, first_watch(par), work, samples)
+    state = State(inputs.command, vector(at), zeros(len(d)), *learns, *smoothed)
+    fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
     shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
-    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), is_lost, False, par)
+    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), fine, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -233,15 +198,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     u = where(has_voltage, inputs.voltage, before.voltage)
     zero = where(par.option_zero > 0.0, state.held.zero, 0.0)
     i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
-    is_edge = _is_edge(u, before.voltage, par)
-    has_current = can_read & not_(_is_wild(state.samples, u, i, par))
+    is_edge, heard = drives(u - before.voltage, par), listened(state.watch, state.samples, u, i, par)
+    told, par = par, as_seen(heard, par)
+    has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
     held = _held(_forgotten(state.held, inputs.command == state.last_command, par), u, i + zero, par)
     smoothed = (state.fluxes, state.positions)
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     first = model(par, device(par))
-    work, smoothed, caught = work_on(state.work, samples, smoothed, before, R, inputs.time, first, par)
+    doubtful = state.work._replace(doubt=where(is_strange(state.watch), 1.0, state.work.doubt))
+    work, smoothed, caught = work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
     is_told = _is_told_late(work, state.work.learnt, par)
     is_other = is_new | is_first | is_told
@@ -252,37 +219,28 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
-    watch = _watched(state.watch, innovation, has_current, is_edge, now, work.learnt, par)
+    seen = Seen(innovation, has_current, u - before.voltage, inputs.command - state.last_command)
+    watch = watched(heard, seen, now, work.learnt, m, par)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
     state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
-    is_lost, known = not_(has_voltage & has_current), get(work.learnt.deviations, START)
-    is_strange = (watch.is_strange > 0.0) | (watch.is_suspect > 0.0)
-    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, is_lost, is_strange, par)
+    causes = {
+        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
+        LOST: not_(has_voltage & has_current),
+        RESTARTED: work.learnt.given_up > 0.0,
+        STILL: watch.is_still > 0.0,
+        OTHER: _is_other(work, par),
+        UNTOLD: is_untold(watch, told),
+    }
+    known = get(work.learnt.deviations, START)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
 
-def _watched(
-    before: Watch,
-    innovation: Scalar,
-    counts: Scalar,
-    is_edge: Scalar,
-    now: Point,
-    learnt: Learnt,
-    par: Parameters,
-) -> Watch:
-    """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
-    usual = sqrt(square(par.noise_current) * 0.5 * RECENT + square(par.model_error))
-    surprise = before.surprise + where(counts & not_(is_edge), RECENT * (innovation - before.surprise), 0.0)
-    is_known = learnt.explained >= KNOWN
-    most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
-    is_strange = is_known & (fabs(surprise) > most * usual)
-    is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
-    between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
-    return Watch(
-        surprise=surprise,
-        is_strange=where(is_strange, 1.0, where(is_over, 0.0, before.is_strange)),
-        is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        is_suspect=where(is_over, before.is_strange, before.is_suspect),
-    )
+def _is_other(work: Work, par: Parameters) -> Scalar:
+    """Something was learnt that is too far from what was told."""
+    is_other: Scalar = False
+    for q, s in zip(get(work.q_prior, START), priors(par)):
+        is_other = (fabs(q) > FAR * s) | is_other
+    return is_other
 
 
 def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
@@ -295,21 +253,6 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _is_edge(u: Scalar, before: Scalar, par: Parameters) -> Scalar:
-    return drives(u - before, par)
-
-
-def _is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
-    """A current that is far from the line through the last two, although the voltage has not changed."""
-    places = [place(before.newest, age) for age in (0.0, 1.0, 2.0)]
-    voltages = [u, *(load(before.voltages, spot) for spot in places)]
-    last, older = (load(before.currents, spot) for spot in places[:2])
-    is_wild = square(i - 2.0 * last + older) * weight(par) > square(WILD)
-    for new, old in zip(voltages, voltages[1:]):
-        is_wild = is_wild & not_(_is_edge(new, old, par))
-    return is_wild
-
-
 def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
     newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
     return Samples(
@@ -319,11 +262,6 @@ def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: S
         weights=store(before.weights, newest, w),
         commands=store(before.commands, newest, has_command),
     )
-
-
-def weight(par: Parameters) -> Scalar:
-    """w^2 of a current: noise, and an error of the model that is the same over some samples."""
-    return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
 
 
 def _forgotten(held: Held, goes_on: Scalar, par: Parameters) -> Held:
@@ -393,18 +331,12 @@ def _outputs(
     shown: Shown,
     learnt: Learnt,
     known: Array,
-    is_lost: Scalar,
-    is_strange: Scalar,
+    fine: Health,
     par: Parameters,
 ) -> Outputs:
     """The mode is that of the model; deviations of logarithms are relative."""
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
-    causes = {
-        INNOVATION: (learnt.misfit >= par.health_limit) | is_strange,
-        LOST: is_lost,
-        RESTARTED: learnt.given_up > 0.0,
-    }
     sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
     stds = Certainty(*(size * std for size, std in zip(sizes, known)))
     motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)
-    return Outputs(*motion, health(causes), shown, Operation(*learnt[:6]), Found(*d), stds)
+    return Outputs(*motion, fine, shown, Operation(*learnt[:6]), Found(*d), stds)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_records import START, Learnt, N, get, priors
 from gapsense.records import Scalar
 from gapsense.trace import clip, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 Starts = tuple[dict[int, float], ...]
 

@@ -12,15 +12,13 @@ R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.linalg import matrix, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, exp, fabs, not_, square, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
 FULL = 0.97  # |m| from which S goes on linearly

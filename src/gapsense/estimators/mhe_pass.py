@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gapsense.estimators.mhe_model import (
     Device,
     Model,
@@ -16,6 +14,7 @@ from gapsense.estimators.mhe_model import (
     point,
     with_device,
 )
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_records import (
     ALL,
     DERIVING,
@@ -36,14 +35,13 @@ from gapsense.estimators.mhe_records import (
 )
 from gapsense.linalg import matrix, outer, vector
 from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, load, loop, not_, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
+from gapsense.trace import clip, cond, fabs, floor, load, loop, not_, store, where
 
 PACE = 7  # samples of a trial that are a piece of work
 FASTEST = 64  # pieces in a step, at most
-AT_REST, MOVING = 4.0, 4.0  # samples that derivatives and sums take at once
+FAST = 16.0  # the same where the sample time says how many
+AT_ONCE, SPAN = 4, 80e-6  # samples that derivatives and sums take at once, at most, and their time [s]
+USUAL_TIME = 20e-6  # sample time at which one piece in a step suffices [s]
 JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 LARGE = 20.0  # noises that a current must have to say anything of the coil
 Smoothed = tuple[Array, Array]  # memory of the flux linkages and positions of a trial
@@ -71,7 +69,7 @@ def _cleared(work: Work) -> Work:
 
 def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Some samples more of a pass: with derivatives where they are due, or into the memory of smoothed samples."""
-    m = with_device(m, Device(*get(work.device, START)))
+    m, pieces = with_device(m, Device(*get(work.device, START))), pace(par)
 
     def one(work: Work, smoothed: Smoothed, n: Scalar) -> tuple[tuple[Work, Smoothed, Scalar], Scalar]:
         work, smoothed = cond(
@@ -79,11 +77,17 @@ def walked(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Para
             lambda: _followed(work, samples, smoothed, m, par),
             lambda: _tried(work, samples, smoothed, m, par),
         )
-        is_enough = (work.over > 0.0) | (work.walk.done >= work.age) | (n >= par.window_pace)
+        is_enough = (work.over > 0.0) | (work.walk.done >= work.age) | (n >= pieces)
         return (work, smoothed, n + 1.0), is_enough
 
     work, smoothed, _ = loop(FASTEST, one, (work, smoothed, 1.0))
     return work, smoothed
+
+
+def pace(par: Parameters) -> Scalar:
+    """Pieces of a pass that a step may take: a step that comes later has more time."""
+    by_time = clip(floor(par.sample_time / USUAL_TIME + 0.5), 1.0, FAST)
+    return where(par.window_pace > 0.0, par.window_pace, by_time)
 
 
 def _followed(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
@@ -105,17 +109,19 @@ def _followed(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: P
         new, weighted = _visited(walk, work, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
         kept = remembered(smoothed, new, work, samples)
-        return (new, kept), (new.done >= limit) | _is_full(new) | cond(is_open, lambda: is_over(new), lambda: False)
+        return (new, kept), (new.done >= limit) | _is_full(new, par) | cond(
+            is_open, lambda: is_over(new), lambda: False
+        )
 
-    walk, smoothed = loop(int(max(AT_REST, MOVING)), one, (work.walk, smoothed))
+    walk, smoothed = loop(AT_ONCE, one, (work.walk, smoothed))
     ends = cond(is_open, lambda: is_over(walk), lambda: walk.done >= work.end)
     new = work._replace(walk=walk, over=where(ends, 1.0, 0.0))
-    return cond(_is_full(walk), lambda: _summed(new, m, par), lambda: new), smoothed
+    return cond(_is_full(walk, par), lambda: _summed(new, m, par), lambda: new), smoothed
 
 
-def _is_full(walk: Walk) -> Scalar:
+def _is_full(walk: Walk, par: Parameters) -> Scalar:
     """Whether derivatives are due: after some samples, and at a landing."""
-    return (walk.still == 1.0) | (walk.pending >= where(walk.still > 0.0, AT_REST, MOVING))
+    return (walk.still == 1.0) | (walk.pending >= clip(floor(SPAN / par.sample_time + 0.5), 1.0, float(AT_ONCE)))
 
 
 def _tried(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Point
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.linalg import matrix, vector
 from gapsense.records import Array, Memory, Scalar, Vector, Whole, triangle, zeros
 from gapsense.trace import load, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 RING = 8192  # samples that are kept
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window
@@ -102,6 +100,7 @@ class Work(NamedTuple):
     total: Scalar = 0.0  # cost at q
     promised: Scalar = 0.0  # cost after a whole step, if all were linear
     follows: Scalar = 0.0  # 1: the causal estimate has the device too
+    doubt: Scalar = 0.0  # 1: the causal estimate was strange since it began
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     ready: Annotated[Scalar, Whole(0, RING)] = 0.0  # smoothed samples that are not published yet
     shown: Annotated[Scalar, Whole(0, RING - 1)] = 0.0  # place of the last one that was

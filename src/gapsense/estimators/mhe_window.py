@@ -10,10 +10,11 @@ was the last trial: the smoothed estimate.  The inverse then becomes the next Pi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from gapsense.estimators.mhe_effort import effort, start_of
 from gapsense.estimators.mhe_model import Model, Point
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, has_moved, is_idle, walked
 from gapsense.estimators.mhe_records import (
     DERIVING,
@@ -43,9 +44,6 @@ from gapsense.estimators.mhe_records import (
 from gapsense.linalg import deviation, diagonal, outer, swept, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.mhe import Parameters
 
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
@@ -121,7 +119,7 @@ def _given_up(work: Work, causal: Point) -> Work:
 def _opened(work: Work) -> Work:
     """A window begins at its origin."""
     known = put(work.q_prior, get(work.q, N))
-    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0)
+    new = work._replace(q_prior=known, end=0.0, least=1.0, has_jumped=0.0, has_grown=0.0, doubt=0.0)
     return _deriving(new._replace(tries=0.0, start=0.0, searches=0.0))
 
 
@@ -338,7 +336,9 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
     def rejected() -> Work:
         return cond(is_lost, lambda: _forgotten(told, par), lambda: _rejected(told, par))
 
-    return cond(misfit < BAD, lambda: _explained(told, misfit, par), rejected)
+    is_cut = work.end >= par.window_longest / par.sample_time  # no landing has ended it: what moved was no operation
+    most = where(is_cut & (work.doubt > 0.0), GOOD, BAD)
+    return cond(misfit < most, lambda: _explained(told, misfit, par), rejected)
 
 
 def _passed(work: Work, samples: Samples) -> Work:

@@ -13,7 +13,9 @@ from gapsense.linalg import total
 from gapsense.records import Scalar
 from gapsense.trace import where
 
-INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, IMPACT = (float(2**k) for k in range(7))
+INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT = (
+    float(2**k) for k in range(10)
+)
 CAUSES = {
     INNOVATION: "innovations larger than expected",
     CURRENT_ERROR: "current error larger than expected",
@@ -21,6 +23,9 @@ CAUSES = {
     BOUND: "position held at a bound for long",
     LOST: "a reading lost or wild",
     RESTARTED: "covariance lost, restarted",
+    STILL: "no motion after a command",
+    OTHER: "device far from the one told",
+    UNTOLD: "noise or switching larger than told",
     IMPACT: "first impact perhaps missed by the contact",
 }
 TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone

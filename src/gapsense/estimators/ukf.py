@@ -15,7 +15,7 @@ import numpy as np
 
 from gapsense.derivative import linearise
 from gapsense.estimators import readings
-from gapsense.estimators.kalman import Gaussian, predict, surprise
+from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
@@ -32,7 +32,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.estimators.watch import near
+from gapsense.estimators.watch import UNKNOWN, Limits, Usual, compared, is_far
 from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
 from gapsense.records import Array, Choice, Covariance, Scalar, Table, Vector
 from gapsense.trace import clip, cond, fabs, not_, square, where
@@ -42,6 +42,8 @@ UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
+WILD = 50.0  # deviations of an innovation that is told in its sample, however few there are
+NEAR = 0.05  # part of the stroke within which the position is at a stop
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
 
@@ -122,7 +124,7 @@ class State(NamedTuple):
     voltage: Scalar  # last voltage that could be read [V]
     resistance: Scalar  # believed until the next sample [ohm]
     hysteresis: Scalar  # h of `core_losses` [A]
-    surprise: Scalar  # mean of the squared normalised innovation [1]
+    usual: Usual
 
 
 class Inputs(NamedTuple):
@@ -175,7 +177,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, surprise=1.0)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, usual=UNKNOWN)
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
@@ -193,21 +195,34 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
-    seen = near(innovation, S)
-    surprised = where(has_current, surprise(state.surprise, seen, S, par.health_samples), state.surprise)
-    surprised = where(is_sound, surprised, 1.0)
+    usual = compared(
+        state.usual, innovation, S, has_current & is_sound, _leaves(state.x, estimate.mean, par), _limits(par)
+    )
     health = readings.health(
         {
-            readings.INNOVATION: (surprised >= par.health_limit) | (innovation != seen),
+            readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),
             readings.SATURATION: fabs(estimate.mean[FLUX_LINKAGE]) >= par.core_saturation,
             readings.LOST: not_(is_whole),
             readings.RESTARTED: not_(is_sound),
+            readings.OTHER: usual.other > 0.0,
         }
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, surprised)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, usual)
     return state, _outputs(estimate, innovation, S, health, par)
+
+
+def _limits(par: Parameters) -> Limits:
+    return Limits(par.health_samples, par.health_limit, 0.0)
+
+
+def _leaves(before: Array, x: Array, par: Parameters) -> Scalar:
+    """The stop that the position leaves, as a mode; 0: none.  At rest it is some nm away from there."""
+    z, now, near = before[POSITION], x[POSITION], NEAR * (par.stop_upper - par.stop_lower)
+    low, high = par.stop_lower + near, par.stop_upper - near
+    is_low, is_high = (z <= low) & (now > low), (z >= high) & (now < high)
+    return where(is_low, 1.0, where(is_high, 3.0, 0.0))
 
 
 def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.mhe import Parameters
 from gapsense.estimators.mhe_model import Device, Model, Point, advance, current, device, model, point
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.records import Scalar
 from gapsense.trace import clip
 

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe import SAME, Parameters
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import JUMP
+from gapsense.estimators.mhe_watch import SAME
 from gapsense.studies.identification.noise import noises
 from gapsense.studies.identification.residual import REST, noise_of
 from gapsense.studies.records.operations import coarse, hidden, starts

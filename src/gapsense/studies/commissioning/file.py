@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gapsense.estimators.mhe import Parameters
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.files import write_atomically
 from gapsense.fmi.components import load_component, own

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.estimators.mhe import Parameters
 from gapsense.estimators.mhe_model import device
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.studies.commissioning.drive import LEFT, Drive, drive
 from gapsense.studies.commissioning.minimise import minimised

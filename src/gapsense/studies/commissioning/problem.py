@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe import Parameters
+from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.kernel import Kernel
 from gapsense.lanes import is_compiled, stepped
 from gapsense.records import flat

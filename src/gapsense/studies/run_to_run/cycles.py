@@ -45,6 +45,8 @@ class Cycle(NamedTuple):
     energy: Floats  # supplied [J], (runs,)
     is_ordinary: Floats  # 1: by the controller's own will, and not the first one
     warnings: Floats  # of the controller
+    states: Floats  # of that at the end of closing and of opening, (2, runs)
+    said: Floats  # its warnings there
     position: Floats  # [m], (samples, runs)
 
 
@@ -55,6 +57,8 @@ class Outcome(NamedTuple):
     energy: Floats  # (cycles, runs)
     is_ordinary: Floats  # (cycles, runs)
     warnings: Floats  # (cycles, runs)
+    states: Floats  # (cycles, 2, runs)
+    said: Floats  # (cycles, 2, runs)
     mass: Floats  # [kg], (runs,)
     motions: Mapping[str, Floats]  # of a cycle, (samples, actuators) [m]
 
@@ -90,8 +94,8 @@ def outcome(law: str, condition: Condition, seed: int, runs: range, cycles: int)
         if shown and k in {*AT, cycles - 1}:
             motions[str(k)] = cycle.position[::every, :shown].copy()
     mass = np.broadcast_to(loop.par["plant.mover_mass"][0], len(runs))
-    speeds, energy, is_ordinary, warnings = (np.array(column) for column in zip(*rows))
-    return Outcome(speeds, energy, is_ordinary, warnings, mass, motions)
+    numbers = (np.array(column) for column in zip(*rows))
+    return Outcome._make([*numbers, mass, motions])
 
 
 def gone(law: str, loop: Loop, condition: Condition, runs: int, cycles: int) -> Iterator[Cycle]:
@@ -145,7 +149,8 @@ def cycle_of(recorded: Floats, closed: int, dt: float) -> Cycle:
     before = np.concatenate([current[-1:], current[:-1]])  # a cycle begins as the one before
     energy = dt * np.sum(volts * 0.5 * (before + current), axis=0)
     state, warnings = (signals.get(name, np.zeros_like(mode)) for name in OF_LAW)
-    return Cycle(speeds, energy, np.any(state == BACK, axis=0) * 1.0, warnings[-1], position)
+    is_ordinary, ends = np.any(state == BACK, axis=0) * 1.0, [closed - 1, -1]
+    return Cycle(speeds, energy, is_ordinary, warnings[-1], state[ends], warnings[ends], position)
 
 
 def hardest(mode: Floats, impact: Floats, stop: float) -> Floats:

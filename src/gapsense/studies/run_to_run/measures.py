@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.control.records import Noted
+from gapsense.control.run_to_run import SHORT, TRACKING
 from gapsense.studies.run_to_run.cycles import NEVER, Outcome
 
 Floats = npt.NDArray[np.float64]
@@ -15,16 +17,22 @@ OPERATIONS = ("closing", "opening")
 LEVELS = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "worst": 1.0}
 LAST = 10  # cycles at the end that are taken together
 LEARNT = 3  # cycle from which an operation that does not arrive counts
-WARNINGS = (
-    "unseen",
-    "too fast",
-    "used up",
-    "unexplained",
-    "lost",
-    "shifted",
-    "hard",
-)  # in the order of their bits, see `control.operations`
+WARNINGS = tuple(name.replace("_", " ") for name in Noted._fields)  # in the order of their bits
+LANDED = sum(2 ** WARNINGS.index(name) for name in ("hard", "changed"))  # warnings of how an operation has landed
+HARD, SOFT = 0.5, 0.2  # impact speeds of operations that are to be told, and that are not [m/s]
+ORDINARY = 1.1  # ordinary impacts: what is harder is worse than without the controller
 SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
+
+
+class Noticed(NamedTuple):
+    """What the controller has said of the operations that it wanted soft."""
+
+    hard: int  # above `HARD`
+    told: int  # of these: by a warning or an ordinary operation, in the next one
+    later: int  # of these: at the latest in the next one of the same kind
+    soft: int  # below `SOFT`
+    wrongly: int  # of these: those of which it warned
+    twice: int  # operations of all kinds harder than ordinary ones, the one before of the same kind too
 
 
 class Demand(NamedTuple):
@@ -98,6 +106,27 @@ def warned(outcome: Outcome) -> list[float]:
     """Shares of the last cycles in which the controller gave each of its `WARNINGS`."""
     bits = outcome.warnings[-LAST:].astype(int)
     return [float(np.mean(bits >> k & 1)) for k in range(len(WARNINGS))]
+
+
+def noticed(outcome: Outcome) -> Noticed:
+    """Of all operations since the laws had learnt."""
+    speeds, states, said = (x.reshape(-1, x.shape[-1]) for x in (outcome.speeds, outcome.states, outcome.said))
+    is_soft, was_warned = (states == TRACKING) | (states == SHORT), said.astype(int) & LANDED > 0
+    is_told = (said > 0.0) | ~is_soft
+    since, end = 2 * LEARNT, len(speeds) - 2
+    now, next_one, same = slice(since, end), slice(since + 1, end + 1), slice(since + 2, end + 2)
+    is_hard, is_gentle = is_soft[now] & (speeds[now] > HARD), is_soft[now] & (speeds[now] < SOFT)
+    is_new = was_warned[next_one] & ~was_warned[now]
+    harder = outcome.speeds > ORDINARY * outcome.speeds[0]
+    found = (
+        is_hard,
+        is_hard & is_told[next_one],
+        is_hard & (is_told[next_one] | is_told[same]),
+        is_gentle,
+        is_gentle & is_new,
+        harder[LEARNT:] & harder[LEARNT - 1 : -1],
+    )
+    return Noticed(*(int(np.sum(x)) for x in found))
 
 
 def impact_energy(outcome: Outcome) -> Floats:

@@ -12,15 +12,19 @@ from gapsense.studies.run_to_run.conditions import CONDITIONS
 from gapsense.studies.run_to_run.cycles import Outcome
 from gapsense.studies.run_to_run.loops import LAWS
 from gapsense.studies.run_to_run.measures import (
+    HARD,
     LAST,
     LEARNT,
     LEVELS,
     OPERATIONS,
+    ORDINARY,
     SHOWN,
+    SOFT,
     WARNINGS,
     Floats,
     impact_energy,
     missed,
+    noticed,
     quantile,
     verdicts,
     warned,
@@ -40,7 +44,13 @@ def tables(found: Found) -> list[Table | str]:
         f" {' / '.join(LEVELS)}\nof the actuators; what did not arrive counts as 2. Cycle 0 is an ordinary one."
     )
     names = dict.fromkeys(name for name, _ in found.outcomes)
-    return [head, *(part for name in names for part in over_cycles(found, name)), summary(found), *demands(found)]
+    return [
+        head,
+        *(part for name in names for part in over_cycles(found, name)),
+        summary(found),
+        *said(found),
+        *demands(found),
+    ]
 
 
 def over_cycles(found: Found, name: str) -> list[Table]:
@@ -78,6 +88,27 @@ def _summed(name: str, law: str, outcome: Outcome) -> list[str]:
     counts = (f"{closing} + {opening}", f"{count}", f"{outcome.is_ordinary.sum():g}")
     warnings = " ".join(f"{100.0 * share:.0f}" for share in warned(outcome))
     return [f"{name}, {law}", *spread(last), shares, *counts, warnings, f"{energy:.3g}", f"{impact:.3g}"]
+
+
+def said(found: Found) -> list[Table]:
+    """What the controller has noticed under each condition."""
+    title = (
+        f"What the loop noticed, from cycle {LEARNT} on, of operations that were to be soft. Told: by a warning or an"
+        f" ordinary operation.\nWarned wrongly: of a landing below {SOFT:g} m/s. Twice: harder than {ORDINARY:g} times"
+        " ordinary switching, and so the one before of its kind"
+    )
+    heads = (
+        "",
+        f"above {HARD:g} m/s",
+        "told in the next",
+        "in the next of its kind",
+        "soft",
+        "warned wrongly",
+        "twice",
+    )
+    known = [(f"{name}, {law}", noticed(o)) for (name, law), o in found.outcomes.items() if np.any(o.states)]
+    rows = ([name, *(str(count) for count in counts)] for name, counts in known)
+    return [table(title, heads, rows)] if known else []
 
 
 def spread(speeds: Floats) -> list[str]:

@@ -1,0 +1,90 @@
+"""How hard a stop is hit, by the current: its slope bends there, whether or not a contact tells the landing.
+
+Current over flux linkage is the reluctance of core and gap.  It changes with the velocity of the mover, and not any
+more once that is on its stop.
+"""
+
+from __future__ import annotations
+
+from gapsense.control import laws
+from gapsense.control.mover import gap_slopes, make_mover
+from gapsense.control.profile import arrival, path, stops
+from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
+from gapsense.control.tracking import planned
+from gapsense.records import Scalar
+from gapsense.trace import cond, floor, load, sqrt, square, where
+
+PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
+SURE = 0.5  # error of a speed besides the current's noise [m/s]
+HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
+USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
+NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
+LITTLE = 1e-4  # flux linkage [Wb]
+UNKNOWN = 1e3  # error of what was not measured
+
+
+def watched(state: State, par: Parameters) -> Heard:
+    """With the hardest bend so far of an operation: a stop that is left at once is none to a contact."""
+    heard, is_closing = state.heard, state.running.command
+    at = state.running.age - 2.0 * piece(par)
+    has_left = (heard.takeoff > 0.0) & (at - 2.0 * piece(par) > heard.takeoff)
+    is_on = (state.running.is_plain < 1.0) & (has_left | (state.by_model > 0.0)) & (state.running.age < LONGEST)
+    running = state.running
+    plan = planned(is_closing, running.speed, running.travel, 0.0, par)
+    is_near = at * par.sample_time > plan.lead + where(is_closing > 0.5, *NEAR) * plan.travel
+    is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
+    is_near = is_near & (heard.landing < 1.0)
+    is_on = is_on & (is_near | (at == heard.landing))
+
+    def looked() -> tuple[Scalar, Scalar]:
+        speed, noise = speed_at(state, is_closing, at, par)
+        speed = speed - _braked(state.running, at, par)
+        is_landing = at == heard.landing
+        speed = speed - where(is_landing & (noise > USUAL), VAGUE * (noise - USUAL), 0.0)
+        is_harder = (speed > heard.hardest) & (is_landing | (speed > HIT + VAGUE * noise))
+        return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
+
+    hardest, hit = cond(is_on, looked, lambda: (heard.hardest, heard.hit))
+    return heard._replace(hardest=hardest, hit=hit)
+
+
+def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
+    """What the plan itself takes from the speed between the pieces around a sample [m/s]."""
+    plan, m, n = planned(running.command, running.speed, running.travel, 0.0, par), make_mover(par), piece(par)
+    before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
+    return where(plan.is_closing, after - before, before - after)
+
+
+def piece(par: Parameters) -> Scalar:
+    """Samples of a piece."""
+    half = floor(PIECE / par.sample_time + 0.5)
+    return where(half > 1.0, half, 1.0)
+
+
+def speed_at(state: State, half: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Speed towards the stop with which the mover has landed at a sample, and its error by noise."""
+    m, n, T_s = make_mover(par), piece(par), par.sample_time
+    length = where(state.running.command == half, state.running.age, laws.read(state.laws, half).length)
+    reach = 2.0 * n + 1.0
+    is_kept = (landing > reach) & (landing + reach <= length + 1.0) & (landing + reach <= LONGEST)
+    at = half * LONGEST + where(is_kept, landing, reach)
+    slope, _ = gap_slopes(stops(half > 0.0, m)[1], m)
+    rises = [_rise(state, middle, n, T_s) for middle in (at - 1.0 - n, at + n)]
+    flux, before, after = load(state.fluxes, at), *rises
+    is_kept = is_kept & (flux > LITTLE)
+    bend = where(half > 0.0, -1.0, 1.0) * (before - after)
+    noise = 2.0 * state.coil.noise / _large(flux) / (n * T_s * sqrt(n) * slope)
+    return where(is_kept, bend / slope, 0.0), where(is_kept, noise, UNKNOWN)
+
+
+def _rise(state: State, middle: Scalar, half: Scalar, T_s: Scalar) -> Scalar:
+    """Slope of current over flux linkage around a place in memory."""
+    charges = [load(state.charges, middle + k * half) for k in (-1.0, 0.0, 1.0)]
+    aside = floor(0.5 * half + 0.5)
+    fluxes = [load(state.fluxes, middle + k * aside) for k in (-1.0, 1.0)]
+    first, second = ((new - old) / _large(flux) for old, new, flux in zip(charges, charges[1:], fluxes))
+    return (second - first) / square(half * T_s)
+
+
+def _large(flux: Scalar) -> Scalar:
+    return where(flux > LITTLE, flux, LITTLE)

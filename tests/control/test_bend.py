@@ -1,0 +1,80 @@
+"""The current tells how hard a stop was hit, and when, where a contact tells nothing or too late."""
+
+import numpy as np
+import pytest
+from commanded import inputs, parameters
+
+from gapsense.control import bend, laws, run_to_run
+from gapsense.control.judging import judged_by_contact, judged_by_current
+from gapsense.control.mover import make_mover
+from gapsense.control.profile import stops
+from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
+from gapsense.estimators.gap import gap, make_gap
+
+PAR = parameters()
+FLUX, LANDING, AGE = 0.011, 240.0, 300.0
+
+
+def hit(half, speed, landing=LANDING):
+    """A state whose memory has an operation with constant flux linkage that ends at its stop with a speed."""
+    state, _ = run_to_run.initial(inputs(), PAR)
+    _, z1 = stops(half > 0.5, make_mover(PAR))
+    sign = -1.0 if half > 0.5 else 1.0
+    positions = [z1 + sign * speed * min(0.0, (k - landing + 0.5) * PAR.sample_time) for k in range(LONGEST)]
+    currents = [FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0] for z in positions]
+    charges = np.concatenate([[0.0], np.cumsum(0.5 * np.add(currents[1:], currents[:-1]))]) * PAR.sample_time
+    memory = {name: np.zeros(2 * LONGEST) for name in ("fluxes", "charges")}
+    memory["fluxes"][round(half) * LONGEST :][:LONGEST] = FLUX
+    memory["charges"][round(half) * LONGEST :][:LONGEST] = charges
+    known = state.laws
+    for each, travel in ((CLOSING, PAR.closing_travel), (OPENING, PAR.opening_travel)):
+        law = laws.first(travel, PAR)._replace(was_plain=0.0, speed=PAR.approach_least, length=AGE)
+        known = laws.write(known, each, law)
+    running = state.running._replace(command=half, age=AGE, is_plain=0.0, speed=PAR.approach_least)
+    return state._replace(**memory, laws=known, running=running)
+
+
+@pytest.mark.parametrize("half", [CLOSING, OPENING])
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.5])
+def test_bend_of_the_current_is_the_speed(half, speed):
+    found, noise = bend.speed_at(hit(half, speed), half, LANDING, PAR)
+    assert found == pytest.approx(speed, rel=0.1) and 0.0 < noise < 0.1
+
+
+@pytest.mark.parametrize("landing", [0.0, 10.0, AGE - 5.0, 1023.0])
+def test_pieces_that_were_not_kept_tell_nothing(landing):
+    assert bend.speed_at(hit(CLOSING, 0.5, landing), CLOSING, landing, PAR) == (0.0, bend.UNKNOWN)
+
+
+def watched(state, contact):
+    """Every sample, until the operation has ended."""
+    state = state._replace(heard=Heard(2.0, 1.0, 80.0, 0.0, 0.0, 0.0))
+    for k in range(81, round(AGE)):
+        landing = contact if k >= contact > 0.0 else 0.0
+        heard = state.heard._replace(landing=landing)
+        state = state._replace(heard=heard, running=state.running._replace(age=float(k)))
+        state = state._replace(heard=bend.watched(state, PAR))
+    return judged_by_current(judged_by_contact(state, PAR), PAR)
+
+
+def test_soft_landing_is_nothing_to_note():
+    state = watched(hit(CLOSING, 0.1), LANDING)
+    assert 0.0 < state.heard.hardest < 0.12 and state.heard.landing == LANDING
+    assert state.alarm == 0.0 and max(state.noted) == 0.0
+
+
+@pytest.mark.parametrize("half", [CLOSING, OPENING])
+def test_hard_landing_makes_the_next_operations_ordinary_and_what_was_learnt_a_guess(half):
+    state = watched(hit(half, 0.6), LANDING)
+    assert state.noted.hard == state.noted.changed == 1.0
+    assert state.alarm == 1.0 + half  # a whole cycle, and an opening before that
+    for each in (CLOSING, OPENING):
+        law = laws.read(state.laws, each)
+        assert np.array(law.cov) == pytest.approx(np.diag(np.square(laws.BEFORE)))
+        assert law.speed == PAR.approach_first
+
+
+def test_stop_that_is_left_at_once_is_told_by_the_current():
+    """A contact that tells nothing before the mover comes back."""
+    state = watched(hit(CLOSING, 0.9, 220.0), 278.0)
+    assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.hard == 1.0
