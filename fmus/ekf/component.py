@@ -55,9 +55,9 @@ COMPONENT = Component(
             "Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux "
             "linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: "
             "covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise "
-            "or switching larger than told",
+            "or switching larger than told, 512: first impact perhaps missed by the contact",
             min=0.0,
-            max=511.0,
+            max=1023.0,
             feedthrough=ALL,
         ),
         sample_time(20e-6),

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.derivative import linearise
-from gapsense.estimators import ekf
+from gapsense.estimators import ekf, kinks, readings
 from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
-from gapsense.estimators.kalman import Gaussian, predict, project, smooth
+from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
 from gapsense.estimators.motions import (
     RING,
     Contact,
@@ -82,6 +82,15 @@ class Operation(NamedTuple):
     rest_time: Scalar
 
 
+class Landing(NamedTuple):
+    """Where a motion has landed."""
+
+    count: Scalar  # samples of the motion before it
+    estimate: Estimate  # at it
+    missed: Scalar  # samples from it to the contact; 0: the contact has shown it
+    is_doubtful: Scalar  # 1: there may have been an impact before it that nothing has shown
+
+
 WIDTH = len(names(Sample))
 SIZE = RING * WIDTH
 
@@ -92,7 +101,9 @@ class State(NamedTuple):
     filter: ekf.State
     motion: Motion
     queue: Queue
+    kink: kinks.Kink
     last: Operation
+    is_doubtful: Scalar  # 1: the last landing may not have been the first impact
     samples: Annotated[Array, Memory(SIZE)]
 
 
@@ -134,7 +145,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     now = outputs.estimates
     rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
     last = Operation(inputs.time, inputs.time, 0.0, 0.0, inputs.time)
-    state = State(filtered, *nothing(inputs.time), last, zeros(SIZE))
+    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, zeros(SIZE))
     return state, Outputs(outputs, 0.0, inputs.time, rest, last)
 
 
@@ -144,31 +155,66 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
     contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
+    kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
+    landing = _landing(state, now, kink, contact, estimate, m, par)
+    now, estimate = now._replace(motion=now.motion._replace(count=landing.count)), landing.estimate
     sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
     samples = _stored(state.samples, to_keep(now, contact), sample)
     queue, turn = to_smooth(joined(state.queue, now, T_s), now)
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
     samples = _stored(samples, turn, found)
-    last = _last(state, now, contact, found, m)
+    last = _last(state, now, contact, landing, found, m)
+    outputs = outputs._replace(health=readings.worse(outputs.health, readings.IMPACT, landing.is_doubtful))
     queue, turn, time = to_show(queue, T_s)
     shown = cond(
         turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place).kept), m), lambda: outputs.estimates
     )
     is_published, time = where(turn.is_due, 1.0, 0.0), where(turn.is_due, time, inputs.time)
-    return State(filtered, now.motion, queue, last, samples), Outputs(outputs, is_published, time, _shown(shown), last)
+    return State(filtered, now.motion, queue, kink, last, landing.is_doubtful, samples), Outputs(
+        outputs, is_published, time, _shown(shown), last
+    )
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
     return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
-def _last(state: State, now: Followed, contact: Contact, found: Estimate, m: Model) -> Operation:
+def _landing(
+    state: State, now: Followed, kink: kinks.Kink, contact: Contact, estimate: Estimate, m: Model, par: Parameters
+) -> Landing:
+    """The landing of a motion that lands: where the contact says, or at an impact that only the current has shown."""
+    motion = now.motion
+
+    def here() -> Landing:
+        return Landing(motion.count, estimate, 0.0, state.is_doubtful)
+
+    def judged() -> Landing:
+        stop, count = limit(contact.mode), kinks.supposed(kink)
+        at = Gaussian(*_loaded(state.samples, motion.place + count).kept)
+        verdict = kinks.judged(kink, at, stop, m, par.filter)
+        is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
+
+        def missed() -> Landing:
+            return Landing(count, grounded(at, stop), motion.count - count, is_doubtful)
+
+        def seen() -> Landing:
+            return Landing(motion.count, estimate, 0.0, is_doubtful)
+
+        return cond(verdict.is_missed, missed, seen)
+
+    return cond(now.lands & (par.contact_debounce > 0.0), judged, here)
+
+
+def _last(state: State, now: Followed, contact: Contact, landing: Landing, found: Estimate, m: Model) -> Operation:
     """The last operation: a new one after a landing; one bounce more if the mover has come back from a bounce."""
     last, bounces = state.last, now.bounces & (state.queue.landed > 0.0)
 
     def landed() -> Operation:
-        time, speed = impact(found.mean, limit(contact.mode), contact.time, m)
-        return Operation(now.motion.start, time, speed, bounces=0.0, rest_time=time)
+        shown = contact.time - landing.missed * contact.sample_time
+        time, speed = impact(found.mean, limit(contact.mode), shown, m)
+        has_bounced = landing.missed > 0.0
+        rest_time = where(has_bounced, contact.time, time)
+        return Operation(now.motion.start, time, speed, where(has_bounced, 1.0, 0.0), rest_time)
 
     def rested() -> Operation:
         count, time = where(bounces, last.bounces + 1.0, last.bounces), where(bounces, contact.time, last.rest_time)
@@ -190,6 +236,11 @@ def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: T
     Q = process_noise(m, tuned)
     predicted = Gaussian(x, predict(filtered.cov, F, Q))
     return project(smooth(filtered, predicted, F, Q, later), POSITION, 0.0, 1.0)
+
+
+def grounded(at: Gaussian, stop: Scalar) -> Estimate:
+    """The estimate, told that the mover is on its stop."""
+    return Estimate(*fix(at, POSITION, stop))
 
 
 def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scalar]:

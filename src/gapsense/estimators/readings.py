@@ -13,7 +13,9 @@ from gapsense.linalg import total
 from gapsense.records import Scalar
 from gapsense.trace import where
 
-INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD = (float(2**k) for k in range(9))
+INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT = (
+    float(2**k) for k in range(10)
+)
 CAUSES = {
     INNOVATION: "innovations larger than expected",
     CURRENT_ERROR: "current error larger than expected",
@@ -24,6 +26,7 @@ CAUSES = {
     STILL: "no motion after a command",
     OTHER: "device far from the one told",
     UNTOLD: "noise or switching larger than told",
+    IMPACT: "first impact perhaps missed by the contact",
 }
 TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone
 
@@ -39,6 +42,11 @@ def health(found: Mapping[float, Scalar]) -> Health:
     """Health by the truth values of some causes, by bit."""
     causes = total(where(is_so, bit, 0.0) for bit, is_so in found.items())
     return Health(where(causes > 0.0, 0.0, 1.0), causes)
+
+
+def worse(before: Health, bit: float, is_so: Scalar) -> Health:
+    """Health with one cause more, if it holds."""
+    return Health(where(is_so > 0.0, 0.0, before.health), before.health_causes + where(is_so > 0.0, bit, 0.0))
 
 
 def can_be_read(value: Scalar, limit: Scalar) -> Scalar:

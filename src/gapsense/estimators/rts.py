@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapsense.emit import compiled
-from gapsense.estimators import ekf
+from gapsense.estimators import ekf, kinks
 from gapsense.estimators.ekf import Parameters, physical, tuning
-from gapsense.estimators.ertss import Estimate, backward, impact
+from gapsense.estimators.ertss import Estimate, backward, grounded, impact
 from gapsense.estimators.kalman import Gaussian
+from gapsense.estimators.motions import Motion
 from gapsense.estimators.reduced_model import Held, limit, normalised
 from gapsense.kernel import Kernel, trace
 from gapsense.linalg import vector
-from gapsense.records import names, record, triangle
+from gapsense.records import Scalar, flat, names, record, triangle
 
 MOTION, BOUNCE, GLITCH = "motion", "bounce", "glitch"
 
@@ -44,11 +45,17 @@ class Estimates(NamedTuple):
     force_error_std: Floats
 
 
+class Reading(NamedTuple):
+    """A reading of the current [A]."""
+
+    value: Scalar
+
+
 class Operation(NamedTuple):
     """One motion: samples `first` to `landed - 1` are in motion."""
 
     first: int
-    landed: int  # first sample on the stop
+    landed: int  # first sample on the stop, or after an impact that the contact has missed
     takeoff_time: float  # of the last sample at rest [s]
     landing_time: float  # between two samples [s]
     impact_speed: float  # [m/s]
@@ -83,23 +90,49 @@ def smooth_record(
     Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
-    filtered, held = _filter([(*given, 0.0) for given in zip(*inputs)], par)
+    rows = [(*given, 0.0) for given in zip(*inputs)]
+    states = _filter(rows, par)
+    width = len(names(Estimate))  # of what a state begins with
+    places = [names(ekf.State).index(name) for name in Held._fields]
+    filtered, held = [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
     smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
     for first, end, kind in _moving(q, debounce / T_s):
         if kind == MOTION:
-            for k in range(end - 1, first - 1, -1):
-                smoothed[k] = _backward()(filtered[k], held[k], smoothed[k + 1], par)
-            operations.append(_operation(first, end, smoothed[end - 1], limit(q[end]), par))
+            landed, later = end, filtered[end]
+            if debounce > 0.0 and (impact := _missed(first, end, rows, states, par)):
+                landed, later = impact
+            for k in range(landed - 1, first - 1, -1):
+                smoothed[k] = later = _backward()(filtered[k], held[k], later, par)
+            operations.append(_operation(first, landed, end, smoothed[landed - 1], limit(q[end]), par))
         elif operations and kind == BOUNCE:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
 
 
-def _operation(first: int, landed: int, last: tuple[float, ...], stop: float, par: Parameters) -> Operation:
-    """A motion that lands on a stop, by the last smoothed estimate in it."""
-    time, speed = impact(vector(last[:5]), stop, landed * par.sample_time, normalised(par))
-    return Operation(first, landed, (first - 1) * par.sample_time, time, speed, 0, time)
+def _operation(
+    first: int, landed: int, contact: int, last: tuple[float, ...], stop: float, par: Parameters
+) -> Operation:
+    """A motion that lands on a stop, by the last smoothed estimate in it; `contact` is later if that missed it."""
+    T_s, has_bounced = par.sample_time, contact > landed
+    time, speed = impact(vector(last[:5]), stop, landed * T_s, normalised(par))
+    rest_time = contact * T_s if has_bounced else time
+    return Operation(first, landed, (first - 1) * T_s, time, speed, int(has_bounced), rest_time)
+
+
+def _missed(
+    first: int, end: int, rows: list[tuple[float, ...]], states: list[tuple[float, ...]], par: Parameters
+) -> tuple[int, tuple[float, ...]] | None:
+    """Sample of an impact that the contact has missed, and the estimate on the stop there."""
+    kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
+    for k in range(first + 1, end + 1):
+        motion = Motion(0.0, float(k - first), 0.0, 1.0 - stop, 0.0)
+        kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
+    found: kinks.Kink = record(kinks.Kink, kink)
+    at = first + int(kinks.supposed(found))
+    estimate: Estimate = record(Estimate, states[at][: len(names(Estimate))])
+    verdict = kinks.judged(found, Gaussian(*estimate), stop, normalised(par), par)
+    return (at, tuple(flat(grounded(Gaussian(*estimate), stop)))) if verdict.is_missed else None
 
 
 def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:
@@ -127,8 +160,8 @@ def _moving(mode: ArrayLike, debounce: float) -> Iterator[tuple[int, int, str]]:
         yield int(a), int(b), kind
 
 
-def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tuple[float, ...]], list[Held]]:
-    """Flat filtered estimates (x, upper triangle of P) of all samples, and what acts until the next."""
+def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> list[tuple[float, ...]]:
+    """Flat states of the filter at all samples."""
     scalar = _kernel().scalar
     advance, constants = scalar["advance"], scalar["constants"](tuple(par))
     state, _ = scalar["initial"](inputs[0], tuple(par))
@@ -136,14 +169,27 @@ def _filter(inputs: list[tuple[float, ...]], par: Parameters) -> tuple[list[tupl
     for given in inputs[1:]:
         state, _ = advance(state, given, constants)
         states.append(state)
-    width = len(names(Estimate))  # of what the state begins with
-    places = [names(ekf.State).index(name) for name in Held._fields]
-    return [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
+    return states
 
 
 @cache
 def _kernel() -> Kernel:
     return Kernel(ekf)
+
+
+@cache
+def _sought() -> Callable[..., tuple[float, ...]]:
+    """`kinks.sought` as scalar Python on flat tuples."""
+
+    def sought(
+        kink: kinks.Kink, motion: Motion, current: Reading, before: ekf.State, now: ekf.State, par: Parameters
+    ) -> kinks.Kink:
+        return kinks.sought(kink, motion, current.value, before, now, normalised(par), par)
+
+    states = {"before": ekf.State, "now": ekf.State}
+    return compiled(
+        trace(sought, {"kink": kinks.Kink, "motion": Motion, "current": Reading, **states, "par": Parameters})
+    )
 
 
 @cache

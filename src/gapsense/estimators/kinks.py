@@ -1,0 +1,136 @@
+"""First impacts that the contact did not show, told by the current.
+
+The mover that hits a stop is suddenly slower, or moves back; with it changes the slope of the current, by the slope of
+the reluctance times the flux linkage times the change of the speed.  A contact that closes only after the bounce says
+nothing of that impact.  Here the kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet
+in the middle; if a motion that lands has one of the right sign and size near its stop, it has landed there.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from gapsense.estimators import ekf, readings
+from gapsense.estimators.kalman import Gaussian
+from gapsense.estimators.motions import Motion
+from gapsense.estimators.reduced_model import (
+    FLUX_LINKAGE,
+    POSITION,
+    POSITION_PREV,
+    Model,
+    gap_law,
+    is_moving,
+    magnetic_force,
+)
+from gapsense.linalg import deviation, total, vector
+from gapsense.records import Array, Count, Scalar, Vector
+from gapsense.trace import cond, fabs, not_, sqrt, square, where
+
+SIDE = 6  # samples on each side of a kink
+TAPS = 2 * SIDE + 1
+CLEAR = 8.0  # standard deviations of a kink that is none of noise
+LEAST = 0.5  # share of the kink of a mover that stops dead
+ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
+NEAR = 0.5  # largest distance from the stop, in strokes, of an estimate whose kink is an impact on it
+UNSURE = 0.2  # least standard deviation of the position, in strokes: that of the filter may be too small
+PULLED = 0.5  # least magnetic force on the stop, in those of the spring, with which the magnet drives the mover
+BEYOND_FREE, BEYOND_PULLED = 0.8, 2.0  # deviations by which the estimate may pass the stop before the contact closes
+
+_LINES = np.array([np.ones(TAPS), np.arange(SIDE, -SIDE - 1.0, -1.0), np.arange(SIDE, -SIDE - 1.0, -1.0).clip(0.0)]).T
+KINK = np.linalg.pinv(_LINES)[2].tolist()  # weights of the readings, newest first
+BASIS = np.linalg.qr(_LINES)[0].T.tolist()  # of all pairs of lines
+SPREAD = float(np.linalg.norm(KINK))  # deviation of the kink in those of a reading
+
+
+class Kink(NamedTuple):
+    """What the current has told of the motion so far."""
+
+    currents: Annotated[Array, Vector(TAPS)]  # last readings, newest first [A]
+    steady: Annotated[Scalar, Count]  # how many of them were not lost, with a voltage that did not jump
+    size: Scalar  # the clearest kink [A per sample]; 0: none
+    flight: Annotated[Scalar, Count]  # samples of the motion before it
+    arrival: Annotated[Scalar, Count]  # samples of the motion before the estimate reached the stop; 0: it did not
+    beyond: Scalar  # how far the estimate would have passed the stop, in its standard deviations
+    was_steady: Scalar  # 1: since it first would have, a kink could be seen
+
+
+class Verdict(NamedTuple):
+    """What a landing turns out to be."""
+
+    is_missed: Scalar  # there was an impact before it
+    is_doubtful: Scalar  # there may have been one
+
+
+def nothing() -> Kink:
+    """No reading."""
+    return Kink(vector([0.0] * TAPS), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def sought(
+    kink: Kink, motion: Motion, current: Scalar, before: ekf.State, now: ekf.State, m: Model, par: ekf.Parameters
+) -> Kink:
+    """With the reading of one sample more; `motion` is that before it."""
+    most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
+    is_read = readings.can_be_read(current, most) & (now.watch.far < 0.5)
+    shifted = vector([where(is_read, current, kink.currents[0]), *kink.currents[:-1]])
+
+    def flying() -> Kink:
+        z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
+        noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
+        jump = (
+            m.T_s * (now.voltage - before.voltage) * shifted[0]
+        )  # of the slope of the current, times the flux linkage
+        is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
+        steady = where(is_steady, kink.steady + 1.0, 0.0)
+        can_see = (steady >= TAPS) & (motion.count >= TAPS)
+        slope = total(w * i for w, i in zip(KINK, shifted))
+        size = where(lam * (z - z_prev) < 0.0, slope, -slope)
+        is_large = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
+        is_clear = cond(is_large, lambda: _is_two_lines(shifted, size, noise), lambda: False)
+        passes = is_moving(now.mode) & (fabs(z - motion.stop) >= 1.0)
+        std = deviation(now.P[POSITION, POSITION])
+        step = fabs(z - z_prev) / where(std > UNSURE, std, UNSURE)
+        return kink._replace(
+            currents=shifted,
+            steady=steady,
+            size=where(is_clear, size, kink.size),
+            flight=where(is_clear, motion.count + 1.0 - SIDE, kink.flight),
+            arrival=where(passes & (kink.arrival == 0.0), motion.count, kink.arrival),
+            beyond=kink.beyond + where(passes, step, 0.0),
+            was_steady=where(passes & not_(can_see), 0.0, kink.was_steady),
+        )
+
+    return cond(is_moving(before.mode), flying, nothing)
+
+
+def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
+    """Whether the readings are near two lines: those with one wild among them are not."""
+    off = [i - currents[SIDE] for i in currents]
+    along = total(square(total(w * i for w, i in zip(line, off))) for line in BASIS)
+    return total(square(i) for i in off) - along <= TAPS * square(ROUGH[0] * noise + ROUGH[1] * kink)
+
+
+def supposed(kink: Kink) -> Scalar:
+    """Samples of the motion before an impact that the contact has missed, if there was one."""
+    return where(kink.size > 0.0, kink.flight, kink.arrival)
+
+
+def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters) -> Verdict:
+    """A landing on `stop`; `at` is the estimate at the supposed impact.
+
+    Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
+    error: if the estimate was on the stop well before the contact, so was the mover.  Without e_i or e_F it has a bias.
+    """
+    z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
+    slope = gap_law(stop, m)[1]
+    dead = fabs(slope * lam * (z - z_prev))
+    is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
+    is_told = is_kinked & (fabs(z - stop) <= NEAR)
+    is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
+    is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
+    would_show = (kink.was_steady > 0.5) & (LEAST * dead >= CLEAR * SPREAD * par.noise_current)
+    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, BEYOND_FREE, BEYOND_PULLED))
+    is_guessed = (kink.size == 0.0) & is_beyond & is_free
+    return Verdict(is_told | is_guessed, not_(is_told) & (is_kinked | is_beyond))
