@@ -14,6 +14,7 @@ LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
+SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FORGIVEN = 0.5  # hard impacts, by a soft one
@@ -48,7 +49,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
     """With the end of an operation: whether it landed hard, or by the contact not at all."""
     heard, running, is_soft = state.heard, state.running, state.running.is_plain < 1.0
     by_contact = state.by_model < 1.0
-    is_hit = not_(by_contact) | (heard.landing == heard.hit)  # else the contact was in time
+    is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     is_hard = is_soft & (speed > AUDIBLE)
