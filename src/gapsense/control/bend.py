@@ -17,6 +17,7 @@ from gapsense.trace import cond, floor, load, sqrt, square, where
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
+ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE = 1e-4  # flux linkage [Wb]
@@ -24,7 +25,7 @@ UNKNOWN = 1e3  # error of what was not measured
 
 
 def watched(state: State, par: Parameters) -> Heard:
-    """With the hardest bend so far of an operation: a stop that is left at once is none to a contact."""
+    """With the hardest bend so far of an operation, before a landing: a stop left at once is none to a contact."""
     heard, is_closing = state.heard, state.running.command
     at = state.running.age - 2.0 * piece(par)
     has_left = (heard.takeoff > 0.0) & (at - 2.0 * piece(par) > heard.takeoff)
@@ -34,18 +35,25 @@ def watched(state: State, par: Parameters) -> Heard:
     is_near = at * par.sample_time > plan.lead + where(is_closing > 0.5, *NEAR) * plan.travel
     is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
     is_near = is_near & (heard.landing < 1.0)
-    is_on = is_on & (is_near | (at == heard.landing))
+    is_on = is_on & is_near
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = speed_at(state, is_closing, at, par)
         speed = speed - _braked(state.running, at, par)
-        is_landing = at == heard.landing
-        speed = speed - where(is_landing & (noise > USUAL), VAGUE * (noise - USUAL), 0.0)
-        is_harder = (speed > heard.hardest) & (is_landing | (speed > HIT + VAGUE * noise))
+        least = where(state.by_model > 0.0, ALONE, HIT) + VAGUE * noise
+        is_harder = (speed > heard.hardest) & (speed > least)
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     hardest, hit = cond(is_on, looked, lambda: (heard.hardest, heard.hit))
     return heard._replace(hardest=hardest, hit=hit)
+
+
+def landed(state: State, par: Parameters) -> Scalar:
+    """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
+    heard, half = state.heard, state.running.command
+    speed, noise = speed_at(state, half, heard.landing, par)
+    speed = speed - _braked(state.running, heard.landing, par)
+    return speed - where(noise > USUAL, VAGUE * (noise - USUAL), 0.0)
 
 
 def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:

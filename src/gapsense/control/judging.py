@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import piece
+from gapsense.control.bend import landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
@@ -14,6 +14,8 @@ LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
+SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
+TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FORGIVEN = 0.5  # hard impacts, by a soft one
 YOUNG = 8.0  # cycles in which approaches are still fast
@@ -35,7 +37,7 @@ def listened(state: State, inputs: Inputs) -> Heard:
 
 def judged_by_contact(state: State, par: Parameters) -> State:
     """With its end: what the contact has said of it, and the current where it tells a stop that was hit before."""
-    heard, is_plain = _with_hit(state.heard, par), state.running.is_plain > 0.0
+    heard, is_plain = _with_hit(state, par), state.running.is_plain > 0.0
     says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0)
     noted = state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen))
     has_landed = where(heard.landing > 0.0, 1.0, 0.0)
@@ -46,10 +48,14 @@ def judged_by_contact(state: State, par: Parameters) -> State:
 def judged_by_current(state: State, par: Parameters) -> State:
     """With the end of an operation: whether it landed hard, or by the contact not at all."""
     heard, running, is_soft = state.heard, state.running, state.running.is_plain < 1.0
-    is_hard = is_soft & (heard.hardest > AUDIBLE)
-    is_short = is_soft & (state.by_model < 1.0) & (heard.landing < 1.0)
+    by_contact = state.by_model < 1.0
+    is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
+    speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
+    speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
+    is_hard = is_soft & (speed > AUDIBLE)
+    is_short = is_soft & by_contact & (heard.landing < 1.0)
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
-    return _alarmed(state, is_short | (is_soft & (heard.hardest > _most(running.speed))), par)
+    return _alarmed(state, is_short | (is_soft & (speed > _most(running.speed))), par)
 
 
 def _most(speed: Scalar) -> Scalar:
@@ -57,9 +63,12 @@ def _most(speed: Scalar) -> Scalar:
     return ENOUGH + ALLOWED * speed
 
 
-def _with_hit(heard: Heard, par: Parameters) -> Heard:
-    """A stop that the current tells to have been hit well before the contact did."""
-    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (heard.landing - heard.hit > 2.0 * piece(par)))
+def _with_hit(state: State, par: Parameters) -> Heard:
+    """A stop that the current tells, where the contact comes much later than planned, or not at all."""
+    heard, running = state.heard, state.running
+    plan = planned(running.command, running.speed, running.travel, 0.0, par)
+    late = heard.landing * par.sample_time - plan.lead - arrival(plan)
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY))
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
 
 
@@ -71,7 +80,8 @@ def _alarmed(state: State, is_bad: Scalar, par: Parameters) -> State:
         for half in (CLOSING, OPENING):
             known = laws.write(known, half, laws.doubted(laws.read(known, half), par))
         alarm = 1.0 + state.running.command  # with the opening of a closing that has begun
-        return state._replace(laws=known, alarm=alarm, noted=state.noted._replace(changed=1.0))
+        hard = state.landed_hard + 1.0 - state.by_model
+        return state._replace(laws=known, alarm=alarm, landed_hard=hard, noted=state.noted._replace(changed=1.0))
 
     return cond(is_bad, doubted, lambda: state)
 

@@ -61,9 +61,10 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     state = state._replace(laws=laws.write(known, half, law), noted=noted)
 
     def by_contact() -> State:
-        return learning.begun(judged_by_contact(state, par), half, correction, inputs.impact_speed, par)
+        judged = judged_by_current(judged_by_contact(state, par), par)
+        return learning.begun(judged, half, correction, inputs.impact_speed, par)
 
-    return judged_by_current(cond(state.by_model < 1.0, by_contact, lambda: state), par)
+    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(state, par))
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -109,6 +110,7 @@ def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
+    followed = state.by_model
     state = _handed_over(state, inputs, par)
     is_plain, by_contact = state.running.is_plain > 0.0, state.by_model < 1.0
     coil: Coil = cond(is_plain, lambda: zeroed(state.coil, par), lambda: state.coil)
@@ -128,6 +130,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
         coil=new,
         laws=known,
         cycles=state.cycles + 1.0,
+        alarm=where(state.by_model > followed, 0.0, state.alarm),  # another law is the answer then
         since_plain=state.since_plain + 1.0,
         remembered=vector([*_noted(state, par)]),
         noted=NOTHING,

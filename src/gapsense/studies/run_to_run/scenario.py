@@ -16,6 +16,7 @@ from gapsense.studies.run_to_run.cycles import NEVER, hardest
 
 ACTUATOR = ("actuator.position", "actuator.mode", "actuator.impact_speed")
 SIGNALS = (*ACTUATOR, "controller.cycle", "controller.approach_speed")
+AROUND = 1.1  # usual cycles that are shown of one that a rest makes longer
 LIGHTEST = 0.8  # of the colours
 
 
@@ -39,6 +40,8 @@ def _motions(axis: Any, result: Result, parts: list[slice]) -> None:
     for part, color in zip(parts, colormaps["viridis"](np.linspace(0.0, LIGHTEST, len(parts)))):
         times = result.times[part] - result.times[part.start]
         axis.plot(1e3 * times, 1e3 * result["actuator.position"][part], color=color, linewidth=0.8)
+    usual = float(np.median([result.times[part][-1] - result.times[part.start] for part in parts]))
+    axis.set_xlim(0.0, 1e3 * AROUND * usual)
     axis.set_xlabel("time since the cycle began / ms")
     axis.set_ylabel("gap / mm, later cycles lighter")
 
