@@ -7,7 +7,7 @@ from gapsense.control.bend import landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
-from gapsense.records import Scalar
+from gapsense.records import Array, Scalar
 from gapsense.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
@@ -55,7 +55,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hard = is_soft & (speed > AUDIBLE)
     is_short = is_soft & by_contact & (heard.landing < 1.0)
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
-    return _alarmed(state, is_short | (is_soft & (speed > _most(running.speed))), par)
+    return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
 
 
 def _most(speed: Scalar) -> Scalar:
@@ -72,13 +72,18 @@ def _with_hit(state: State, par: Parameters) -> Heard:
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
 
 
-def _alarmed(state: State, is_bad: Scalar, par: Parameters) -> State:
+def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> State:
     """After a soft operation that landed hard or not at all: a cycle is ordinary, and all is learnt afresh."""
 
-    def doubted() -> State:
+    def afresh() -> Array:
         known = state.laws
-        for half in (CLOSING, OPENING):
-            known = laws.write(known, half, laws.doubted(laws.read(known, half), par))
+        for each in (CLOSING, OPENING):
+            known = laws.write(known, each, laws.doubted(laws.read(known, each), par))
+        return known
+
+    def doubted() -> State:
+        was_followed = laws.read(state.laws, half).was_followed > 0.0  # else it was the voltage that fell short
+        known = cond(was_followed, afresh, lambda: state.laws)
         alarm = 1.0 + state.running.command  # with the opening of a closing that has begun
         hard = state.landed_hard + 1.0 - state.by_model
         return state._replace(laws=known, alarm=alarm, landed_hard=hard, noted=state.noted._replace(changed=1.0))
@@ -130,7 +135,7 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
     is_bad = (law.was_plain < 1.0) & ((has_landed < 1.0) | is_hard)
 
     def judged() -> State:
-        return _alarmed(_judged(heard, half, has_landed, inputs.landing_time - start, par), is_bad, par)
+        return _alarmed(_judged(heard, half, has_landed, inputs.landing_time - start, par), half, is_bad, par)
 
     return cond(state.by_model > 0.0, judged, lambda: heard)
 

@@ -26,7 +26,7 @@ from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
-HARD_ROW = 4.0  # hard impacts, although a contact was listened to
+HARD_ROW = 3.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more

@@ -36,7 +36,7 @@ FURTHER: dict[str, float] = {  # what an estimator that serves `RunToRun` is tol
     "edge": 3.0,
     "window_tail": 6e-3,
     "window_longest": 30e-3,
-    "window_pace": 2.0,
+    "window_pace": 3.0,
 }
 ESTIMATING = ("model", "both")  # kinds with `Mhe`
 GENTLE = {"approach_first": 0.17, "approach_least": 0.06}  # what the law `model` can be told
