@@ -76,7 +76,8 @@ class Cluster:
         if self.thread:
             self.thread.join()
         if self.is_known and self.client.status == "running":
-            self.client.unregister_worker_plugin(self.name)
+            with suppress(OSError):  # the scheduler is gone, and the client does not know it yet
+                self.client.unregister_worker_plugin(self.name)
         if self.client:
             self.client.close(timeout=PATIENCE)
 
