@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.mover import gap_slopes, make_mover
-from gapsense.control.profile import arrival, path, stops
+from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.records import Scalar
@@ -26,39 +26,49 @@ UNKNOWN = 1e3  # error of what was not measured
 
 def watched(state: State, par: Parameters) -> Heard:
     """With the hardest bend so far of an operation, before a landing: a stop left at once is none to a contact."""
-    heard, is_closing = state.heard, state.running.command
-    at = state.running.age - 2.0 * piece(par)
+    heard, running = state.heard, state.running
+    at = running.age - 2.0 * piece(par)
     has_left = (heard.takeoff > 0.0) & (at - 2.0 * piece(par) > heard.takeoff)
-    is_on = (state.running.is_plain < 1.0) & (has_left | (state.by_model > 0.0)) & (state.running.age < LONGEST)
-    running = state.running
-    plan = planned(is_closing, running.speed, running.travel, 0.0, par)
-    is_near = at * par.sample_time > plan.lead + where(is_closing > 0.5, *NEAR) * plan.travel
-    is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
-    is_near = is_near & (heard.landing < 1.0)
-    is_on = is_on & is_near
+    is_on = (running.is_plain < 1.0) & (has_left | (state.by_model > 0.0)) & (running.age < LONGEST)
+
+    def before() -> tuple[Scalar, Scalar]:
+        return heard.hardest, heard.hit
 
     def looked() -> tuple[Scalar, Scalar]:
-        speed, noise = speed_at(state, is_closing, at, par)
-        speed = speed - _braked(state.running, at, par)
+        speed, noise = _impact(state, at, par)
         least = where(state.by_model > 0.0, ALONE, HIT) + VAGUE * noise
         is_harder = (speed > heard.hardest) & (speed > least)
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
-    hardest, hit = cond(is_on, looked, lambda: (heard.hardest, heard.hit))
+    def near() -> tuple[Scalar, Scalar]:
+        plan = _plan(running, par)
+        is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
+        is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
+        return cond(is_near, looked, before)
+
+    hardest, hit = cond(is_on & (heard.landing < 1.0), near, before)
     return heard._replace(hardest=hardest, hit=hit)
 
 
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
-    heard, half = state.heard, state.running.command
-    speed, noise = speed_at(state, half, heard.landing, par)
-    speed = speed - _braked(state.running, heard.landing, par)
+    speed, noise = _impact(state, state.heard.landing, par)
     return speed - where(noise > USUAL, VAGUE * (noise - USUAL), 0.0)
+
+
+def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Speed of the operation under way that its stop took at a sample, and its error by noise [m/s]."""
+    speed, noise = speed_at(state, state.running.command, at, par)
+    return speed - _braked(state.running, at, par), noise
+
+
+def _plan(running: Running, par: Parameters) -> Operation:
+    return planned(running.command, running.speed, running.travel, 0.0, par)
 
 
 def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     """What the plan itself takes from the speed between the pieces around a sample [m/s]."""
-    plan, m, n = planned(running.command, running.speed, running.travel, 0.0, par), make_mover(par), piece(par)
+    plan, m, n = _plan(running, par), make_mover(par), piece(par)
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
 

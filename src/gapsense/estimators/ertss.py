@@ -185,8 +185,8 @@ def _landing(
     """The landing of a motion that lands: where the contact says, or at an impact that only the current has shown."""
     motion = now.motion
 
-    def here() -> Landing:
-        return Landing(motion.count, estimate, 0.0, state.is_doubtful)
+    def here(is_doubtful: Scalar) -> Landing:
+        return Landing(motion.count, estimate, 0.0, is_doubtful)
 
     def judged() -> Landing:
         stop, count = limit(contact.mode), kinks.supposed(kink)
@@ -197,12 +197,9 @@ def _landing(
         def missed() -> Landing:
             return Landing(count, grounded(at, stop), motion.count - count, is_doubtful)
 
-        def seen() -> Landing:
-            return Landing(motion.count, estimate, 0.0, is_doubtful)
+        return cond(verdict.is_missed, missed, lambda: here(is_doubtful))
 
-        return cond(verdict.is_missed, missed, seen)
-
-    return cond(now.lands & (par.contact_debounce > 0.0), judged, here)
+    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful))
 
 
 def _last(state: State, now: Followed, contact: Contact, landing: Landing, found: Estimate, m: Model) -> Operation:

@@ -79,9 +79,7 @@ def sought(
     def flying() -> Kink:
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
         noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
-        jump = (
-            m.T_s * (now.voltage - before.voltage) * shifted[0]
-        )  # of the slope of the current, times the flux linkage
+        jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage
         is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
         can_see = (steady >= TAPS) & (motion.count >= TAPS)

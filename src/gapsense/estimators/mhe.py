@@ -219,7 +219,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
-    seen = Seen(innovation, has_current, u - before.voltage, inputs.command - state.last_command)
+    seen = Seen(innovation, has_current, u - before.voltage, is_edge, inputs.command - state.last_command)
     watch = watched(heard, seen, now, work.learnt, m, par)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
     state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)

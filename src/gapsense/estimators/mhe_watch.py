@@ -56,6 +56,7 @@ class Seen(NamedTuple):
     innovation: Scalar
     has_current: Scalar
     jump: Scalar  # of the voltage
+    is_edge: Scalar  # 1: that is an edge
     change: Scalar  # of the command
 
 
@@ -134,7 +135,7 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
     """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
-    is_edge, between = drives(seen.jump, par), (now.position > par.stop_lower) & (now.position < par.stop_upper)
+    is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
     counts = seen.has_current & not_(is_edge)
     learns = is_edge & is_known & (before.is_strange < 1.0)
@@ -163,7 +164,7 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
 
 def _placed(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Point, m: Model, par: Parameters) -> Edge:
     """Kalman filter of the place of an edge, by the innovations at rest after it."""
-    is_edge = drives(seen.jump, par)
+    is_edge = seen.is_edge
     faded = where(is_edge, par.sample_time * seen.jump, before.faded * (1.0 - par.sample_time * m.load * now.mmf_slope))
     place, variance = where(is_edge, 0.0, before.place), where(is_edge, spread, before.variance)
     slope = faded * now.mmf_slope * m.through

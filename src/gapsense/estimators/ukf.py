@@ -195,9 +195,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
-    usual = compared(
-        state.usual, innovation, S, has_current & is_sound, _leaves(state.x, estimate.mean, par), _limits(par)
-    )
+    leaves, limits = _leaves(state.x, estimate.mean, par), Limits(par.health_samples, par.health_limit, 0.0)
+    usual = compared(state.usual, innovation, S, has_current & is_sound, leaves, limits)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),
@@ -211,10 +210,6 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     R = readings.believed(inputs.resistance, par.coil_resistance)
     state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, usual)
     return state, _outputs(estimate, innovation, S, health, par)
-
-
-def _limits(par: Parameters) -> Limits:
-    return Limits(par.health_samples, par.health_limit, 0.0)
 
 
 def _leaves(before: Array, x: Array, par: Parameters) -> Scalar:
