@@ -14,9 +14,7 @@ from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from gapsense.emit import C, Graph, Numpy, Python, indexing, namespace, split
+from gapsense.emit import C, Graph, Python, indexing, namespace, split
 from gapsense.records import fields, flat, leaves, names, record, zeros
 from gapsense.trace import Expr, Tape, TraceError, memory_of
 
@@ -133,10 +131,6 @@ class Kernel:
         functions = [Python(g).source() for g in (initial, *split(step, Python))]
         return "\n\n".join([f"# {self._origin}\n{Python.head}", *functions, STEP])
 
-    def numpy(self) -> str:
-        """Source of a numpy module with the same functions over N runs; they take one more argument, `runs`."""
-        return "\n\n".join([f"# {self._origin}\n{Numpy.head}", *(Numpy(g).source() for g in self.graphs)])
-
     def c(self) -> str:
         """C99 source of `<name>_initial` and `<name>_step`."""
         functions = [C(g._replace(name=f"{self.name}_{g.name}")).source() for g in self.graphs]
@@ -150,11 +144,6 @@ class Kernel:
     def scalar(self) -> Mapping[str, Any]:
         """Namespace of the compiled scalar Python."""
         return namespace(self.python(), self.name)
-
-    @cached_property
-    def batch(self) -> Mapping[str, Any]:
-        """Namespace of the compiled numpy code."""
-        return namespace(self.numpy(), f"{self.name} over runs")
 
     def initial(self, inputs: Any, par: Any) -> tuple[Any, Any]:
         """State and outputs at the start, as records, computed by the scalar code."""
@@ -178,16 +167,6 @@ class Kernel:
     def _records(self, entries: tuple[Any, Any]) -> tuple[Any, Any]:
         return record(self.module.State, entries[0]), record(self.module.Outputs, entries[1])
 
-    def step_batch(self, state: Any, inputs: Any, par: Any, runs: int) -> tuple[Any, Any]:
-        """Flat state and outputs of `runs` runs, arrays (runs,) or scalars for all of them; memory changes in place."""
-        with np.errstate(all="ignore"):  # both branches of a condition are computed, and one may be meaningless
-            return self.batch["step"](_arrays(state), _arrays(inputs), _arrays(par), runs)  # type: ignore[no-any-return]
-
-    def initial_batch(self, inputs: Any, par: Any, runs: int) -> tuple[Any, Any]:
-        """As `step_batch`, at the start."""
-        with np.errstate(all="ignore"):
-            return self.batch["initial"](_arrays(inputs), _arrays(par), runs)  # type: ignore[no-any-return]
-
 
 def _with(function: Callable[..., Any], values: Mapping[str, Any]) -> Callable[..., Any]:
     """The function with numbers in place of its parameters."""
@@ -199,8 +178,3 @@ def _with(function: Callable[..., Any], values: Mapping[str, Any]) -> Callable[.
 
     with_values.__name__ = function.__name__
     return with_values
-
-
-def _arrays(entries: Sequence[Any]) -> list[Any]:
-    """Plain numbers as arrays too: dividing two of them by zero in a branch that no run takes must not be an error."""
-    return [np.asarray(entry, dtype=float) for entry in entries]

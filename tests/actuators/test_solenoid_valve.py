@@ -11,6 +11,7 @@ from relay import RELAY
 from gapsense.actuators import solenoid_valve as valve
 from gapsense.actuators import valve_steps
 from gapsense.kernel import Kernel
+from gapsense.lanes import over_runs
 from gapsense.records import flat
 from gapsense.studies.devices import VALVE
 
@@ -155,11 +156,13 @@ def test_many_runs_at_once_equal_single_runs(kernel, law):
     par = VALVE._replace(gap_law=law, micro_step=50e-6)
     high = np.array([24.0, 20.0, 5.0, -22.0])
     tables = {name: np.array(getattr(par, name)) for name in par._fields if name.startswith("gap_file")}
-    batch, _ = kernel.initial_batch(flat(REST), flat(par._replace(**tables)), 4)
+    over, flat_par = over_runs(kernel), flat(par._replace(**tables))
+    batch, _ = over.initial(flat(REST), flat_par)
+    constants = over.constants(flat_par)
     singles, modes = [kernel.initial(REST, par)[0]] * 4, set()
     for k in range(18):
         u = high if k < 7 else 0.0 * high
-        batch, _ = kernel.step_batch(batch, (0.0, 0.5e-3, u), flat(par._replace(**tables)), 4)
+        batch, _ = over.advance(batch, (0.0, 0.5e-3, u), constants)
         singles = [kernel.step(s, valve.Inputs(0.0, 0.5e-3, float(x)), par)[0] for s, x in zip(singles, u)]
         modes.add(singles[0].mode)
     expected = np.array(singles).T

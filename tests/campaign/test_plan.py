@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.campaign.plan import Block, Plan
-from gapsense.campaign.study import load_study
+from gapsense.campaign.study import Study, read_study
 from gapsense.cosim.scenario import Port
+
+
+def load_study(path: Path) -> Study:
+    """The study of a file without problems."""
+    problems: list[str] = []
+    study = read_study(path, problems)
+    assert study is not None, problems
+    assert not problems
+    return study
 
 
 def block(name, *columns):

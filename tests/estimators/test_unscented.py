@@ -10,10 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.estimators.kalman import Gaussian
-from gapsense.estimators.unscented import columns, condition_on_last, moments, pair, transformed
+from gapsense.estimators.unscented import columns, condition_on_last, moments, pair
 from gapsense.linalg import vector
 
 SPREADS = (3.0, 5.0, 8.0, 20.0)
+
+
+def transformed(function: Any, estimate: Gaussian, spread: float) -> Gaussian:
+    """Mean and covariance of `function(x)` for a Gaussian x."""
+    x, P = estimate
+    centre = function(x)
+    pairs = [pair(centre, function(x + c), function(x - c)) for c in columns(P, spread)]
+    return moments(centre, pairs, spread)
 
 
 def gaussian(seed: int, n: int = 3, rank: int | None = None, size: float = 1.0) -> tuple[Gaussian, Any, Any]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from gapsense.kernel import Kernel
+from gapsense.lanes import over_runs
 from gapsense.records import flat, record
 from gapsense.sensor import sensor
 from gapsense.sensor.sensor import Inputs, Parameters, State
@@ -203,10 +204,12 @@ def test_batch_gives_the_numbers_of_single_runs():
     seeds = np.arange(runs, dtype=float)
     par = flat(REALISTIC)
     par[Parameters._fields.index("seed")] = seeds
-    state, outputs = KERNEL.initial_batch(flat(inputs_at(0)), par, runs)
+    over = over_runs(KERNEL)
+    state, outputs = over.initial(flat(inputs_at(0)), par)
+    constants = over.constants(par)
     rows = [outputs]
     for k in range(1, steps):
-        state, outputs = KERNEL.step_batch(state, flat(inputs_at(k)), par, runs)
+        state, outputs = over.advance(state, flat(inputs_at(k)), constants)
         rows.append(outputs)
     for run, seed in enumerate(seeds):
         single = REALISTIC._replace(seed=float(seed))

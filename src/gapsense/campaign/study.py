@@ -18,7 +18,6 @@ from gapsense.cosim.kinds import STUDY, other_kind
 from gapsense.cosim.load_sections import by_port, read_rows, split
 from gapsense.cosim.scenario import MOST_RUNS, Port, RowsColumn, product
 from gapsense.parameters import is_file, located
-from gapsense.problems import ScenarioError
 from gapsense.shipped import example
 from gapsense.tables import LIST, TABLES, Table, read_toml
 
@@ -48,15 +47,6 @@ def read_study(path: str | Path, problems: list[str]) -> Study | None:
         return None
     data = read_toml(path, problems)
     return None if data is None else Reader(path, data, problems).study()
-
-
-def load_study(path: str | Path) -> Study:
-    """Study of a file; a ScenarioError has all that is wrong with it. The scenario is not looked at."""
-    problems: list[str] = []
-    study = read_study(path, problems)
-    if problems or study is None:
-        raise ScenarioError(problems)
-    return study
 
 
 class Reader:

@@ -10,16 +10,13 @@ wrong resistance runs away.  So e_i may have a memory there, e_i(k+1) = exp(-T_s
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
 from gapsense.interpolate import spline
 from gapsense.linalg import vector
 from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, exp, fabs, is_traced, log, square, where
-
-if TYPE_CHECKING:
-    from gapsense.estimators.ekf import Parameters
 
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
 FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable beyond
@@ -30,6 +27,50 @@ class GapLaw(Choice):
     """Where the reluctance of the gap comes from: a formula with fringing, or a table."""
 
     fringing, table = range(2)
+
+
+class Parameters(NamedTuple):
+    """The reduced model as a user knows it, Tables I and II, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
+    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
+    core_hysteresis: Scalar  # I_h; 0: none [A]
+    core_turnover: Scalar  # l_h [Wb]
+    gap_law: Annotated[Scalar, GapLaw]
+    gap_reluctance: Scalar  # R_g0 [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
+    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
+    gap_tilt: Scalar  # [1/(H m)]
+    option_force_error: Scalar  # 1: with e_F
+    option_current_error: Scalar  # 1: with e_i
+    process_flux_linkage: Scalar  # standard deviation of w_lambda, per `ekf.USUAL` [Wb]
+    process_current_error: Scalar  # that of w_ei [A]
+    process_current_error_memory: Scalar  # time constant of e_i at rest; 0: it is never forgotten, as in the paper [s]
+    process_force_error: Scalar  # that of w_eF [N]
+    noise_current: Scalar  # sigma_i [A]
+    prior_flux_linkage: Scalar  # lambda_0 [Wb]
+    prior_flux_linkage_std: Scalar  # its standard deviation; 0 in the paper [Wb]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
+    range_innovation: Scalar  # a current whose innovation is beyond so many deviations counts as wild; 0: none does [1]
+    health_samples: Scalar  # over how many samples the health looks back [1]
+    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+    health_current_error: Scalar  # largest root mean square of the current error at rest, in stationary deviations [1]
 
 
 class Model(NamedTuple):

@@ -11,7 +11,7 @@ lies on a straight line through the centre, then costs nothing where the code is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from gapsense.estimators.kalman import Gaussian
@@ -75,14 +75,6 @@ def moments(centre: Array, pairs: Sequence[Pair], spread: Scalar) -> Gaussian:
             products = total(odd[i] * odd[j] + even[i] * even[j] for odd, even in pairs)
             cov[i, j] = cov[j, i] = weight * products - b[i] * b[j]
     return Gaussian(centre + b, cov)
-
-
-def transformed(function: Callable[[Array], Array], estimate: Gaussian, spread: Scalar) -> Gaussian:
-    """Mean and covariance of `function(x)` for a Gaussian x."""
-    x, P = estimate
-    centre = function(x)
-    pairs = [pair(centre, function(x + c), function(x - c)) for c in columns(P, spread)]
-    return moments(centre, pairs, spread)
 
 
 def condition_on_last(joint: Gaussian, innovation: Scalar, R: Scalar) -> Gaussian:

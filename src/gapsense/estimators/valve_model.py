@@ -6,17 +6,83 @@ place of the velocity (Verlet).  The reluctance of the gap and its derivative co
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy, share
 from gapsense.linalg import vector
-from gapsense.records import Array, Scalar
+from gapsense.records import Array, Choice, Scalar, Table
 from gapsense.trace import clip, cond, fabs, load, locate, square, where
 
-if TYPE_CHECKING:
-    from gapsense.estimators.ukf import Parameters
-
 FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
+
+
+class Filter(Choice):
+    """Kind of filter."""
+
+    bounded_ukf, unbounded_ukf, bounded_ekf, open_loop = range(4)
+
+
+class Noise(Choice):
+    """How process noise reaches the sigma points: they are drawn again, or have dimensions for it."""
+
+    additive, augmented = range(2)
+
+
+class Interval(Choice):
+    """Which sample of the voltage stands for an interval."""
+
+    at_start, mean, at_end = range(3)
+
+
+class Tuned(Choice):
+    """Process noise: one of ours, or the parameters process_*."""
+
+    robust, paper, own = range(3)
+
+
+class Parameters(NamedTuple):
+    """The valve as a user knows it (16), and the tuning."""
+
+    sample_time: Scalar  # Delta t [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    gap_file_gap: Annotated[Array, Table()]  # increasing, at least two [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # [1/H]
+    gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
+    core_reluctance: Scalar  # k_1 [1/H]
+    core_saturation: Scalar  # lambda_sat = N / k_2 [Wb]
+    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
+    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
+    core_hysteresis: Scalar  # I_h; 0: none [A]
+    core_turnover: Scalar  # l_h [Wb]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # [m]
+    stop_upper: Scalar  # z_max [m]
+    option_filter: Annotated[Scalar, Filter]
+    option_noise: Annotated[Scalar, Noise]
+    option_voltage: Annotated[Scalar, Interval]
+    option_tuning: Annotated[Scalar, Tuned]
+    option_current_error: Scalar  # 1: with epsilon_i
+    sigma_spread: Scalar  # n + kappa [1]
+    process_flux_linkage: Scalar  # standard deviation of w_phi but for the voltage noise, per sample [Wb]
+    process_position: Scalar  # of w_z [m]
+    process_current_error: Scalar  # of w_i [A]
+    process_memory: Scalar  # phi of (31) [1]
+    process_limit: Scalar  # largest innovation that counts, in standard deviations [1]
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
+    prior_position: Scalar  # at the start, at rest [m]
+    prior_position_std: Scalar  # [m]
+    prior_flux_linkage: Scalar  # [Wb]
+    prior_flux_linkage_std: Scalar  # [Wb]
+    prior_current_error_std: Scalar  # [A]
+    health_samples: Scalar  # over how many samples the health looks back [1]
+    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
 
 
 class Model(NamedTuple):

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import gapsense
 from gapsense.fmi import package, references
 from gapsense.fmi.fmi3 import terminals
 from gapsense.fmi.fmi3.description import build_description, model_description
 from gapsense.fmi.native.compile import thin
+from gapsense.fmi.native.parts import Parts
 from gapsense.fmi.native.platforms import PLATFORMS
-
-if TYPE_CHECKING:
-    from gapsense.fmi.native.package import Parts
 
 FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux"}
 

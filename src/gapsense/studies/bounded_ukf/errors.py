@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators import ukf
+from gapsense.estimators.valve_model import Filter, Tuned
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernel import Kernel
 from gapsense.lanes import stepped
@@ -40,10 +41,10 @@ PLANT = VALVE._replace(coil_resistance=77.5, gap_law=solenoid_valve.GapLaw.table
 NOMINAL: ukf.Parameters = kernel_parameters(own("bounded_ukf"), {})  # what is right
 FILTERS: Mapping[str, Factors] = {
     "bounded UKF, robust": {},
-    "bounded UKF, paper": {"option_tuning": ukf.Tuned.paper},
-    "bounded EKF": {"option_filter": ukf.Filter.bounded_ekf},
-    "unbounded UKF": {"option_filter": ukf.Filter.unbounded_ukf, "option_tuning": ukf.Tuned.paper},
-    "open loop": {"option_filter": ukf.Filter.open_loop},
+    "bounded UKF, paper": {"option_tuning": Tuned.paper},
+    "bounded EKF": {"option_filter": Filter.bounded_ekf},
+    "unbounded UKF": {"option_filter": Filter.unbounded_ukf, "option_tuning": Tuned.paper},
+    "open loop": {"option_filter": Filter.open_loop},
 }
 
 
