@@ -16,6 +16,7 @@ from gapsense.drive.bridge import Kind
 from gapsense.drive.drive_voltage import Inputs, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
 from gapsense.kernel import Kernel
+from gapsense.lanes import Code
 from gapsense.records import flat
 
 KERNEL = Kernel(drive)
@@ -432,7 +433,7 @@ def test_batch_gives_the_numbers_of_single_runs(waveform):
     numbers = np.array([waveform if waveform is not None else float(k % 6) for k in range(runs)])
     tables = {name: np.array(value) for name, value in BASE._asdict().items() if isinstance(value, list)}
     par = flat(BASE._replace(waveform=numbers, **tables))
-    _, found = KERNEL.step_batch([np.zeros(runs)], [*np.array(inputs).T], par, runs)
+    _, found = Code(KERNEL.graphs[1])([np.zeros(runs)], [*np.array(inputs).T], par)
     for k, row in enumerate(inputs):
         _, expected = KERNEL.step(State(0.0), row, BASE._replace(waveform=float(numbers[k])))
         assert [x[k] for x in found] == pytest.approx(flat(expected), rel=1e-12, abs=1e-12)

@@ -66,7 +66,7 @@ PACKAGES = {  # beside the standard library
 }
 HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed", "bokeh", "lxml"}
 SHOWING = {"rich", "typer"}
-IN_CIRCLES = 64  # modules, to get fewer
+IN_CIRCLES = 54  # modules, to get fewer
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"
 TRAVELLERS = set(OWN.split())  # their copies are in every FMU

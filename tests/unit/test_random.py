@@ -13,6 +13,7 @@ from scipy import stats
 
 from gapsense import random
 from gapsense.kernel import Kernel
+from gapsense.lanes import Code
 from gapsense.linalg import vector
 from gapsense.records import Array, Scalar, Vector, flat
 
@@ -57,10 +58,11 @@ KERNEL = Kernel(
 def draws():
     """Five draws of normal and uniform numbers, (5, RUNS) each, for the seeds 0, 1, 2, ..."""
     seeds = [np.arange(RUNS, dtype=float)]
-    state, _ = KERNEL.initial_batch([0.0], seeds, RUNS)
+    initial, step = map(Code, KERNEL.graphs)
+    state, _ = initial([0.0], seeds)
     z, u = [], []
     for _ in range(5):
-        state, outputs = KERNEL.step_batch(state, [0.0], seeds, RUNS)
+        state, outputs = step(state, [0.0], seeds)
         z.append(outputs[0])
         u.append(outputs[1])
     return np.array(z), np.array(u)

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.campaign import keys
 from gapsense.campaign.draws import DISTRIBUTIONS, points
+from gapsense.campaign.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
+from gapsense.campaign.keys import STUDY as STUDY_KEYS
 from gapsense.campaign.plan import Block, Plan
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.events.event import SECTION
@@ -60,14 +61,14 @@ class Reader:
 
     def study(self) -> Study | None:
         """The study, or None if there is no scenario to hold it against."""
-        own = self.table.read(keys.STUDY)
+        own = self.table.read(STUDY_KEYS)
         blocks = (*self.rows(own["rows"]), *self.sample(), *self.grid(), *self.ranges())
         plan = Plan(blocks, own["seeds"], own["noise"] == "common")
         if plan.points * plan.seeds > MOST_RUNS:
             found = product((*(block.size for block in blocks), plan.seeds))
             self.table.note("", f"{found} runs found, at most {MOST_RUNS} expected. Shorten something.")
         kept = self.table.table("trajectories")
-        signals = kept.read(keys.TRAJECTORIES) if "trajectories" in self.table.data else {}
+        signals = kept.read(TRAJECTORIES) if "trajectories" in self.table.data else {}
         return own["scenario"] and Study(
             path=self.path,
             title=own["title"] or "",
@@ -129,7 +130,7 @@ class Reader:
         """Values at even distances, each range a block of its own."""
         for k, item in enumerate(self.table.take("ranges", TABLES, [])):
             table = self.table.child(item, f"ranges[{k}]")
-            own = table.read(keys.RANGE)
+            own = table.read(RANGE)
             port = own["parameter"] and split(table, "parameter", own["parameter"])
             if port and is_range(table, own):
                 yield from self.known(table.at("parameter"), {port: spaced(own)})
@@ -139,7 +140,7 @@ class Reader:
         if "sample" not in self.table.data:
             return
         table = self.table.table("sample")
-        own, items = table.read(keys.SAMPLE), table.take("factors", TABLES, required=True)
+        own, items = table.read(SAMPLE), table.take("factors", TABLES, required=True)
         tables = [table.child(item, f"factors[{k}]") for k, item in enumerate(items or ())]
         if items == []:
             table.note("factors", "there is none. Add a table `[[sample.factors]]`.")
@@ -167,7 +168,7 @@ class Reader:
 
 def read_factor(table: Table) -> tuple[Table, Port, Mapping[str, Any]] | None:
     """What one factor says, or None after noting what is wrong with it."""
-    before, own = len(table.problems), table.read(keys.FACTOR)
+    before, own = len(table.problems), table.read(FACTOR)
     port = own["parameter"] and split(table, "parameter", own["parameter"])
     if own["distribution"] is None:
         return None
