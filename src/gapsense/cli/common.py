@@ -234,6 +234,9 @@ def reported() -> Iterator[None]:
             yield
     except typer.Exit:  # a RuntimeError too
         raise
+    except KeyboardInterrupt:  # before `mendable`, which imports: numpy cannot be loaded again after half a load
+        problem("interrupted.", "yellow")
+        raise typer.Exit(INTERRUPTED) from None
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
         problem(str(error))
         raise typer.Exit(COMPONENT_FAILED) from None
@@ -247,9 +250,6 @@ def reported() -> Iterator[None]:
         for sentence in sentences:
             problem(sentence)
         raise typer.Exit(WRONG_INPUT) from None
-    except KeyboardInterrupt:
-        problem("interrupted.", "yellow")
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def mendable() -> tuple[type[Exception], ...]:
