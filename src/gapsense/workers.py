@@ -37,9 +37,17 @@ class Job(NamedTuple):
 
 
 def complete(
-    job: Job, numbers: Collection[int], known: dict[int, Entry], ledger: Ledger, progress: Progress | None
+    job: Job,
+    numbers: Collection[int],
+    known: dict[int, Entry],
+    ledger: Ledger,
+    progress: Progress | None,
+    crew: Crew | None = None,
 ) -> bool:
-    """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C."""
+    """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C.
+
+    Without a crew it is the processes that the job asks for.
+    """
     tell, total = progress or (lambda done, total: None), len(numbers)
     missing = [number for number in numbers if number not in known]
 
@@ -51,7 +59,7 @@ def complete(
             tell(k, total)
 
     tell(len(known), total)
-    return work(Here(job, len(missing)), missing, len(missing), keep)
+    return work(crew or Here(job, len(missing)), missing, len(missing), keep)
 
 
 class Pending:

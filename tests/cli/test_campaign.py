@@ -36,7 +36,7 @@ def call(*arguments):
 def test_run_show_and_figure(study, fmus, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call(study, "--fmus", fmus, "--check") == (0, f"{study}: no problems.\n")
-    code, said = call("--workers", 1, study, "--fmus", fmus)
+    code, said = call("--workers", 1, "--engine", "fmu", study, "--fmus", fmus)
     assert code == 0 and said.splitlines()[-1] == "results/amplitudes: 2 of 2 runs, 2 of them done now.", said
     code, said = call("run", study, "--fmus", fmus)
     assert code == 0 and said.splitlines()[-1].endswith("2 of 2 runs, 0 of them done now.")
@@ -80,13 +80,13 @@ def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", limited)
-        code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1)
+        code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu")
     assert len(calls) > left
     words = {errno.ENOSPC: "Make room on its disk", errno.EMFILE: "Allow more open files (`ulimit -n`)"}[number]
     said = " ".join(said.split())
     assert code == 2 and f"{os.strerror(number)}. {words}, or " in said, said
     assert said.startswith(f"`{tmp_path / 'out'}/") and "Errno" not in said and "None" not in said, said
-    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1)
+    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu")
     assert code == 0 and "2 of 2 runs" in said, said
 
 
@@ -103,7 +103,7 @@ app()
 @pytest.mark.parametrize("command", ["campaign", "sweep"])
 def test_too_many_open_files_are_told_with_what_to_do(study, fmus, tmp_path, most, command):
     given = study if command == "campaign" else "semera_valve"
-    words = [str(most), command, str(given), "--fmus", str(fmus), "--out", str(tmp_path / "out")]
+    words = [str(most), command, str(given), "--fmus", str(fmus), "--out", str(tmp_path / "out"), "--engine", "fmu"]
     done = subprocess.run([sys.executable, "-c", LIMITED, *words], capture_output=True, text=True, check=False)
     said = " ".join(done.stderr.split())
     assert done.returncode == 2 and "Too many open files" in said and "Allow more open files (`ulimit -n`)" in said, (

@@ -317,17 +317,19 @@ def test_sweep_goes_on_where_it_was(gapsense, write, fmus):
         assert word in more.stdout, word
 
 
-def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus):
+@pytest.mark.parametrize("engine", ["fmu", "vectors"])
+def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus, engine):
     wrong = ('fmu = "SolenoidValve"', 'fmu = "SolenoidValve"\nset = { damping = 1e300 }')
-    done = gapsense("sweep", write(wrong), "--fmus", fmus, "--seeds", 2, "--workers", 1)
+    done = gapsense("sweep", write(wrong), "--fmus", fmus, "--seeds", 2, "--workers", 1, "--engine", engine)
     assert done.exit_code == 3
     assert [line[:13] for line in done.stderr.splitlines()] == ["run 0: valve,", "run 1: valve,"]
-    assert "2 runs, 2 of them computed now, 2 failed." in " ".join(done.stdout.split())
+    how = ", as vectors" * (engine == "vectors")
+    assert f"2 runs, 2 of them computed now{how}, 2 failed." in " ".join(done.stdout.split())
 
 
 def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
     monkeypatch.setattr("gapsense.cosim.loop.library.BINARY", Path("none.so"))
-    done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1)
+    done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1, "--engine", "fmu")
     assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 
 

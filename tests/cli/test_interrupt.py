@@ -70,14 +70,17 @@ def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number):
-    command = ("sweep", VALVE, "--seeds", 50, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out")
-    code, out, err = interrupted(process(LOUD, *command), number)
+@pytest.mark.parametrize(
+    ("number", "engine", "seeds"),
+    [(signal.SIGINT, "fmu", 50), (signal.SIGTERM, "fmu", 50), (signal.SIGINT, "auto", 20_000)],
+)
+def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number, engine, seeds):
+    options = ("--seeds", seeds, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out", "--engine", engine)
+    code, out, err = interrupted(process(LOUD, "sweep", VALVE, *options), number)
     assert code == 130 and "the same command goes on from here" in err and "Traceback" not in err
     lines = (tmp_path / "out" / "semera_valve_sweep.jsonl").read_text("utf-8").splitlines()
     done = sum("metrics" in json.loads(line) for line in lines)
-    assert 1 <= done < 50
+    assert 1 <= done < seeds
     assert f"{done} runs, {done} of them computed now" in out
     assert len(list((tmp_path / "out").iterdir())) == 1
 

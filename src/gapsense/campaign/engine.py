@@ -17,11 +17,13 @@ from gapsense.campaign.result import Campaign, read
 from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_manifest
 from gapsense.campaign.task import asked, local_job
 from gapsense.checked import Entry, fingerprint
-from gapsense.cosim.ahead import sweep_ahead
+from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
+from gapsense.cosim.engines import VectorCrew, unknown_engine, vector_crew
+from gapsense.cosim.subject import Subject
 from gapsense.cosim.told import told
 from gapsense.files import PART
 from gapsense.ledger import alone, sources
-from gapsense.problems import InputError
+from gapsense.problems import InputError, ScenarioError
 from gapsense.workers import Crew, Here, Progress, work
 
 LOCK = ".lock"
@@ -35,6 +37,7 @@ def run(
     scheduler: str | None = None,
     retry: bool = False,
     progress: Progress | None = None,
+    engine: str = AUTO,
 ) -> Campaign:
     """Run all runs of a study that are not in its folder yet.
 
@@ -54,6 +57,8 @@ def run(
         Run those again that failed.
     progress : callable, optional
         Called with runs done and runs in all.
+    engine : str
+        As in `gapsense.sweep`; what a scheduler's workers run are FMUs.
 
     Returns
     -------
@@ -66,8 +71,14 @@ def run(
         If the study, its scenario or its FMUs are wrong, with all problems found.
     """
     count = workers or processors()
-    with nullcontext() if scheduler else sweep_ahead(count):
-        prepared = prepare(study, fmus)
+    if engine not in ENGINES:
+        raise ScenarioError([unknown_engine(engine)])
+    if scheduler and engine == VECTORS:
+        raise ScenarioError(
+            ["The workers of a Dask scheduler run FMUs, not vectors. Leave `scheduler` or `engine` out."]
+        )
+    with nullcontext() if scheduler else sweep_ahead(count, engine):
+        prepared = prepare(study, fmus, engine)
         folder = Path(out) if out is not None else Path("results") / prepared.study.path.stem
         manifest = manifest_of(prepared, folder)
         beginning(folder, manifest)  # refuses before it leaves even a lock there
@@ -77,9 +88,10 @@ def run(
             if retry:
                 store.forget_failed()
             done = Work(prepared, store, progress)
-            crew = crew_of(prepared, count, scheduler, done.left)
+            crew = crew_of(prepared, count, scheduler, done.left, engine)
             interrupted = done.by(crew)
-    return replace(read(folder), computed=done.computed, interrupted=interrupted)
+    by = VECTORS if isinstance(crew, VectorCrew) else FMU
+    return replace(read(folder), computed=done.computed, interrupted=interrupted, engine=by)
 
 
 def processors() -> int:
@@ -87,10 +99,12 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def crew_of(prepared: Prepared, workers: int, scheduler: str | None, left: int) -> Crew:
+def crew_of(prepared: Prepared, workers: int, scheduler: str | None, left: int, engine: str) -> Crew:
     """Who does the runs."""
     if scheduler is None:
-        return Here(local_job(prepared, workers), left)
+        job = local_job(prepared, workers)
+        vectors = vector_crew(job, Subject(prepared.scenario, prepared.descriptions), engine) if left else None
+        return vectors or Here(job, left)
     from gapsense.campaign.cluster import Cluster  # here, since it takes a while to load
 
     return Cluster(scheduler, prepared, left)

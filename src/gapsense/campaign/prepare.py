@@ -14,12 +14,14 @@ import numpy.typing as npt
 from gapsense.campaign.plan import Block, Plan
 from gapsense.campaign.study import Study, read_study
 from gapsense.checked import fingerprint
+from gapsense.cosim.ahead import AUTO
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_record import unmatched
 from gapsense.cosim.check_values import taken
 from gapsense.cosim.deciding import deciding, facts
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.document import scenario_file
+from gapsense.cosim.engines import folder_of
 from gapsense.cosim.load import read_draft
 from gapsense.cosim.prepare import find_fmus
 from gapsense.cosim.scenario import Scenario
@@ -78,15 +80,15 @@ def check(study: str | Path, fmus: str | Path | None = None) -> list[str]:
     return inspect(study, fmus)[0]
 
 
-def prepare(study: str | Path, fmus: str | Path | None = None) -> Prepared:
+def prepare(study: str | Path, fmus: str | Path | None = None, engine: str = AUTO) -> Prepared:
     """What a study file says can be run; a ScenarioError has all problems of it, its scenario and the FMUs."""
-    problems, prepared = inspect(study, fmus)
+    problems, prepared = inspect(study, fmus, engine)
     if problems or prepared is None:
         raise ScenarioError(problems)
     return prepared
 
 
-def inspect(path: str | Path, fmus: str | Path | None) -> tuple[list[str], Prepared | None]:
+def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tuple[list[str], Prepared | None]:
     """Problems, and what could be prepared."""
     problems: list[str] = []
     study = read_study(path, problems)
@@ -96,7 +98,8 @@ def inspect(path: str | Path, fmus: str | Path | None) -> tuple[list[str], Prepa
     problems += draft.problems
     if draft.scenario is None:
         return problems, None
-    folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(study.scenario))
+    chosen = folder_of(engine, study.scenario, fmus)
+    folder = find_fmus(scenario_file(study.scenario)) if chosen is None else Path(chosen)
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
     plan = whole(study.plan, read)

@@ -45,6 +45,7 @@ class Campaign:
     recent: pa.Table  # what is not in a file of its own yet
     computed: int = 0  # runs done now; the others were there
     interrupted: bool = False  # by Ctrl-C; the same call goes on
+    engine: str = "fmu"  # that did the runs that were computed now: `fmu` or `vectors`
 
     @property
     def rows(self) -> int:

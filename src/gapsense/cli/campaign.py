@@ -53,6 +53,7 @@ def run(
         typer.Option("--out", help="Folder of the result", show_default="results/<study>"),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run failed runs again")] = False,
+    engine: cli.Engine = "auto",
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a study. Runs that are in its folder already are not repeated: the same command continues it."""
@@ -61,9 +62,10 @@ def run(
             raise InputError(problems)
         return cli.show(f"{study}: no problems.")
     with cli.bar("running") as progress:
-        result = campaign.run(study, workers, to, fmus, scheduler, retry, progress)
+        result = campaign.run(study, workers, to, fmus, scheduler, retry, progress, engine)
     summarize(result)
-    cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {result.computed} of them done now.")
+    done = f"{result.computed} of them done now{cli.as_vectors(result)}"
+    cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
         cli.problem("interrupted; the same command goes on from here.", "yellow")
     raise typer.Exit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)

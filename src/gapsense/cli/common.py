@@ -110,6 +110,11 @@ Fmus = Annotated[
     Path | None,
     typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
+ENGINE = "What does the runs: fmu, native, vectors (our own components without FMUs, same bits), or auto"
+Engine = Annotated[
+    str, typer.Option(help=ENGINE, show_default="auto: vectors, where a C compiler is and all FMUs are ours")
+]
+EngineOfTests = Annotated[str, typer.Option("--engine", help=ENGINE)]
 Native = Annotated[bool, typer.Option("--native", help="Use the native FMUs in build/native")]
 
 
@@ -204,6 +209,18 @@ def notice(sentence: str) -> None:
 
 
 APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
+
+
+def engine_of(engine: str, native: bool) -> str:
+    """The engine that two options choose together."""
+    if native and engine == "vectors":
+        raise InputError([f"--native and --engine {engine} do not go together. Leave one out."])
+    return "native" if native else engine
+
+
+def as_vectors(result: Any) -> str:
+    """How a sweep or a campaign was computed, if not by FMUs."""
+    return ", as vectors" if result.computed and result.engine == "vectors" else ""
 
 
 def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:

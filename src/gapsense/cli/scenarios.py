@@ -118,23 +118,25 @@ def sweep(
     to: cli.Out = Path("results"),
     settings: cli.Set = None,
     native: cli.Native = False,
+    engine: cli.Engine = "auto",
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
     """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
 
     A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
     """
-    fmus = cli.chosen(scenario, fmus, native)
-    with sweep_ahead(workers), cli.bar("sweeping") as progress:
+    engine = cli.engine_of(engine, native)
+    fmus = cli.chosen(scenario, fmus, engine == "native")
+    with sweep_ahead(workers, engine), cli.bar("sweeping") as progress:
         from gapsense.cosim.loop import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())
-        swept = cosim.sweep(source, seeds, variant, workers, to, fmus, progress=progress, keep=signals)
+        swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)
     cli.show(*runs.sweep(cosim.load(source, variant), swept))
-    if language() != "C":
+    if language() != "C" and swept.engine != "vectors":
         cli.show(runs.WITHOUT_C)
     count, failed = len(swept.indices) + len(swept.errors), f", {len(swept.errors)} failed" if swept.errors else ""
-    cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{failed}.")
+    cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{cli.as_vectors(swept)}{failed}.")
     if swept.kept:
         cli.show(f"{swept.kept[0].parent}: their signals.")
     for index, sentence in list(swept.ended.items())[:1]:
@@ -192,6 +194,7 @@ def test(
         Path | None, cli.Output.FILE, typer.Option(help="JUnit XML file to write", show_default=False)
     ] = None,
     native: cli.Native = False,
+    engine: cli.EngineOfTests = "fmu",
     figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
 ) -> None:
     """Run every scenario and variant; compare metrics with bounds and trajectories with baselines."""
@@ -205,7 +208,9 @@ def test(
 
     if figures != FAILED:  # what nobody has asked for may be missing
         refuse_unwritable(folders=[figures])
-    outcomes = cosim.test_scenarios(folder, cli.chosen(folder, fmus, native), report, isolation="process")
+    engine = cli.engine_of(engine, native)
+    fmus = cli.chosen(folder, fmus, native or engine == "native")
+    outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process", engine=engine)
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
     raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)

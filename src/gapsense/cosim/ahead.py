@@ -5,18 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from gapsense.native import own_compiler
 from gapsense.spare import ahead
+
+AUTO, FMU, NATIVE, VECTORS = ENGINES = ("auto", "fmu", "native", "vectors")
+
+
+def likely_vectors(engine: str) -> bool:
+    """True if an engine hardly needs processes: a scenario may turn out to need FMUs all the same."""
+    return engine in (AUTO, VECTORS) and own_compiler() is not None
 
 
 @contextmanager
-def run_ahead(again: bool = False) -> Iterator[None]:
+def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
     """Start the process of a run in a process of its own now, and `again` that of the next one when it is taken."""
+    if likely_vectors(engine):
+        return (yield)
     with ahead("gapsense.cosim.apart_child", "fmpy.fmi2", again=again):
         yield
 
 
 @contextmanager
-def sweep_ahead(workers: int) -> Iterator[None]:
+def sweep_ahead(workers: int, engine: str = FMU) -> Iterator[None]:
     """Start the processes of a sweep now."""
+    if likely_vectors(engine):
+        return (yield)
     with ahead("gapsense.cosim.worker", "fmpy.fmi2", count=workers):
         yield

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from gapsense.cosim.ahead import run_ahead
+from gapsense.cosim.ahead import ENGINES, FMU, run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.difference import Comparison
 from gapsense.cosim.document import Document, Source, scenario_file
+from gapsense.cosim.engines import folder_of, run_as_vectors, unknown_engine
 from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, FmuError, Result
 from gapsense.cosim.run import run
@@ -96,7 +97,11 @@ def find_scenarios(folder: str | Path) -> list[Path]:
 
 
 def test_scenarios(
-    folder: str | Path, fmus: str | Path | None = None, report: Report | None = None, isolation: str | None = None
+    folder: str | Path,
+    fmus: str | Path | None = None,
+    report: Report | None = None,
+    isolation: str | None = None,
+    engine: str = FMU,
 ) -> list[Outcome]:
     """Test every scenario in a folder, and each of its variants that has metrics or a baseline of its own.
 
@@ -111,19 +116,23 @@ def test_scenarios(
         and before the first with none.
     isolation : str, optional
         As in `run`.
+    engine : str
+        As in `sweep`, but FMUs by default.
 
     Returns
     -------
     list of Outcome
         In the order run; it ends early after a Ctrl-C.
     """
+    if engine not in ENGINES:
+        raise ScenarioError([unknown_engine(engine)])
     outcomes: list[Outcome] = []
     due = [pending(path, variant, folder) for path in find_scenarios(folder) for variant in variants(path)]
     report = report or (lambda known, new: None)
     report(due, None)
-    with run_ahead(again=True) if isolation == "process" else nullcontext():
+    with run_ahead(again=True, engine=engine) if isolation == "process" else nullcontext():
         for k, outcome in enumerate(due, start=1):
-            outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation, outcome.scenario))
+            outcomes.append(test_scenario(outcome.path, outcome.variant, fmus, isolation, outcome.scenario, engine))
             report([*outcomes, *due[k:]], outcomes[-1])
             if outcomes[-1].interrupted:
                 break
@@ -162,13 +171,15 @@ def test_scenario(
     fmus: str | Path | None = None,
     isolation: str | None = None,
     name: str = "",
+    engine: str = FMU,
 ) -> Outcome:
     """Run one scenario, known under a name, and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
     name = name or titled(path.resolve().parent.name, variant)
     try:
         scenario = load(path, variant)
-        result = run(path, variant, fmus, isolation=isolation)
+        by_vectors = run_as_vectors(path, variant, fmus, engine)
+        result = by_vectors or run(path, variant, folder_of(engine, path, fmus), isolation=isolation)
     except (ScenarioError, FmuError, OSError) as error:
         return Outcome(name, path, variant, (Check("run", str(error)),), perf_counter() - begin)
     is_held = scenario.baseline.file.is_file() and not result.interrupted

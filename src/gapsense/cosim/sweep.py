@@ -20,12 +20,13 @@ import numpy.typing as npt
 
 from gapsense.checked import Entry
 from gapsense.cosim import show, sweep_table
-from gapsense.cosim.ahead import sweep_ahead
+from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Document, Source
+from gapsense.cosim.engines import folder_of, unknown_engine, vector_crew
 from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
@@ -63,6 +64,7 @@ class Sweep:
     grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
     ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
     kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
+    engine: str = FMU  # that did the runs that were computed now: `fmu` or `vectors`
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
@@ -91,6 +93,7 @@ def sweep(
     measure: Measure | None = None,
     progress: Progress | None = None,
     keep: bool = False,
+    engine: str = AUTO,
 ) -> Sweep:
     """Run every combination of a scenario's `[sweep]` with `seeds` different seeds and collect the metrics.
 
@@ -115,17 +118,20 @@ def sweep(
         Called after each run with runs done and runs in all.
     keep : bool
         Keep the recorded signals of every run too, in a folder below `out`.
+    engine : str
+        `"fmu"`: the FMUs; `"native"`: those in `build/native`; `"vectors"`: our own components without FMUs, many runs
+        at once, with the same bits; `"auto"`: vectors where a C compiler is and all FMUs are ours, else the FMUs.
 
     Returns
     -------
     Sweep
     """
-    with nullcontext() if measure else sweep_ahead(workers):
-        read, descriptions = prepare(scenario, variant, fmus)
+    with nullcontext() if measure else sweep_ahead(workers, engine):
+        read, descriptions = prepare(scenario, variant, folder_of(engine, scenario, fmus))
         seeds = (1 if read.swept else 200) if seeds is None else seeds
         refuse_senseless(read, seeds, workers, keep and out is None)
         changes = scenario.changes if isinstance(scenario, Document) else {}
-        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep, changes)
+        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep, changes, engine)
 
 
 def swept(
@@ -137,8 +143,11 @@ def swept(
     progress: Progress | None,
     keep: bool,
     changes: Mapping[str, Any],
+    engine: str,
 ) -> Sweep:
     """The runs of a sweep; `changes` are what was laid over the scenario."""
+    if engine not in ENGINES:
+        raise ScenarioError([unknown_engine(engine)])
     read, descriptions = subject.scenario, subject.descriptions
     points = read.points()
     runs = range(seeds * len(points))
@@ -157,16 +166,19 @@ def swept(
     with ledger.alone():
         known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
         before = len(known)
-        interrupted = complete(job, runs, known, ledger, progress)
+        crew = None if before == len(runs) else vector_crew(job, Subject(runnable, descriptions), engine)
+        interrupted = complete(job, runs, known, ledger, progress, crew)
         result = collect(known, len(known) - before, interrupted, file)
         result = replace(
             result,
             units=units_of(read, descriptions),
             grid=columns(read, result.indices),
             kept=() if store is None else tuple(kept(store, index) for index in result.indices),
+            engine=VECTORS if crew else FMU,
         )
         if file is not None and not interrupted:
             about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
+            about["engine"] = result.engine
             sweep_table.save(result, about, points, file.with_suffix(".csv"))
     return result
 

@@ -71,11 +71,9 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    component, kernel, resources = prepared(folder, values or {})
-    with code(str(kernel.module.__file__)):
-        files = _sources(component, kernel)
-    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
-    identity = hashlib.sha256(repr(content).encode()).hexdigest()
+    found = prepared(folder, values or {})
+    component, _, resources = found
+    files, identity = _identified(found)
     with tempfile.TemporaryDirectory() as temporary:
         stock = _build_stock(Path(temporary), component, files, identity, resources)
         with zipfile.ZipFile(stock) as archive:
@@ -84,6 +82,11 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     members |= references.files(folder, values or {})
     destination.mkdir(parents=True, exist_ok=True)
     return write(members, destination / f"{component.name}.fmu")
+
+
+def guid(folder: Path) -> str:
+    """GUID of the FMU that `build` makes of a component's folder."""
+    return _guid(_identified(prepared(folder, {}))[1])
 
 
 class Prepared(NamedTuple):
@@ -169,6 +172,15 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     shell = {name: (HERE / name).read_text(encoding="utf-8") for name in SHELL}
     title = f'"""{component.description}  Generated from {component.kernel}."""\n\n'
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
+
+
+def _identified(found: Prepared) -> tuple[dict[str, str], str]:
+    """The sources that travel in the FMU, and the hash of all that it is made of."""
+    component, kernel, resources = found
+    with code(str(kernel.module.__file__)):
+        files = _sources(component, kernel)
+    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
+    return files, hashlib.sha256(repr(content).encode()).hexdigest()
 
 
 def _guid(identity: str) -> str:

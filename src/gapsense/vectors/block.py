@@ -1,0 +1,264 @@
+"""A few runs at once, as many as a vector has numbers: their values, their events, and what they recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim.descriptions import Description
+from gapsense.cosim.events.director import Director
+from gapsense.cosim.events.read import varied
+from gapsense.cosim.inputs import constants
+from gapsense.cosim.part import Stage
+from gapsense.cosim.played import player
+from gapsense.cosim.record import FmuError
+from gapsense.cosim.recording import Recording, Take
+from gapsense.cosim.scenario import Component
+from gapsense.fmi.ports import Component as PortTable
+from gapsense.fmi.values import ValuesError, fields
+from gapsense.fmi.values import problems as refused
+from gapsense.lanes.plan import Column
+from gapsense.processes import new_marks
+from gapsense.records import names
+from gapsense.tables import Value
+from gapsense.vectors import library
+from gapsense.vectors.model import Model, Places
+
+Values = Mapping[str, Value]
+
+
+class RunPart:
+    """A part as the events of one run see it."""
+
+    def __init__(self, block: Block, place: int, lane: int) -> None:
+        self.block, self.place, self.lane = block, place, lane
+        self.places = block.model.parts[place]
+        self.component: Component = self.places.component
+        layout = block.model.layout
+        own = (n for n in layout.slots if layout.events[n].target.component == self.component.name)
+        self.stages = {name: Stage(layout.slots[name]) for name in own}
+        self.instance = self  # whose parameters events change
+
+    def number(self, name: str, value: Value | None) -> Value | None:
+        """A value for a variable as FMI takes it."""
+        description = self.block.model.subject.descriptions[self.component.name]
+        return None if value is None else description.variables[name].number(value)
+
+    def change(self, name: str, value: Value) -> None:
+        """Set a tunable parameter during the run; FmuError if the component would refuse that."""
+        given = self.block.given[self.lane][self.component.name]
+        given[name] = float(value)
+        component = self.places.functions.component
+        if found := refused(component, of_parameters(component, given)):
+            raise FmuError(self.component.name, " ".join(found))
+        field = next(port.field for port in component.of("parameter") if port.name == name)
+        entry = names(self.places.functions.kernel.module.Parameters).index(field)
+        self.block.values[self.places.par[entry], self.lane] = value
+        self.block.prepare(self.place)
+
+
+class Block:
+    """Runs of a model, one for each of `takes`: at most as many as a vector has numbers.
+
+    `go_on` is called now and then, and may raise what ends them.
+    """
+
+    def __init__(self, model: Model, takes: Sequence[Take], go_on: Callable[[], None]) -> None:
+        self.model, self.takes, self.go_on, self.c = model, takes, go_on, library.loop()
+        self.width, self.count = self.c.width(), len(takes)
+        self.values = aligned(model.room, self.width)
+        self.data = np.empty((self.count, len(model.subject.columns), model.rows))
+        self.arrays = [np.zeros((size, self.width)) for size in model.memories]
+        self.given: list[dict[str, dict[str, Value]]] = []
+        self.directors: list[Director] = []
+        self.player = player(model.scenario.played, model.layout.inlets, model.experiment)
+        self.runs = library.Runs(
+            first=0, count=self.count, v=self.values.ctypes.data, data=self.data.ctypes.data, next=0
+        )
+
+    def run(self) -> list[Recording | None]:
+        """What each run recorded; nothing of one that is lost."""
+        begun = perf_counter()
+        self.initialize()
+        self.proceed()
+        lost, wall = self.values[self.model.failed], (perf_counter() - begun) / self.count
+        return [None if lost[lane] else self.recording(lane, wall) for lane in range(self.count)]
+
+    def lose(self, lane: int) -> None:
+        """Give up a run: through FMUs it would fail, or its parameters do not fit those of the others."""
+        self.values[self.model.failed, lane] = 1.0
+
+    def prepare(self, place: int) -> None:
+        """Compute what steps of a part need of its parameters."""
+        self.c.prepare(self.model.structures[place], self.runs)
+
+    # --- start ---
+
+    def initialize(self) -> None:
+        """Bring all runs to their start, in the order of `Master.initialize`."""
+        model, marks = self.model, new_marks()
+        for lane, take in enumerate(self.takes):
+            self.given.append(given := {p.component.name: given_of(p, take, model) for p in model.parts})
+            try:
+                for p in model.parts:
+                    self.set_parameters(p, lane, given[p.component.name])
+            except (ValuesError, OSError):
+                self.lose(lane)
+        columns = [Column(a.ctypes.data, *a.strides, len(a)) for a in self.arrays]
+        self.columns = (Column * len(columns))(*columns)
+        self.runs.columns = self.columns
+        if model.layout.events:
+            for lane, take in enumerate(self.takes):
+                problems: list[str] = []
+                parts: Any = [RunPart(self, place, lane) for place in range(len(model.parts))]
+                events = model.resolved(varied(model.scenario.events, take.values, problems))
+                if problems:
+                    self.lose(lane)
+                view = self.values[:, lane]
+                self.directors.append(Director(events, model.experiment, parts, model.layout, view, take.seeds, marks))
+        for p in model.parts:
+            for k, port in enumerate(p.functions.component.of("input")):
+                for lane in range(self.count):
+                    self.values[p.own + k, lane] = self.given[lane][p.component.name].get(port.name, port.start or 0.0)
+        self.alike()
+        for place, structure in enumerate(model.structures):
+            self.prepare(place)
+            self.c.begin(model.loop, self.runs, structure, False)
+        for p in model.parts:
+            self.values[p.buffered : p.buffered + len(p.functions.component.of("input"))] = 0.0
+        for lane, take in enumerate(self.takes):
+            for inlet, value in constants(model.scenario, model.subject.descriptions, take.values).items():
+                self.values[model.layout.inlets[inlet], lane] = float(value)
+            if self.directors:
+                self.directed(lane)
+        self.alike()
+        self.provide(0)
+        self.c.play_first(model.loop, self.runs)
+        for structure in model.structures:
+            self.c.begin(model.loop, self.runs, structure, True)
+
+    def alike(self) -> None:
+        """Give places of the vector without a run what the first run has, for nothing to be odd there."""
+        self.values[:, self.count :] = self.values[:, :1]
+
+    def set_parameters(self, p: Places, lane: int, given: Values) -> None:
+        """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""
+        component = p.functions.component
+        found = fields(component, of_parameters(component, given), p.functions.folder)
+        entries = [found[name] for name in names(p.functions.kernel.module.Parameters)]
+        for k, entry in enumerate(entries):
+            if k not in p.tables:
+                self.values[p.par[k], lane] = entry
+                continue
+            column = p.tables[k]
+            if lane == 0:
+                self.arrays[column] = np.repeat(np.array(entry, dtype=np.float64)[:, None], self.width, axis=1)
+            elif len(entry) == len(self.arrays[column]):
+                self.arrays[column][:, lane] = entry
+            else:
+                self.lose(lane)
+
+    # --- base steps ---
+
+    def proceed(self) -> None:
+        """Base step after base step, until the end; between them events are prepared for the next one."""
+        count = self.model.experiment.count
+        self.parameters = [dict(parameters_of(self.model, given)) for given in self.given]
+        for director, parameters in zip(self.directors, self.parameters):
+            director.begin(parameters)
+        done = self.advance(0)
+        self.turn(done, is_first=True)
+        while done < count:
+            limits = (director.limit for director in self.directors)
+            done = self.advance(min([count, *limits]))
+            if done < count:
+                self.turn(done)
+
+    def advance(self, until: int) -> int:
+        """Base steps up to the given one; the last one that was done."""
+        self.go_on()
+        self.c.advance(self.model.loop, self.runs, min(until, self.provide(self.runs.next)))
+        return int(self.runs.next) - 1
+
+    def provide(self, k: int) -> int:
+        """Have the values of signals that are played, from a base step on; the last one of which there are some."""
+        last = self.player.provide(k)
+        self.runs.played, self.runs.played_from = self.player.block.ctypes.data, self.player.begin
+        return last
+
+    def turn(self, done: int, is_first: bool = False) -> None:
+        """Prepare the events of the runs that have some now."""
+        lost = self.values[self.model.failed]
+        for lane, director in enumerate(self.directors):
+            if lost[lane] or not (is_first or done == director.limit or director.has_news()):
+                continue
+            try:
+                director.turn(done)
+            except FmuError:
+                self.lose(lane)
+                director.limit = self.model.experiment.count
+            self.directed(lane)
+
+    def directed(self, lane: int) -> None:
+        """Tell C what the events of a run do."""
+        director, model = self.directors[lane], self.model
+        for name, stage in director.stages.items():
+            now = (stage.source == stage.slot.held, stage.converts, stage.factor, stage.bias)
+            self.values[model.stages[name] : model.stages[name] + len(now), lane] = now
+        for name, first in model.conditions.items():
+            watch = director.actors[name].watch
+            if watch:
+                self.values[first : first + 3, lane] = watch.is_on, watch.holds, watch.level
+
+    # --- end ---
+
+    def recording(self, lane: int, wall: float) -> Recording:
+        """What a run leaves behind."""
+        experiment, parts = self.model.experiment, self.model.parts
+        found = Recording(self.data[lane].T, rows=self.model.rows, parameters=self.parameters[lane], wall=wall)
+        found.start(len(parts))
+        found.calls = [(experiment.count - p.component.offset) // p.component.step for p in parts]
+        if self.directors:
+            found.events = self.directors[lane].happened
+        return found
+
+
+def given_of(p: Places, take: Take, model: Model) -> dict[str, Value]:
+    """Values of parameters and inputs that a component of a run is given before its initialization."""
+    name, description = p.component.name, model.subject.descriptions[p.component.name]
+    own: dict[str, Value] = {"seed": take.seeds[name]} if name in take.seeds else {}
+    own |= {port.variable: value for port, value in take.values.items() if port.component == name}
+    return {name: typed(description, name, value) for name, value in {**p.component.values, **own}.items()}
+
+
+def of_parameters(component: PortTable, given: Values) -> dict[str, Value]:
+    """Those of some values that are of parameters."""
+    named = {port.name for port in component.of("parameter")}
+    return {name: value for name, value in given.items() if name in named}
+
+
+def typed(description: Description, name: str, value: Value) -> Value:
+    """A value as the variable has it."""
+    variable = description.variables[name]
+    number = variable.number(value)
+    return float(number) if variable.type == "Real" else number
+
+
+def parameters_of(model: Model, given: Mapping[str, Values]) -> Iterator[tuple[str, Value]]:
+    """Values of all parameters, as they would be read back."""
+    for p in model.parts:
+        own, component = given[p.component.name], p.component.name
+        for v in model.subject.descriptions[component].of("parameter"):
+            value = own.get(v.name, v.start if v.start is not None else 0.0)
+            yield f"{component}.{v.name}", value
+
+
+def aligned(rows: int, width: int) -> npt.NDArray[np.float64]:
+    """Zeros (rows, width) that begin where a vector may."""
+    raw = np.zeros((rows + 1) * width)
+    first = -raw.ctypes.data % (8 * width) // 8
+    return raw[first : first + rows * width].reshape(rows, width)
