@@ -15,7 +15,7 @@ VOLTAGE = ((2, 3), (3, 2))  # changes that an edge of the voltage brings about
 
 
 class Oracle:
-    """(9) to (20) with the automaton of papers.md, in current."""
+    """(9) to (20) with all transitions of the automaton, also those not in print, in current."""
 
     def __init__(self, par):
         self.par = p = par

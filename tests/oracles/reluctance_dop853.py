@@ -18,7 +18,7 @@ def constant(level):
 
 
 class Oracle:
-    """(1) to (12) and the choices of papers.md; states scaled to about one for the tolerances."""
+    """(1) to (12) and our choices where the paper is silent; states scaled to about one for the tolerances."""
 
     def __init__(self, par):
         self.p = par

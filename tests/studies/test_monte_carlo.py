@@ -198,7 +198,7 @@ def test_senseless_comparisons_are_refused(coarse, widths, runs, workers):
 
 
 def test_orderings_of_the_paper_come_out_in_few_runs(study):
-    """As papers.md states them; the parameter errors of 30 % are looked at in the slow test."""
+    """As [RTS] states them; the parameter errors of 30 % are looked at in the slow test."""
     found = compare(study, [0.001, 0.1, 0.2], 40, 1)
     e = {name: found.nrmse[:, k] for k, name in enumerate(ESTIMATORS)}
     assert np.all(e["ERTSS"] < 0.5 * e["EKF"])

@@ -99,7 +99,7 @@ def test_priors_follow_unless_they_are_given():
     names = ("prior.resistance", "prior.inductance")
     found = values_for(names, rest)
     assert found["prior.resistance"] == 76.0
-    assert found["prior.inductance"] == pytest.approx(52.27e-3, rel=1e-3)  # papers.md on [SEMERA]
+    assert found["prior.inductance"] == pytest.approx(52.27e-3, rel=1e-3)  # N^2/(k_air h_max + R_iron0) of [SEMERA]
     assert values_for(names, {**rest, "prior.inductance": 0.05})["prior.inductance"] == 0.05
 
 

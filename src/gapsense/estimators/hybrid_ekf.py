@@ -6,7 +6,7 @@ pieces: on a stop up to the release, in the air up to the landing, the state the
 reset where the armature leaves or meets a stop.
 
 Modes: 0 lower stop, 1 lifting, 2 contact, 3 upper stop without voltage, 4 falling.  Transitions as in the plant,
-including those that are not in print (1 -> 0, 4 -> 1, 3 -> 2, 4 -> 3); see papers.md.
+including those that are not in print (1 -> 0, 4 -> 1, 3 -> 2, 4 -> 3).
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> S
     """Lines 8 to 10, in Joseph form: in float32 the printed one spoils r."""
     (u, i), dt = inputs, par.sample_time
     H = vector([i, i / dt, -i_prev / dt])  # (11)
-    R = square(par.noise_voltage)  # sigma_v only, not (15): papers.md
+    R = square(par.noise_voltage)  # sigma_v only: (15) is derived, but Algorithm 1 does not use it
     S = H @ (prior.cov @ H) + R
     innovation = u - H @ prior.mean
     return Seen(innovation, S, lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])))

@@ -1,7 +1,7 @@
 """The devices of the papers in Python: what the port tables in fmus/ say, so that each number stands once; their runs.
 
 [SEMERA] does not print the resistance of its valve: Table III's 1.5 ohm is |r - 77.5 ohm|.  The gap law of [RTS] is
-ours.  mu_0 and l_1 of [HEKF] Table 1 are misprinted; see papers.md.
+ours.  mu_0 and l_1 of [HEKF] Table 1 are misprinted: they are 1.257e-6 H/m and 22 mm.
 """
 
 from typing import Any
