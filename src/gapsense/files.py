@@ -152,7 +152,7 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
         lines = []
     names, units = zip(*map(split_header, lines[0][1])) if lines else ((), ())
     good = [(n, row) for n, row in lines[1:] if len(row) == len(names)]
-    sheet = Sheet(path, names, units, [n for n, _ in good], [row for _, row in good])
+    sheet = Sheet(path=path, names=names, units=units, lines=[n for n, _ in good], rows=[row for _, row in good])
     problems += [*twice(path, sheet.known), *ragged(path, len(names), lines[1:])]
     return sheet
 

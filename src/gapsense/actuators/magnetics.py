@@ -104,9 +104,16 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     piece = cond(
         gap.is_table,
         lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature),
-        lambda: Cubic(0.0, 0.0, 0.0, 0.0, 0.0),
+        lambda: Cubic(place=0.0, value=0.0, slope=0.0, curvature=0.0, change=0.0),
     )
-    return LocalGap(gap.is_table, gap.closed, gap.unfringed, gap.fringing, gap.window, piece)
+    return LocalGap(
+        is_table=gap.is_table,
+        closed=gap.closed,
+        unfringed=gap.unfringed,
+        fringing=gap.fringing,
+        window=gap.window,
+        piece=piece,
+    )
 
 
 def local_gap_law(h: Scalar, gap: LocalGap) -> tuple[Scalar, Scalar, Scalar]:

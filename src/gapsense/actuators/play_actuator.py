@@ -110,7 +110,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = _actuator(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
-    state = State(Continuous(0.0, 0.0, 0.0, h, 0.0), vector([0.0] * len(ELEMENTS)), Contact(mode, 0.0))
+    state = State(
+        Continuous(flux_linkage=0.0, fast=0.0, slow=0.0, position=h, velocity=0.0),
+        vector([0.0] * len(ELEMENTS)),
+        Contact(mode, 0.0),
+    )
     return state, _outputs(state, act)
 
 
@@ -139,7 +143,14 @@ def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
     )
     mover = motion.mover_of(par)
     open_reluctance, _ = magnetics.gap_law(par.stop_upper, circuit)
-    return Actuator(par, inputs.voltage, circuit, mover, equal_parts(inputs.dt, par.micro_step), open_reluctance)
+    return Actuator(
+        par=par,
+        voltage=inputs.voltage,
+        circuit=circuit,
+        mover=mover,
+        micro_step=equal_parts(inputs.dt, par.micro_step),
+        open_reluctance=open_reluctance,
+    )
 
 
 def _micro_step(

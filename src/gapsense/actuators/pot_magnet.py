@@ -138,7 +138,16 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, between the stops."""
     s = clip(par.initial_position, 0.0, par.stop_upper)
     mode = where(s <= 0.0, LOWER, where(s >= par.stop_upper, UPPER, FALLING))
-    state = State(0.0, s, 0.0, mode, 0.0, 0.0, 0.0, 0.0)
+    state = State(
+        flux_linkage=0.0,
+        position=s,
+        velocity=0.0,
+        mode=mode,
+        dissipated_energy=0.0,
+        supplied_energy=0.0,
+        created_energy=0.0,
+        impact_speed=0.0,
+    )
     return state, _outputs(state, _magnet(inputs, par))
 
 

@@ -116,7 +116,18 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover), par.friction)
-    state = State(0.0, 0.0, h, 0.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = State(
+        flux=0.0,
+        effective_field=0.0,
+        position=h,
+        velocity=0.0,
+        mode=mode,
+        heat=0.0,
+        eddy_energy=0.0,
+        wall_work=0.0,
+        supplied_energy=0.0,
+        impact_speed=0.0,
+    )
     return state, _outputs(state, act, gap_at(act, h))
 
 

@@ -94,7 +94,15 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     valve = _valve(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, valve.mover), motion.spring_force(h, valve.mover))
-    state = State(0.0, h, 0.0, mode, 0.0, 0.0, 0.0)
+    state = State(
+        flux_linkage=0.0,
+        position=h,
+        velocity=0.0,
+        mode=mode,
+        dissipated_energy=0.0,
+        supplied_energy=0.0,
+        impact_speed=0.0,
+    )
     return state, _outputs(state, valve, gap_at(valve, h))
 
 

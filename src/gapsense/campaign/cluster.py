@@ -236,4 +236,10 @@ def packed(prepared: Prepared) -> Pack:
     whole = tuple(file.resolve() for file in scenario.files)  # workers have another working folder
     files = {str(file): file.read_bytes() for file in (*whole, *(file.resolve() for file in study.files))}
     scenario = replace(scenario, path=scenario.path.resolve(), files=whole)
-    return Pack(scenario, descriptions, study.signals, study.decimation, {**fmus, **files})
+    return Pack(
+        scenario=scenario,
+        descriptions=descriptions,
+        signals=study.signals,
+        decimation=study.decimation,
+        files={**fmus, **files},
+    )

@@ -208,7 +208,14 @@ class Store:
         name, runs = f"{RUNS}/{number:06d}.parquet", table["run"]
         put(self.folder / name, lambda file: pq.write_table(table, file, compression=COMPRESSION))
         failed = table.num_rows - table["error"].null_count
-        return Part(name, table.num_rows, failed, runs[0].as_py(), runs[-1].as_py(), sha256(self.folder / name))
+        return Part(
+            file=name,
+            rows=table.num_rows,
+            failed=failed,
+            first=runs[0].as_py(),
+            last=runs[-1].as_py(),
+            sha256=sha256(self.folder / name),
+        )
 
     def write_signals(self, lines: Collection[Line]) -> Signals:
         """Write trajectories to a file, which does not count yet: a group of rows for each run."""

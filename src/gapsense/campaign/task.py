@@ -35,7 +35,9 @@ def job(scenario: Scenario, descriptions: Descriptions, signals: tuple[str, ...]
         last, entry = died.words.rpartition("\n")[2], mourn(died, marks)
         return {"error": f"{entry['error']} It wrote: {last}"} if last and "exit code" in died.cause else entry
 
-    return Job(CampaignRuns, task, 1, None, mourned, limit_of(scenario), tries=TRIES)
+    return Job(
+        prepare=CampaignRuns, task=task, workers=1, guest=None, mourn=mourned, limit=limit_of(scenario), tries=TRIES
+    )
 
 
 def local_job(prepared: Prepared, workers: int) -> Job:

@@ -192,7 +192,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             last_is_judged=state.running.is_judged,
             strain=0.0,
         ),
-        heard=Heard(inputs.mode, began, 0.0, 0.0, 0.0, 0.0),
+        heard=Heard(last_mode=inputs.mode, began=began, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
         by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),

@@ -65,8 +65,10 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             last_is_judged=1.0,
             strain=0.0,
         ),
-        heard=Heard(inputs.mode, 0.0, 0.0, 0.0, 0.0, 0.0),
-        course=Pass(0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, vector([0.0] * 8)),
+        heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
+        course=Pass(
+            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 8)
+        ),
         noted=NOTHING,
         explained=0.0,
         remembered=vector([*NOTHING]),

@@ -17,7 +17,15 @@ def planned(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Par
     """The plan of an operation."""
     is_closing = half > 0.5
     lead = where(is_closing, par.closing_lead, par.opening_lead)
-    return Operation(is_closing, lead, travel, par.approach_time, par.approach_distance, speed, start)
+    return Operation(
+        is_closing=is_closing,
+        lead=lead,
+        travel=travel,
+        tail=par.approach_time,
+        distance=par.approach_distance,
+        speed=speed,
+        start=start,
+    )
 
 
 def believed(par: Parameters) -> tuple[Scalar, ...]:

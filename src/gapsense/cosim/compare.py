@@ -96,7 +96,17 @@ def difference(result: Result, name: str, reference: Vector, baseline: Baseline)
     tolerance, signal = tolerance_of(name, baseline), result.about[name]
     rows = reach(tolerance.edge_steps, step_of(name, result.run), result.times)
     values = result.signals[name]
-    return Difference(name, signal.unit, result.times, values, reference, tolerance, signal.nominal, rows, BASELINE)
+    return Difference(
+        name=name,
+        unit=signal.unit,
+        times=result.times,
+        values=values,
+        reference=reference,
+        tolerance=tolerance,
+        nominal=signal.nominal,
+        rows=rows,
+        against=BASELINE,
+    )
 
 
 def step_of(name: str, run: Run) -> float:

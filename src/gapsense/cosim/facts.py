@@ -111,13 +111,19 @@ def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
     if found is None and v.type not in NOT_MOVED and not v.dimensions:
         found = variable(v)
     if found is None:
-        return Line(printable(v.name), printable(v.unit or ""), shortened(v.start), kind, told(v.description))
+        return Line(
+            name=printable(v.name),
+            unit=printable(v.unit or ""),
+            start=shortened(v.start),
+            range=kind,
+            description=told(v.description),
+        )
     return Line(
-        printable(v.name),
-        printable(found.unit or ""),
-        start_of(found),
-        range_of(found, choices),
-        told(v.description),
+        name=printable(v.name),
+        unit=printable(found.unit or ""),
+        start=start_of(found),
+        range=range_of(found, choices),
+        description=told(v.description),
     )
 
 

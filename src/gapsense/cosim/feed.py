@@ -77,7 +77,19 @@ def run(part: Part, places: list[int], samples: Vector, start: float, step: floa
     count = len(samples) - 1
     experiment = Experiment(start, start + count * step, step, count)
     recording = Recording(rows).start(1)
-    advance = advancer(Work([part], experiment, player, columns, 1, buffer, recording, new_marks(), 0))
+    advance = advancer(
+        Work(
+            parts=[part],
+            experiment=experiment,
+            player=player,
+            columns=columns,
+            decimation=1,
+            buffer=buffer,
+            recording=recording,
+            marks=new_marks(),
+            begin=0,
+        )
+    )
     while advance(count) < count:
         pass
     return rows

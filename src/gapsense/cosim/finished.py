@@ -75,7 +75,13 @@ def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Spa
     time = scenario.experiment.time
     for name, begin, end in happened:
         event = scenario.events[name]
-        yield Span(name, str(event.target), event.action, time(begin), None if end is None else time(end))
+        yield Span(
+            name=name,
+            target=str(event.target),
+            action=event.action,
+            begin=time(begin),
+            end=None if end is None else time(end),
+        )
 
 
 def times(scenario: Scenario, rows: int) -> npt.NDArray[np.float64]:

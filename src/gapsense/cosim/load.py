@@ -231,6 +231,6 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     count = round(steps)
     slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
     if count >= 1 and abs(start + count * base - stop) <= slack:
-        return Experiment(start, stop, base, count, method, pace)
+        return Experiment(start=start, stop=stop, base_step=base, count=count, method=method, pace=pace)
     table.note("", f"{said}, and must be a whole number of at least 1. Change `stop` or `base_step`.")
     return None

@@ -198,7 +198,14 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
     chosen = None if given["signals"] is None else tuple(given["signals"])
     declared = "baseline" in table.data and (not variant or own is not None or given["file"] is None)
-    return Baseline(path.parent / file, chosen, tolerance, tolerances, declared, given["decimation"])
+    return Baseline(
+        file=path.parent / file,
+        signals=chosen,
+        tolerance=tolerance,
+        tolerances=tolerances,
+        declared=declared,
+        decimation=given["decimation"],
+    )
 
 
 def read_tolerance(table: Table, default: Tolerance) -> Tolerance:

@@ -272,16 +272,16 @@ class Master:
         decimation, buffer = scenario.record.decimation, self.view
         return advancer(
             Work(
-                self.parts,
-                scenario.experiment,
-                self.player,
-                columns,
-                decimation,
-                buffer,
-                recording,
-                marks,
-                begin,
-                self.director.watches,
+                parts=self.parts,
+                experiment=scenario.experiment,
+                player=self.player,
+                columns=columns,
+                decimation=decimation,
+                buffer=buffer,
+                recording=recording,
+                marks=marks,
+                begin=begin,
+                watches=self.director.watches,
             )
         )
 

@@ -102,7 +102,14 @@ def of_result(result: Result, name: str) -> Trajectories:
     """Trajectories of a result; one that is not complete is a problem."""
     ended = "was interrupted" if result.interrupted else f"failed: {result.failure}" if result.failure else ""
     problems = (f"{name}: the run {ended}.",) if ended else ()
-    return Trajectories(name, result.times, dict(result.signals), dict(result.about), result.run, problems)
+    return Trajectories(
+        name=name,
+        times=result.times,
+        signals=dict(result.signals),
+        about=dict(result.about),
+        run=result.run,
+        problems=problems,
+    )
 
 
 def compare_results(
@@ -200,4 +207,14 @@ def difference(result: Trajectories, reference: Trajectories, name: str, times: 
     step = max((step_of(name, t.run) for t in (result, reference) if t.run), default=0.0)
     values, expected = (sampled(t.times, t.signals[name], times) for t in (result, reference))
     rows = reach(tolerance.edge_steps, step, times)
-    return Difference(name, unit, times, values, expected, tolerance, nominal, rows, reference.name)
+    return Difference(
+        name=name,
+        unit=unit,
+        times=times,
+        values=values,
+        reference=expected,
+        tolerance=tolerance,
+        nominal=nominal,
+        rows=rows,
+        against=reference.name,
+    )

@@ -154,7 +154,7 @@ class Part:
         arguments = (self.instance.pointer, references, length, values, *after)
         function = self.instance.accessor(action, variables[0]) if ports else ""
         entry = self.instance.function(function) if ports else nothing
-        return Exchange(function, entry, references, values, arguments)
+        return Exchange(function=function, entry=entry, references=references, values=values, arguments=arguments)
 
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""

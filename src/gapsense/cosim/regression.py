@@ -151,7 +151,9 @@ def variants(path: Path) -> tuple[str | None, ...]:
 def pending(path: Path, variant: str | None, folder: str | Path) -> Outcome:
     """A test that has not ended: a failure, in case it never does."""
     check = Check("run", "not tested: `test` ended before that.")
-    return Outcome(titled(name_in(path, Path(folder)), variant), path, variant, (check,), 0.0)
+    return Outcome(
+        scenario=titled(name_in(path, Path(folder)), variant), path=path, variant=variant, checks=(check,), seconds=0.0
+    )
 
 
 def titled(name: str, variant: str | None) -> str:
@@ -181,12 +183,27 @@ def test_scenario(
         by_vectors = run_as_vectors(path, variant, fmus, engine)
         result = by_vectors or run(path, variant, folder_of(engine, path, fmus), isolation=isolation)
     except (ScenarioError, FmuError, OSError) as error:
-        return Outcome(name, path, variant, (Check("run", str(error)),), perf_counter() - begin)
+        return Outcome(
+            scenario=name,
+            path=path,
+            variant=variant,
+            checks=(Check("run", str(error)),),
+            seconds=perf_counter() - begin,
+        )
     is_held = scenario.baseline.file.is_file() and not result.interrupted
     comparison = compare(result, scenario.baseline) if is_held else None
     found = tuple(checks(scenario, result, comparison))
     remark = remark_on(scenario.baseline, comparison)
-    return Outcome(name, path, variant, found, perf_counter() - begin, result, comparison, remark)
+    return Outcome(
+        scenario=name,
+        path=path,
+        variant=variant,
+        checks=found,
+        seconds=perf_counter() - begin,
+        result=result,
+        comparison=comparison,
+        remark=remark,
+    )
 
 
 test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test

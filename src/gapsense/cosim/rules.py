@@ -30,10 +30,21 @@ def read_rules(root: Element, variables: Mapping[str, Variable]) -> Component | 
     try:
         texts = {tag: {e.attrib["variable"]: items(e) for e in rules.findall(tag)} for tag in ("Choices", "Table")}
         ports = tuple(
-            Port(v.name, "parameter", v.unit or "1", "", v.start, v.min, v.max, kind=v.type,
-                 choices=texts["Choices"].get(v.name, ()), columns=texts["Table"].get(v.name, ()))
-            for v in variables.values() if v.is_parameter and v.start is not None and v.type in KINDS
-        )  # fmt: skip
+            Port(
+                name=v.name,
+                causality="parameter",
+                unit=v.unit or "1",
+                description="",
+                start=v.start,
+                min=v.min,
+                max=v.max,
+                kind=v.type,
+                choices=texts["Choices"].get(v.name, ()),
+                columns=texts["Table"].get(v.name, ()),
+            )
+            for v in variables.values()
+            if v.is_parameter and v.start is not None and v.type in KINDS
+        )
         known = {port.name for port in ports if port.kind == "Real"}
         rising = tuple((e.attrib["lower"], e.attrib["upper"]) for e in rules.findall("Rising"))
         limits = tuple(limit(element) for element in rules.findall("Limit"))

@@ -96,7 +96,14 @@ def growth(name: str, first: Result, others: list[Result], scenario: Scenario, p
     beyond = first.times[~(change <= allowed)]
     largest = float(np.max(change))
     since = float(beyond[0]) if beyond.size else math.inf
-    return Growth(name, about.unit, largest, allowed, largest / (perturbation * about.nominal), since)
+    return Growth(
+        signal=name,
+        unit=about.unit,
+        change=largest,
+        allowed=allowed,
+        amplification=largest / (perturbation * about.nominal),
+        since=since,
+    )
 
 
 def perturbed(scenario: Scenario, descriptions: Mapping[str, Description], size: float, draw: int) -> Scenario:

@@ -162,7 +162,15 @@ def swept(
         "measure": measure and importable_name(measure),
         "keep": None if store is None else str(store.resolve()),
     }
-    job = Job(Runs, task, workers, measure, mourner(read, descriptions), limit_of(read), lambda i: asked(points, i))
+    job = Job(
+        prepare=Runs,
+        task=task,
+        workers=workers,
+        guest=measure,
+        mourn=mourner(read, descriptions),
+        limit=limit_of(read),
+        request=lambda i: asked(points, i),
+    )
     with ledger.alone():
         known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
         before = len(known)
@@ -288,4 +296,12 @@ def collect(entries: Mapping[int, Entry], computed: int, interrupted: bool, file
     columns = {name: np.array([metrics.get(name) for metrics in good.values()], dtype=np.float64) for name in names}
     errors = {index: entry["error"] for index, entry in sorted(entries.items()) if "error" in entry}
     ended = {index: entries[index]["ended"] for index in good if "ended" in entries[index]}
-    return Sweep(tuple(good), columns, errors, computed, interrupted, file, ended=ended)
+    return Sweep(
+        indices=tuple(good),
+        metrics=columns,
+        errors=errors,
+        computed=computed,
+        interrupted=interrupted,
+        file=file,
+        ended=ended,
+    )

@@ -47,7 +47,19 @@ def designed(
     initial, step, kept = needed(*kernel.traced(values if is_baked else None, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
-    return Design(folder.name, folder, component, kernel, real, values, is_baked, kept, initial, prepare, step)
+    return Design(
+        name=folder.name,
+        folder=folder,
+        component=component,
+        kernel=kernel,
+        real=real,
+        values=values,
+        is_baked=is_baked,
+        kept=kept,
+        initial=initial,
+        prepare=prepare,
+        step=step,
+    )
 
 
 def lean_kernel(component: Component) -> Kernel | None:

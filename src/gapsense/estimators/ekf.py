@@ -123,7 +123,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(x, P, now.voltage, now.mode, R, hysteresis=0.0, watch=START)
+    state = State(x=x, P=P, voltage=now.voltage, mode=now.mode, resistance=R, hysteresis=0.0, watch=START)
     health = readings.health({readings.LOST: not_(is_whole)})
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=health)
 
@@ -140,7 +140,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    return State(x, P, now.voltage, now.mode, R, new.hysteresis, watch), outputs
+    return State(
+        x=x, P=P, voltage=now.voltage, mode=now.mode, resistance=R, hysteresis=new.hysteresis, watch=watch
+    ), outputs
 
 
 def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[Held, Measured, Scalar]:
@@ -242,7 +244,13 @@ def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
         return given(known, innovation - H[0] @ (known.mean - prior.mean))
 
     posterior = cond(is_moving(measured.mode), lambda: given(prior, innovation), resting)
-    return Pass(reachable(project(posterior, POSITION, 0.0, 1.0), m), innovation, std, is_used, held.hysteresis)
+    return Pass(
+        filtered=reachable(project(posterior, POSITION, 0.0, 1.0), m),
+        innovation=innovation,
+        innovation_std=std,
+        is_used=is_used,
+        hysteresis=held.hysteresis,
+    )
 
 
 def reachable(estimate: Gaussian, m: Model) -> Gaussian:

@@ -143,17 +143,33 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
     filtered, outputs = ekf.initial(_measured(inputs), par.filter)
     now = outputs.estimates
-    rest = Shown(now.position, 0.0, now.flux_linkage, 0.0, now.force_error, 0.0, 0.0)
-    last = Operation(inputs.time, inputs.time, 0.0, 0.0, inputs.time)
+    rest = Shown(
+        smoothed_position=now.position,
+        smoothed_velocity=0.0,
+        smoothed_flux_linkage=now.flux_linkage,
+        smoothed_current_error=0.0,
+        smoothed_force_error=now.force_error,
+        smoothed_position_std=0.0,
+        smoothed_velocity_std=0.0,
+    )
+    last = Operation(
+        takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time
+    )
     state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, zeros(SIZE))
-    return state, Outputs(outputs, 0.0, inputs.time, rest, last)
+    return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
     m, T_s = normalised(par.filter), par.filter.sample_time
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
-    contact = Contact(inputs.time, filtered.mode, state.filter.mode, T_s, par.contact_debounce)
+    contact = Contact(
+        time=inputs.time,
+        mode=filtered.mode,
+        mode_prev=state.filter.mode,
+        sample_time=T_s,
+        debounce=par.contact_debounce,
+    )
     now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
     kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
     landing = _landing(state, now, kink, contact, estimate, m, par)
@@ -170,9 +186,15 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place).kept), m), lambda: outputs.estimates
     )
     is_published, time = where(turn.is_due, 1.0, 0.0), where(turn.is_due, time, inputs.time)
-    return State(filtered, now.motion, queue, kink, last, landing.is_doubtful, samples), Outputs(
-        outputs, is_published, time, _shown(shown), last
-    )
+    return State(
+        filter=filtered,
+        motion=now.motion,
+        queue=queue,
+        kink=kink,
+        last=last,
+        is_doubtful=landing.is_doubtful,
+        samples=samples,
+    ), Outputs(filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_shown(shown), last=last)
 
 
 def _measured(inputs: Inputs) -> ekf.Inputs:
@@ -211,7 +233,13 @@ def _last(state: State, now: Followed, contact: Contact, landing: Landing, found
         time, speed = impact(found.mean, limit(contact.mode), shown, m)
         has_bounced = landing.missed > 0.0
         rest_time = where(has_bounced, contact.time, time)
-        return Operation(now.motion.start, time, speed, where(has_bounced, 1.0, 0.0), rest_time)
+        return Operation(
+            takeoff_time=now.motion.start,
+            landing_time=time,
+            impact_speed=speed,
+            bounces=where(has_bounced, 1.0, 0.0),
+            rest_time=rest_time,
+        )
 
     def rested() -> Operation:
         count, time = where(bounces, last.bounces + 1.0, last.bounces), where(bounces, contact.time, last.rest_time)

@@ -127,7 +127,14 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     previous = state.current
     u, i, found = _readings(state.voltage, state.current, inputs, par)
     state = _added(_opened(state, inputs.time, u, par), u, i, 1.0 - found.health)
-    now = Sample(state.voltage_sum, state.current_sum, i, previous, inputs.time, published=1.0)
+    now = Sample(
+        voltage_sum=state.voltage_sum,
+        current_sum=state.current_sum,
+        current=i,
+        previous=previous,
+        time=inputs.time,
+        published=1.0,
+    )
     online = _estimates(now, state.resistance, par)
     offline = _estimates(_replayed(state, par), state.resistance, par)
     is_offline = par.offline > 0.0

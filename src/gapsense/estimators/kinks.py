@@ -65,7 +65,9 @@ class Verdict(NamedTuple):
 
 def nothing() -> Kink:
     """No reading."""
-    return Kink(vector([0.0] * TAPS), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    return Kink(
+        currents=vector([0.0] * TAPS), steady=0.0, size=0.0, flight=0.0, arrival=0.0, beyond=0.0, was_steady=1.0
+    )
 
 
 def sought(

@@ -181,13 +181,22 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, u, model(par, d))
     work, samples = (
         first_work(at, inputs.time, par),
-        Samples(0.0, zeros(RING), zeros(RING), zeros(RING), zeros(RING)),
+        Samples(newest=0.0, voltages=zeros(RING), currents=zeros(RING), weights=zeros(RING), commands=zeros(RING)),
     )
-    held, smoothed = Held(0.0, u, u, 0.0, 0.0, 0.0, 0.0), (zeros(RING), zeros(RING))
+    held, smoothed = (
+        Held(held=0.0, held_level=u, held_voltage=u, held_current=0.0, held_drift=0.0, held_resistance=0.0, zero=0.0),
+        (zeros(RING), zeros(RING)),
+    )
     learns = (held, first_watch(par), work, samples)
     state = State(inputs.command, vector(at), zeros(len(d)), *learns, *smoothed)
     fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
-    shown = Shown(0.0, inputs.time, at.position, 0.0, 0.0)
+    shown = Shown(
+        smoothed_published=0.0,
+        smoothed_time=inputs.time,
+        smoothed_position=at.position,
+        smoothed_velocity=0.0,
+        smoothed_flux_linkage=0.0,
+    )
     return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), fine, par)
 
 
@@ -219,7 +228,13 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
-    seen = Seen(innovation, has_current, u - before.voltage, is_edge, inputs.command - state.last_command)
+    seen = Seen(
+        innovation=innovation,
+        has_current=has_current,
+        jump=u - before.voltage,
+        is_edge=is_edge,
+        change=inputs.command - state.last_command,
+    )
     watch = watched(heard, seen, now, work.learnt, m, par)
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
     state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
@@ -310,10 +325,30 @@ def _published(
         z = load(positions, spot)
         v = (z - load(positions, before)) / par.sample_time
         age = oldest - skipped
-        return spot, work.ready - 1.0 - skipped, Shown(1.0, time - age * par.sample_time, z, v, load(fluxes, spot))
+        return (
+            spot,
+            work.ready - 1.0 - skipped,
+            Shown(
+                smoothed_published=1.0,
+                smoothed_time=time - age * par.sample_time,
+                smoothed_position=z,
+                smoothed_velocity=v,
+                smoothed_flux_linkage=load(fluxes, spot),
+            ),
+        )
 
     def none() -> tuple[Scalar, Scalar, Shown]:
-        return work.shown, 0.0, Shown(0.0, time, now.position, now.velocity, now.flux_linkage)
+        return (
+            work.shown,
+            0.0,
+            Shown(
+                smoothed_published=0.0,
+                smoothed_time=time,
+                smoothed_position=now.position,
+                smoothed_velocity=now.velocity,
+                smoothed_flux_linkage=now.flux_linkage,
+            ),
+        )
 
     spot, left, shown = cond(work.ready > 0.0, ready, none)
     return work._replace(shown=spot, ready=left), shown

@@ -39,12 +39,30 @@ class Effort(NamedTuple):
     backlog: Scalar  # samples that may wait behind a window that nothing explained; more are dropped
 
 
-USUAL = Effort(5.0, 3.0, 140.0, 300.0, 2000.0, bad=6.0, starts=float(len(STARTS)), searches=1.0, backlog=200.0)
+USUAL = Effort(
+    tries=5.0,
+    retries=3.0,
+    late=140.0,
+    later=300.0,
+    latest=2000.0,
+    bad=6.0,
+    starts=float(len(STARTS)),
+    searches=1.0,
+    backlog=200.0,
+)
 # after a window that nothing explained: the next one will hardly be
 HASTY = USUAL._replace(tries=2.0, late=0.0, later=0.0, latest=0.0, searches=0.0)
 # a window that was left too early makes the next ones worse: it is better to be late for some cycles
 THOROUGH = Effort(
-    15.0, 5.0, 2500.0, 2500.0, 4000.0, bad=1.0, starts=float(len(MORE_STARTS)), searches=4.0, backlog=5000.0
+    tries=15.0,
+    retries=5.0,
+    late=2500.0,
+    later=2500.0,
+    latest=4000.0,
+    bad=1.0,
+    starts=float(len(MORE_STARTS)),
+    searches=4.0,
+    backlog=5000.0,
 )
 
 

@@ -156,7 +156,18 @@ def point(lam: Scalar, h: Scalar, z: Scalar, v: Scalar, u: Scalar, m: Model) -> 
     """The model in a given state."""
     R, slope = gap_at(z, m)
     f, f_lam = magnetomotive(lam, h, R, m)
-    return Point(lam, h, z, v, (pull(z, lam, slope, m) - m.d.damping * v) / m.d.mass, u, R, slope, f, f_lam)
+    return Point(
+        flux_linkage=lam,
+        hysteresis=h,
+        position=z,
+        velocity=v,
+        acceleration=(pull(z, lam, slope, m) - m.d.damping * v) / m.d.mass,
+        voltage=u,
+        reluctance=R,
+        slope=slope,
+        mmf=f,
+        mmf_slope=f_lam,
+    )
 
 
 def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
@@ -213,7 +224,7 @@ def electric(p: Point, mean: Scalar, m: Model) -> Electric:
     length = m.length * where(left > SHORTEST, left, SHORTEST)
     away = m.d.hysteresis + where(is_falling, p.hysteresis, -p.hysteresis)
     goal = where(is_falling, -m.d.hysteresis, m.d.hysteresis)
-    return Electric(i, rate, goal, length, away / length, 1.0 + squared)
+    return Electric(current=i, rate=rate, goal=goal, length=length, steepness=away / length, width=1.0 + squared)
 
 
 def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
@@ -236,7 +247,18 @@ def advance(p: Point, voltage: Scalar, m: Model) -> Point:
     stands, force = rests | not_(z == free), pull(z, lam, slope, m)
     a = (force - where(stands, 0.0, m.d.damping * (p.velocity + m.T_s * p.acceleration))) / m.d.mass
     v = where(stands, 0.0, p.velocity + 0.5 * m.T_s * (p.acceleration + a))
-    return Point(lam, h, z, v, a, voltage, R, slope, f, f_lam)
+    return Point(
+        flux_linkage=lam,
+        hysteresis=h,
+        position=z,
+        velocity=v,
+        acceleration=a,
+        voltage=voltage,
+        reluctance=R,
+        slope=slope,
+        mmf=f,
+        mmf_slope=f_lam,
+    )
 
 
 # derivatives

@@ -109,7 +109,18 @@ class Work(NamedTuple):
 def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
     """The first window begins; what is known before it comes into memory with the next sample."""
     n = len(PAIRS)
-    learnt = Learnt(time, time, 0.0, 0.0, 0.0, 0.0, 0.0, rejected=0.0, explained=0.0, deviations=zeros(START))
+    learnt = Learnt(
+        takeoff_time=time,
+        landing_time=time,
+        impact_speed=0.0,
+        bounces=0.0,
+        windows=0.0,
+        misfit=0.0,
+        given_up=0.0,
+        rejected=0.0,
+        explained=0.0,
+        deviations=zeros(START),
+    )
     vectors = (zeros(5), zeros(N), zeros(N), zeros(N), zeros(START))
     rest = (zeros(4 * N), zeros(n), zeros(N), zeros(n), zeros(n), zeros(N), zeros(n))
     return Work(started(at, par), learnt, *vectors, *rest)

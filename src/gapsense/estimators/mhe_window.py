@@ -266,7 +266,14 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     grows = (is_final | is_bad) & ends_later & may_grow
     may_seek = (work.start > NOTHING) & (work.searches < worth.searches) & (work.age < 0.5 * RING)
     seeks = is_final & not_(grows) & is_bad & may_seek
-    return Verdict(total, misfit, (total < work.total) | is_last, is_final, grows, seeks)
+    return Verdict(
+        total=total,
+        misfit=misfit,
+        is_better=(total < work.total) | is_last,
+        is_final=is_final,
+        grows=grows,
+        seeks=seeks,
+    )
 
 
 def _judged(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work:

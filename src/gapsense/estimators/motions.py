@@ -74,7 +74,9 @@ class Turn(NamedTuple):
 
 def nothing(time: Scalar) -> tuple[Motion, Queue]:
     """No motion recorded, none waiting."""
-    return Motion(0.0, 0.0, time, 0.0, time), Queue(0.0, 0.0, 1.0, 0.0, 0.0, zeros(QUEUE * ENTRY))
+    return Motion(place=0.0, count=0.0, start=time, stop=0.0, contact=time), Queue(
+        landed=0.0, smoothed=0.0, samples_smoothed=1.0, shown=0.0, samples_shown=0.0, waiting=zeros(QUEUE * ENTRY)
+    )
 
 
 def slot(place: Scalar) -> Scalar:

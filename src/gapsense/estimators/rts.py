@@ -117,7 +117,15 @@ def _operation(
     T_s, has_bounced = par.sample_time, contact > landed
     time, speed = impact(vector(last[:5]), stop, landed * T_s, normalised(par))
     rest_time = contact * T_s if has_bounced else time
-    return Operation(first, landed, (first - 1) * T_s, time, speed, int(has_bounced), rest_time)
+    return Operation(
+        first=first,
+        landed=landed,
+        takeoff_time=(first - 1) * T_s,
+        landing_time=time,
+        impact_speed=speed,
+        bounces=int(has_bounced),
+        rest_time=rest_time,
+    )
 
 
 def _missed(
@@ -126,7 +134,7 @@ def _missed(
     """Sample of an impact that the contact has missed, and the estimate on the stop there."""
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):
-        motion = Motion(0.0, float(k - first), 0.0, 1.0 - stop, 0.0)
+        motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
     found: kinks.Kink = record(kinks.Kink, kink)
     at = first + int(kinks.supposed(found))

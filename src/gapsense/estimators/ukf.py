@@ -145,7 +145,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, usual)
+    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, resistance=R, hysteresis=hysteresis, usual=usual)
     return state, _outputs(estimate, innovation, S, health, par)
 
 

@@ -154,12 +154,12 @@ def segment(z: Scalar, par: Parameters) -> Segment:
     k = locate(par.gap_file_gap, z)
     left, R_g, slope = (load(t, k) for t in (par.gap_file_gap, par.gap_file_reluctance, par.gap_file_slope))
     return Segment(
-        left,
-        load(par.gap_file_gap, k, 1) - left,
-        R_g,
-        load(par.gap_file_reluctance, k, 1) - R_g,
-        slope,
-        load(par.gap_file_slope, k, 1) - slope,
+        gap=left,
+        width=load(par.gap_file_gap, k, 1) - left,
+        R_g=R_g,
+        R_g_rise=load(par.gap_file_reluctance, k, 1) - R_g,
+        slope=slope,
+        slope_rise=load(par.gap_file_slope, k, 1) - slope,
     )
 
 

@@ -95,7 +95,13 @@ def related(component: Component, run: Run | None, fmi: int) -> list[Related]:
     """The parameters, and the experiment if there is a run."""
     ssv = "application/x-ssp-parameter-set"
     found = [
-        Related(PARAMETERS, parameter_set(component, fmi), "parameter", ssv, "All parameters as Gapsense ships them")
+        Related(
+            name=PARAMETERS,
+            data=parameter_set(component, fmi),
+            role="parameter",
+            type=ssv,
+            description="All parameters as Gapsense ships them",
+        )
     ]
     if run is None:
         return found
@@ -103,9 +109,27 @@ def related(component: Component, run: Run | None, fmi: int) -> list[Related]:
     told, kind = f"Short run of {component.name} with random inputs", "application/x-ma-hs-experiments"
     return [
         *found,
-        Related(EXPERIMENTS, experiments(component, run, told), "experiment/smoke-test", kind, told),
-        Related(STIMULI, sheet(inputs, run.times[:-1], run.inputs[1:]), "other", "text/csv", "Inputs of that run"),
-        Related(RESULTS, sheet(outputs, run.times, run.outputs), "result", "text/csv", "Results of that run"),
+        Related(
+            name=EXPERIMENTS,
+            data=experiments(component, run, told),
+            role="experiment/smoke-test",
+            type=kind,
+            description=told,
+        ),
+        Related(
+            name=STIMULI,
+            data=sheet(inputs, run.times[:-1], run.inputs[1:]),
+            role="other",
+            type="text/csv",
+            description="Inputs of that run",
+        ),
+        Related(
+            name=RESULTS,
+            data=sheet(outputs, run.times, run.outputs),
+            role="result",
+            type="text/csv",
+            description="Results of that run",
+        ),
     ]
 
 
@@ -114,7 +138,15 @@ def typical(path: Path) -> list[Related]:
     if not path.is_file():
         return []
     title, _, rest = path.read_text(encoding="utf-8").partition("\n")
-    return [Related(TYPICAL, rest.encode(), "result", "text/csv", title.lstrip("# ").replace("`", ""))]
+    return [
+        Related(
+            name=TYPICAL,
+            data=rest.encode(),
+            role="result",
+            type="text/csv",
+            description=title.lstrip("# ").replace("`", ""),
+        )
+    ]
 
 
 def sheet(names: list[str], times: list[str], rows: list[list[str]]) -> bytes:

@@ -100,7 +100,18 @@ def content(package: Package, folder: Path, problems: list[str], notes: list[str
     names = plain_names([one.path for one in components])
     notes += [f"`{one.name}` is called `{names[one.path]}`." for one in components if names[one.path] != one.name]
     named = {path: f"{FMUS}/{file}" for path, file in fmus.items()}
-    maker = Maker(components, names, named, descriptions, wiring, reader.given, units, told, problems, notes)
+    maker = Maker(
+        components=components,
+        names=names,
+        fmus=named,
+        descriptions=descriptions,
+        wiring=wiring,
+        given=reader.given,
+        units=units,
+        told=told,
+        problems=problems,
+        notes=notes,
+    )
     data = maker.made(root.get("name", "") or package.path.stem, experiment)
     take_files(package, data, folder)
     return data

@@ -102,7 +102,12 @@ class Reader:
                 kind = "nothing" if typed is None else shown(f"{plain(typed.tag)} `{typed.get('value', '')}`")
                 self.problems.append(f"{where}: {kind} found, a number, a truth value or a text expected. Correct it.")
             else:
-                yield name, Given(value, typed.get("unit", ""), units, Line(), False, where)
+                yield (
+                    name,
+                    Given(
+                        value=value, unit=typed.get("unit", ""), units=units, line=Line(), suppress=False, place=where
+                    ),
+                )
 
     def mapped(self, values: Mapping[str, Given], root: Xml) -> dict[str, Given]:
         """Values by the names that a mapping gives them; what it does not name is left out."""

@@ -100,7 +100,7 @@ def functions(name: str) -> Functions | None:
     if library is None:
         return None
     addresses = (ctypes.cast(getattr(library, name), Pointer).value or 0 for name in codes._fields)
-    return Functions(component, folder, kernel, codes, tuple(addresses))
+    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(addresses))
 
 
 def exported(name: str, code: Code) -> str:

@@ -92,7 +92,17 @@ class Model:
             called(found, 1, par, constants),
             called(found, 2, [*state, *given, *constants], made),
         ]
-        return Places(component, found, buffered, own, output, time, par, tables, calls)
+        return Places(
+            component=component,
+            functions=found,
+            buffered=buffered,
+            own=own,
+            output=output,
+            time=time,
+            par=par,
+            tables=tables,
+            calls=calls,
+        )
 
     def of_state(self, entry: Any) -> int:
         """Place of an entry of a state."""

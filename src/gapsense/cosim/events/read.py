@@ -77,7 +77,14 @@ def read_when(table: Table) -> When | None:
     level = given[sides[0]]
     if signal is None or level is None:
         return None
-    return When(signal, float(level), sides[0] == "above", given["for"] or 0.0, given["after"], given["again"])
+    return When(
+        signal=signal,
+        level=float(level),
+        is_above=sides[0] == "above",
+        lasting=given["for"] or 0.0,
+        after=given["after"],
+        again=given["again"],
+    )
 
 
 def note_actions(table: Table, given: Mapping[str, Any]) -> None:

@@ -66,7 +66,17 @@ def motion(component: Component) -> list[Port]:
 def variables(component: Component, tables: Tables, arrays: Sequence[Shape] = ()) -> list[Variable]:
     """All variables in the order of their value references."""
     found = [_of_port(port, k) for k, port in enumerate(component.ports)]
-    found.append(Variable("time", len(found), "Float64", "independent", "continuous", "Time", "s"))
+    found.append(
+        Variable(
+            name="time",
+            reference=len(found),
+            type="Float64",
+            causality="independent",
+            variability="continuous",
+            description="Time",
+            unit="s",
+        )
+    )
     for port in component.ports:
         if port.columns:
             found += _of_table(port, tables[port.name], len(found))
@@ -103,13 +113,30 @@ def _of_port(port: Port, reference: int) -> Variable:
 def _of_table(port: Port, columns: Sequence[Sequence[float]], first: int) -> list[Variable]:
     rows = len(columns[0])
     told = f"Rows of the arrays that are the table while {port.name} has its start value"
-    size = Variable(f"{port.name}.rows", first, "UInt64", "structuralParameter", "fixed", told, start=(rows,))
+    size = Variable(
+        name=f"{port.name}.rows",
+        reference=first,
+        type="UInt64",
+        causality="structuralParameter",
+        variability="fixed",
+        description=told,
+        start=(rows,),
+    )
     found = [size._replace(min=FEWEST_ROWS, max=MOST_ROWS)]
     for k, (head, values) in enumerate(zip(heads(port.columns), columns), first + 1):
         matched = HEADER.fullmatch(head)
         name, unit = (matched[1], matched[2] or "1") if matched else (head, "1")
         about = f"Column {name} of the table while {port.name} has its start value"
-        variable = Variable(f"{port.name}.{name}", k, "Float64", "parameter", "fixed", about, unit, tuple(values))
+        variable = Variable(
+            name=f"{port.name}.{name}",
+            reference=k,
+            type="Float64",
+            causality="parameter",
+            variability="fixed",
+            description=about,
+            unit=unit,
+            start=tuple(values),
+        )
         found.append(variable._replace(rows=first))
     return found
 
@@ -119,10 +146,27 @@ def _of_motion(signals: Sequence[Port], first: int) -> list[Variable]:
     if not signals:
         return []
     told = "Samples of the motion that was smoothed and published last, so far"
-    found = [Variable("smoothed_motion.count", first, "Int32", "output", "discrete", told)]
+    found = [
+        Variable(
+            name="smoothed_motion.count",
+            reference=first,
+            type="Int32",
+            causality="output",
+            variability="discrete",
+            description=told,
+        )
+    ]
     for k, port in enumerate(signals, first + 1):
         name, about = port.name.removeprefix(SMOOTHED), f"{port.description}: of all samples of that motion"
-        variable = Variable(f"smoothed_motion.{name}", k, "Float64", "output", "continuous", about, port.unit)
+        variable = Variable(
+            name=f"smoothed_motion.{name}",
+            reference=k,
+            type="Float64",
+            causality="output",
+            variability="continuous",
+            description=about,
+            unit=port.unit,
+        )
         found.append(variable._replace(shape=(MOTION_ROWS,), nominal=port.nominal))
     return [variable._replace(feedthrough=signals[0].feedthrough) for variable in found]
 
@@ -132,4 +176,13 @@ def _of_array(shape: Shape, component: Component, reference: int) -> Variable:
     follows = {name for port in component.of("output") if port.name in shape.of for name in port.feedthrough}
     inputs = tuple(port.name for port in component.of("input") if port.name in follows)
     size = (shape.size, shape.size)
-    return Variable(shape.name, reference, "Float64", "output", "continuous", told, shape=size, feedthrough=inputs)
+    return Variable(
+        name=shape.name,
+        reference=reference,
+        type="Float64",
+        causality="output",
+        variability="continuous",
+        description=told,
+        shape=size,
+        feedthrough=inputs,
+    )

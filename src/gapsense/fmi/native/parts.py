@@ -53,7 +53,15 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
     found = variables(component, tables, shapes(kernel))
     found = found if with_arrays else found[: len(component.ports) + 1]  # those of FMI 2.0, and the time
-    parts = Parts(component, values, f"{{{UUID(identity)}}}", found, files, resources, folder)
+    parts = Parts(
+        component=component,
+        given=values,
+        guid=f"{{{UUID(identity)}}}",
+        variables=found,
+        files=files,
+        resources=resources,
+        folder=folder,
+    )
     return with_identity(parts, kernel, identity)
 
 

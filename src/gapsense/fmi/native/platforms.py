@@ -26,7 +26,7 @@ class Binary(NamedTuple):
 
 PLATFORMS = {
     "linux64": Binary("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
-    "win64": Binary("win64", ".dll", ("x86_64-windows-gnu",), (), ()),
+    "win64": Binary(folder="win64", ending=".dll", targets=("x86_64-windows-gnu",), flags=(), libraries=()),
     "darwin64": Binary("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
     "aarch64-linux": Binary("linux64", ".so", ("aarch64-linux-gnu.2.17",)),  # so hosts of FMI 2.0 look for it
 }

@@ -39,7 +39,15 @@ def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
     ends = {"start": first / factor, "end": last / factor}
     cursor = bk.Span(dimension="height", line_color=AXES, line_width=1)
     bounds = (ends["start"], ends["end"])
-    return Axes(bk.Range1d(**ends, bounds=bounds), cursor, 1.0 / factor, unit, shown.events, numbers, most)
+    return Axes(
+        range=bk.Range1d(**ends, bounds=bounds),
+        cursor=cursor,
+        factor=1.0 / factor,
+        unit=unit,
+        events=shown.events,
+        numbers=numbers,
+        most=most,
+    )
 
 
 def empty(axes: Axes, height: int, is_last: bool = False) -> Any:

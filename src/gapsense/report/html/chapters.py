@@ -34,7 +34,7 @@ def chapter(shown: Shown, plots: Plots, key: str) -> Chapter:
     head = element("header", element("h2", title, id=key), element("p", about) if about else "", sections.banner(found))
     parts = (head, sections.facts(shown), wiring(shown, key), *of_time(shown, compared, plots, key))
     content = element("article", *parts, aria_labelledby=key)
-    return Chapter(key, title, result.run.scenario, found, content)
+    return Chapter(key=key, title=title, name=result.run.scenario, verdict=found, content=content)
 
 
 def of_time(shown: Shown, compared: Regression, plots: Plots, key: str) -> list[Markup]:

@@ -43,7 +43,11 @@ def consistency(curve: Curve) -> Consistency | None:
     total = float(np.sum(scaled**2))
     inside = float(np.mean(np.abs(scaled) <= SIGMAS))
     return Consistency(
-        curve.name, scaled.size, inside, total / scaled.size, neighbours / total if total else float("nan")
+        name=curve.name,
+        samples=scaled.size,
+        inside=inside,
+        square=total / scaled.size,
+        correlation=neighbours / total if total else float("nan"),
     )
 
 

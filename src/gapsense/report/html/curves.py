@@ -93,7 +93,7 @@ def band(result: Result, name: str) -> Vector | None:
 
 def recorded(result: Result, name: str, is_truth: bool = False) -> Curve:
     """A recorded signal over all rows."""
-    return Curve(name, result.times, result[name], band(result, name), is_truth)
+    return Curve(name=name, times=result.times, values=result[name], band=band(result, name), is_truth=is_truth)
 
 
 def constant(result: Result, name: str) -> Curve:

@@ -52,7 +52,7 @@ def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
         legend.append(entry)
         shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
     fit(made)
-    return Drawn(made, of.title, unit, tuple(legend), (shown, rows))
+    return Drawn(figure=made, label=of.title, unit=unit, legend=tuple(legend), points=(shown, rows))
 
 
 def fit(made: Any) -> None:
@@ -77,7 +77,7 @@ def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
         number = axes.numbers[curve.component]
         colour = style.INK if curve.is_truth else style.colour(number)
         dash = () if curve.is_truth else style.dash(number, turn)
-        yield Entry(f"{key}-{k}", curve.name, colour, dash, curve.band is not None)
+        yield Entry(key=f"{key}-{k}", label=curve.name, colour=colour, dash=dash, is_band=curve.band is not None)
 
 
 def thinned(curve: Curve, rows: Any) -> Curve:
@@ -136,7 +136,7 @@ def strips(of: Sequence[Strip], axes: Axes, is_last: bool = False) -> Drawn:
     values = sorted({float(v) for strip in of for v in strip.values})
     legend = tuple(Entry("", f"{value:g}", colour_of(value)) for value in values)
     rows = max(strip.times.size for strip in of)
-    return Drawn(made, "modes, flags and codes", "", legend, (rows, rows))
+    return Drawn(figure=made, label="modes, flags and codes", unit="", legend=legend, points=(rows, rows))
 
 
 def place(made: Any, strip: Strip, row: int, axes: Axes) -> None:
@@ -171,7 +171,9 @@ def tube(of: Difference, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     drawn = draw_tube(over, of, whole, axes, scale, key)
     below = draw_tube(under, of, less, axes, factor, f"{key}d")
     title = f"{of.name}, difference to the baseline"
-    return Drawn(over, of.name, unit, drawn, rows), Drawn(under, title, small, below, rows)
+    return Drawn(figure=over, label=of.name, unit=unit, legend=drawn, points=rows), Drawn(
+        figure=under, label=title, unit=small, legend=below, points=rows
+    )
 
 
 def draw_tube(

@@ -29,4 +29,4 @@ def chapter_of_many(many: Many, plots: Plots, key: str) -> Chapter:
         section("What ran", f"{key}-ran", sections.what_ran(many)),
         aria_labelledby=key,
     )
-    return Chapter(key, title, many.file.stem, found, content)
+    return Chapter(key=key, title=title, name=many.file.stem, verdict=found, content=content)

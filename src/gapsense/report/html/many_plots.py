@@ -86,7 +86,9 @@ class Drawer:
         made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
         low, high = span(edges[0], edges[-1], [b * scale for b in ends])
         made.x_range = bk.Range1d(low, high)
-        return Drawn(made, "how many runs", "", (MEDIAN, BOUNDS) if ends else (MEDIAN,), (0, 0))
+        return Drawn(
+            figure=made, label="how many runs", unit="", legend=(MEDIAN, BOUNDS) if ends else (MEDIAN,), points=(0, 0)
+        )
 
     def over(self, metric: str, factor: str) -> Drawn:
         """A metric over a parameter."""
@@ -106,7 +108,7 @@ class Drawer:
         unit = self.scales[factor][1] if self.few[factor] is None and factor in self.scales else self.many.unit(factor)
         made.xaxis.axis_label = labelled(factor, unit)
         label = labelled(self.many.label(metric), self.scales[metric][1])
-        return Drawn(made, f"{label} over {factor}", "", (), (0, 0))
+        return Drawn(figure=made, label=f"{label} over {factor}", unit="", legend=(), points=(0, 0))
 
     def bars(self, made: Any, metric: str, factor: str) -> None:
         """Median and 5 to 95 % range at each value of a parameter."""

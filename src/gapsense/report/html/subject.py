@@ -77,7 +77,7 @@ def read(file: Path, problems: list[str]) -> Shown | Many | None:
         problems.append(f"`{file}`: {error.strerror}. Correct the path; `gapsense run` writes results.")
         return None
     scenario, note = scenario_of(result)
-    return Shown(file, result, scenario, note, events(read_sidecar(file) or {}))
+    return Shown(file=file, result=result, scenario=scenario, note=note, events=events(read_sidecar(file) or {}))
 
 
 def no_result(file: Path) -> str:

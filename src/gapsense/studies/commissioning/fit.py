@@ -124,7 +124,17 @@ def concluded(p: Problem, x: Vector) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found, *of_record) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
-    return Commissioned(found, p.names, covariance, misfit, p.drives, places, models, residuals, p.believed)
+    return Commissioned(
+        parameters=found,
+        names=p.names,
+        covariance=covariance,
+        misfit=misfit,
+        drives=p.drives,
+        places=places,
+        models=models,
+        residuals=residuals,
+        believed=p.believed,
+    )
 
 
 def position_error(result: Commissioned) -> float:

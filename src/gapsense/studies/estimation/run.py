@@ -147,7 +147,9 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     resistance = None if coil is None else float(own.get("coil.resistance", coil.start or 0.0))
     units = {n: description.variables[n].unit or "" for n in outputs}
     starts = {v.name: v.start for v in description.of("parameter") if v.start is not None}
-    return Estimate(fmu.stem, outputs, own, units, resistance, unset(starts, own))
+    return Estimate(
+        name=fmu.stem, outputs=outputs, values=own, units=units, resistance=resistance, unset=unset(starts, own)
+    )
 
 
 def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:

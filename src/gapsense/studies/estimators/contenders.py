@@ -76,17 +76,49 @@ class Contender(NamedTuple):
 
 
 BOUNDED_UKF = Contender(
-    "BoundedUkf", "bounded_ukf", REAL_TIME, MODEL, "BoundedUkf", "bounded_ukf", tabulated, wires=WITH_MODEL
+    label="BoundedUkf",
+    component="bounded_ukf",
+    gives=REAL_TIME,
+    needs=MODEL,
+    fmu="BoundedUkf",
+    file="bounded_ukf",
+    told=tabulated,
+    wires=WITH_MODEL,
 )
-EKF = Contender("Ekf", "ekf", REAL_TIME, CONTACT, "Ekf", "reduced", reduced, CURRENT, WITH_CONTACT)
+EKF = Contender(
+    label="Ekf",
+    component="ekf",
+    gives=REAL_TIME,
+    needs=CONTACT,
+    fmu="Ekf",
+    file="reduced",
+    told=reduced,
+    noises=CURRENT,
+    wires=WITH_CONTACT,
+)
 ERTSS = EKF._replace(
     label="Ertss", component="ertss", fmu="Ertss", gives=SMOOTHED, published="smoothed_published", time="smoothed_time"
 )
 INTEGRAL = Contender(
-    "Integral", "integral", ELECTRIC, "R, periodic drive", "IntegralEstimator", "integral", coil, CURRENT
+    label="Integral",
+    component="integral",
+    gives=ELECTRIC,
+    needs="R, periodic drive",
+    fmu="IntegralEstimator",
+    file="integral",
+    told=coil,
+    noises=CURRENT,
 )
 OFFLINE = INTEGRAL._replace(options={"offline": True}, published="published", time="published_time")
-MHE = Contender("Mhe", "mhe", {**REAL_TIME, "resistance": "resistance"}, f"{MODEL}, roughly", "Mhe", "mhe", blind)
+MHE = Contender(
+    label="Mhe",
+    component="mhe",
+    gives={**REAL_TIME, "resistance": "resistance"},
+    needs=f"{MODEL}, roughly",
+    fmu="Mhe",
+    file="mhe",
+    told=blind,
+)
 MHE = MHE._replace(wires={**MEASURED, "command": 0.0})
 COMMISSIONED = MHE._replace(
     label="Mhe commissioned",
@@ -129,11 +161,29 @@ CONTENDERS = (
     ),
     BOUNDED_UKF,
     BOUNDED_UKF._replace(label="BoundedUkf, tuned", component="bounded_ukf_tuned", options=TUNED),
-    Contender("HybridEkf", "hybrid_ekf", MOTION, MODEL, "HybridEkf", "hybrid_ekf", magnet, (), is_lift=True),
+    Contender(
+        label="HybridEkf",
+        component="hybrid_ekf",
+        gives=MOTION,
+        needs=MODEL,
+        fmu="HybridEkf",
+        file="hybrid_ekf",
+        told=magnet,
+        noises=(),
+        is_lift=True,
+    ),
     EKF,
     ERTSS,
     ERTSS._replace(label="Ertss without e_i", component="no_current_error", options={"option.current_error": False}),
-    Contender("Semera", "semera", ELECTRIC, "R, rest inductance", "Semera", "semera", coil),
+    Contender(
+        label="Semera",
+        component="semera",
+        gives=ELECTRIC,
+        needs="R, rest inductance",
+        fmu="Semera",
+        file="semera",
+        told=coil,
+    ),
     INTEGRAL,
     OFFLINE._replace(label="Integral offline", component="integral_offline", needs="periodic drive"),
     CORE_UKF._replace(

@@ -56,7 +56,9 @@ class Core(NamedTuple):
 
 
 VALVE = Valve()
-CORE = Core(1.5e6, 27.67e-3, 8.32e6, 1.011e-3, 9.83e-3, 2.24e-3)  # by `studies.estimators.core`
+CORE = Core(
+    reluctance=1.5e6, saturation=27.67e-3, bend=8.32e6, eddy=1.011e-3, hysteresis=9.83e-3, turnover=2.24e-3
+)  # by `studies.estimators.core`
 DEVICES = {  # others, by variant, that the estimators are told of; their iron is the same
     "other_gap": VALVE._replace(lower=0.2e-3, upper=1e-3, slope=6e10, fringing=150.0, window=6e-3),
     "other_table": VALVE._replace(

@@ -42,7 +42,13 @@ def candidate(family: Family, h: Vector, R: Vector) -> Candidate:
         others.append(family.fit(h[~left_out], R[~left_out]))
         if gaps[0] < gap < gaps[-1]:
             errors.append(total(others[-1], h[left_out]) / R[left_out] - 1.0)
-    return Candidate(law, family.size, rms(total(law, h) / R - 1.0), rms(np.concatenate(errors)), others)
+    return Candidate(
+        law=law,
+        size=family.size,
+        misfit=rms(total(law, h) / R - 1.0),
+        foretold=rms(np.concatenate(errors)),
+        others=others,
+    )
 
 
 def best(found: list[Candidate]) -> Candidate:

@@ -47,7 +47,14 @@ class Trial(NamedTuple):
 def scaled(samples: Samples, turns: float, known: Law) -> Trial:
     """A law whose form is known, and its scale alone is not."""
     found = _summed(samples, turns, total(known, samples.gap)[:, None], False)
-    return Trial(known._replace(name=KNOWN), found.core, found.saturation, 3, found.left, found.gap[0])
+    return Trial(
+        law=known._replace(name=KNOWN),
+        core_reluctance=found.core,
+        core_saturation=found.saturation,
+        size=3,
+        left=found.left,
+        scale=found.gap[0],
+    )
 
 
 def trials(samples: Samples, turns: float, upper: float) -> list[Trial]:
@@ -92,7 +99,13 @@ def _slopes(samples: Samples, turns: float, knots: Vector, has_offset: bool) -> 
     numbers = tuple(max(slope, least) for slope in found.gap)
     name, at = (f"{knots.size} slopes", tuple(knots.tolist())) if has_offset else ("linear", ())
     law = Law(name, found.offset, numbers, at)
-    return Trial(law, found.core, found.saturation, len(numbers) + (3 if has_offset else 2), found.left)
+    return Trial(
+        law=law,
+        core_reluctance=found.core,
+        core_saturation=found.saturation,
+        size=len(numbers) + (3 if has_offset else 2),
+        left=found.left,
+    )
 
 
 def _summed(samples: Samples, turns: float, gap: Matrix, has_offset: bool) -> Sum:
@@ -112,7 +125,9 @@ def _summed(samples: Samples, turns: float, gap: Matrix, has_offset: bool) -> Su
     at = float(minimize_scalar(lambda x: square(fitted(x)[1]), bounds=bounds, method="bounded").x)
     factors, left = fitted(at)
     core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
-    return Sum(float(core), float(np.exp(at)), float(offset), [float(x) for x in rest], left)
+    return Sum(
+        core=float(core), saturation=float(np.exp(at)), offset=float(offset), gap=[float(x) for x in rest], left=left
+    )
 
 
 def _fringing(samples: Samples, turns: float, upper: float, linear: Trial) -> Trial:
@@ -136,7 +151,9 @@ def _fringing(samples: Samples, turns: float, upper: float, linear: Trial) -> Tr
         least_squares(left, np.clip(x, low, high), bounds=(low - 1e-9, high + 1e-9), x_scale="jac") for x in starts
     ]
     x = min(tried, key=lambda each: each.cost).x
-    return Trial(law(x), float(np.exp(x[2])), float(np.exp(x[3])), 4, left(x))
+    return Trial(
+        law=law(x), core_reluctance=float(np.exp(x[2])), core_saturation=float(np.exp(x[3])), size=4, left=left(x)
+    )
 
 
 def _saturation(flux_linkage: Vector, lam_sat: float) -> Vector:

@@ -53,7 +53,13 @@ def read_inductances(path: Path, names: Mapping[str, str] | None = None) -> Indu
     gap = values(sheet, positions[0])
     order = np.argsort(gap, kind="stable")
     by_frequency = {each.frequency: values(sheet, each)[order] for each in others if each.frequency}
-    found = Inductances(path.name, gap[order], values(sheet, lowest)[order], lowest.frequency, by_frequency)
+    found = Inductances(
+        file=path.name,
+        gap=gap[order],
+        inductance=values(sheet, lowest)[order],
+        frequency=lowest.frequency,
+        others=by_frequency,
+    )
     if wrong := impossible(found):
         raise InputError(wrong)
     return found

@@ -148,16 +148,40 @@ def _one(s: Signals) -> float:
 
 
 CAUSES: Mapping[str, Cause] = {
-    "delay": Cause("s", 1e-2, lambda s: s.dt, delayed, "a current that is late, beside the voltage, by"),
-    "offset": Cause("A", 1e-4, _amperes, offset, "an offset of the current of"),
-    "shift": Cause("V", 1e-4, _volts, shifted, "an offset of the voltage of"),
-    "series": Cause("Ohm", 1e-4, _ohms, series, "a resistance in series while the voltage is on, of", True),
-    "drop": Cause("V", 1e-4, _volts, drop, "a drop while the current falls, of", True),
-    "eddy": Cause("S", 1e-4, lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", True),
+    "delay": Cause(
+        unit="s",
+        small=1e-2,
+        scale=lambda s: s.dt,
+        change=delayed,
+        sentence="a current that is late, beside the voltage, by",
+    ),
+    "offset": Cause(unit="A", small=1e-4, scale=_amperes, change=offset, sentence="an offset of the current of"),
+    "shift": Cause(unit="V", small=1e-4, scale=_volts, change=shifted, sentence="an offset of the voltage of"),
+    "series": Cause(
+        unit="Ohm",
+        small=1e-4,
+        scale=_ohms,
+        change=series,
+        sentence="a resistance in series while the voltage is on, of",
+        is_positive=True,
+    ),
+    "drop": Cause(
+        unit="V", small=1e-4, scale=_volts, change=drop, sentence="a drop while the current falls, of", is_positive=True
+    ),
+    "eddy": Cause(
+        unit="S",
+        small=1e-4,
+        scale=lambda s: 1.0 / s.resistance,
+        change=eddy,
+        sentence="eddy currents of a core with",
+        is_positive=True,
+    ),
 }
 HIDDEN = {  # what no residual need show: other values of the parameters explain much the same
-    "current": Cause("1", 1e-4, _one, less_current, "a current that is too large by"),
-    "voltage": Cause("1", 1e-4, _one, less_voltage, "a voltage that is too large by"),
-    "tail": Cause("V", 1e-4, _volts, tail, "a drop that ends later, of"),
-    "drift": Cause("1", 1e-4, _one, drift, "a resistance that grows during an operation, by"),
+    "current": Cause(unit="1", small=1e-4, scale=_one, change=less_current, sentence="a current that is too large by"),
+    "voltage": Cause(unit="1", small=1e-4, scale=_one, change=less_voltage, sentence="a voltage that is too large by"),
+    "tail": Cause(unit="V", small=1e-4, scale=_volts, change=tail, sentence="a drop that ends later, of"),
+    "drift": Cause(
+        unit="1", small=1e-4, scale=_one, change=drift, sentence="a resistance that grows during an operation, by"
+    ),
 }

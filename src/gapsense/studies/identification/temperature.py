@@ -109,7 +109,13 @@ def coefficient(records: Sequence[Record], fluxes: Sequence[Flux]) -> Coefficien
     covariance = covariance * max(1.0, float(left @ left) / max(1, T.size - 2))
     by = np.array([-slope / R_20, 1.0]) / R_20  # derivatives of alpha
     alpha = Value(float(slope / R_20), float(np.sqrt(by @ covariance @ by)))
-    return Coefficient(T, R, errors, alpha, Value(float(R_20), float(np.sqrt(covariance[0, 0]))))
+    return Coefficient(
+        temperatures=T,
+        resistances=R,
+        errors=errors,
+        alpha=alpha,
+        reference=Value(float(R_20), float(np.sqrt(covariance[0, 0]))),
+    )
 
 
 def resistance(record: Record, flux: Flux) -> tuple[float, float]:

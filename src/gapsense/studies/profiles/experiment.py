@@ -97,10 +97,23 @@ def line_up(result: Result) -> Profile:
         difference = max(difference, worst / (high - low))
         estimates[label] = curve(smoothed.position, smoothed.velocity)
     found = [
-        Motion(a, b, OPERATIONS[int(result.times[a] > HALF)], mode[a - 1] == mode[b], bool(published[a:b].all()))
+        Motion(
+            first=a,
+            landed=b,
+            operation=OPERATIONS[int(result.times[a] > HALF)],
+            returns=mode[a - 1] == mode[b],
+            published=bool(published[a:b].all()),
+        )
         for a, b in motions(mode, float(result.parameters["ertss.contact.debounce"]) / result.base_step)
     ]
-    return Profile(result.times, mode, curve(position, velocity), estimates, found, difference)
+    return Profile(
+        time=result.times,
+        mode=mode,
+        true=curve(position, velocity),
+        estimates=estimates,
+        motions=found,
+        difference=difference,
+    )
 
 
 def from_record(result: Result, name: str) -> Estimates:

@@ -34,7 +34,13 @@ def reading(
             raise ValueError(f"--{name}: `{text}` found, one character expected.")
     if separator == decimal:
         raise ValueError(f'--decimal: `{decimal}` also separates the cells. Give another `--separator`, such as ";".')
-    return Reading(dict(pair.split("=", 1) for pair in column or []), convention, separator, decimal, may_clip)
+    return Reading(
+        names=dict(pair.split("=", 1) for pair in column or []),
+        convention=convention,
+        separator=separator,
+        decimal=decimal,
+        may_clip=may_clip,
+    )
 
 
 def read_records(

@@ -113,7 +113,14 @@ def fit_core(position: ArrayLike, flux_linkage: ArrayLike, measured: ArrayLike, 
     values = np.array([m.R_c0, m.lam_sat]) * np.exp(found.x)
     stds = values * standard_errors(found.jac, found.fun)
     rms = float(np.sqrt(np.mean(found.fun**2)))
-    return CoreFit(float(values[0]), float(values[1]), float(stds[0]), float(stds[1]), rms, len(i))
+    return CoreFit(
+        reluctance=float(values[0]),
+        saturation=float(values[1]),
+        reluctance_std=float(stds[0]),
+        saturation_std=float(stds[1]),
+        rms=rms,
+        samples=len(i),
+    )
 
 
 def integrated_flux(time: ArrayLike, voltage: ArrayLike, measured: ArrayLike, resistance: float, held: bool) -> Floats:

@@ -42,7 +42,9 @@ class Outputs(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """It has always been so."""
     del par
-    state = State(0.0, 0.0, 0.0, inputs.current, inputs.voltage, inputs.current)
+    state = State(
+        count=0.0, volts=0.0, amperes=0.0, last=inputs.current, mean_voltage=inputs.voltage, mean_current=inputs.current
+    )
     return state, Outputs(inputs.voltage, inputs.current)
 
 

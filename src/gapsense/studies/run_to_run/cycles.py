@@ -150,7 +150,15 @@ def cycle_of(recorded: Floats, closed: int, dt: float) -> Cycle:
     energy = dt * np.sum(volts * 0.5 * (before + current), axis=0)
     state, warnings = (signals.get(name, np.zeros_like(mode)) for name in OF_LAW)
     is_ordinary, ends = np.any(state == BACK, axis=0) * 1.0, [closed - 1, -1]
-    return Cycle(speeds, energy, is_ordinary, warnings[-1], state[ends], warnings[ends], position)
+    return Cycle(
+        speeds=speeds,
+        energy=energy,
+        is_ordinary=is_ordinary,
+        warnings=warnings[-1],
+        states=state[ends],
+        said=warnings[ends],
+        position=position,
+    )
 
 
 def hardest(mode: Floats, impact: Floats, stop: float) -> Floats:

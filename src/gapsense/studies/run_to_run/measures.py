@@ -47,26 +47,46 @@ class Demand(NamedTuple):
 
 STRUCK = ("missed", "spike", "lost")  # conditions with one thing that goes wrong, once
 DEMANDS = (
-    Demand("plain", "contact", "median", 5, 0.12),
-    Demand("plain", "contact", "90 %", 10, 0.25),
-    Demand("plain", "contact", "90 %", 20, 0.20),
-    Demand("plain", "model", "median", 5, 0.12),
-    Demand("plain", "model", "90 %", 10, 0.18),
-    Demand("plain", "model", "90 %", 20, 0.16),
-    Demand("plain", "model", "99 %", -LAST, 0.25),
-    *(Demand("warm", law, "median", -LAST, 0.12) for law in ("contact", "model")),
-    *(Demand("warm", law, "90 %", -LAST, 0.17) for law in ("contact", "model")),
-    *(Demand("noise", law, "median", -LAST, 0.13) for law in ("contact", "model")),
-    *(Demand(name, law, "median", 20, 0.12) for name in ("offset", "negative-offset") for law in ("contact", "model")),
-    Demand("half-bridge", "contact", "median", -LAST, 0.22),
-    *(Demand(name, law, "median", 10, 0.12) for name in ("lengths", "gain") for law in ("contact", "model")),
-    *(Demand(name, law, "worst", 10, 0.40) for name in ("lengths", "gain") for law in ("contact", "model")),
-    *(Demand(name, law, "median", 18, 0.12) for name in STRUCK for law in ("contact", "model")),
-    *(Demand(name, law, "90 %", 18, 0.18) for name in STRUCK for law in ("contact", "model")),
-    Demand("voltage-offset", "contact", "90 %", 10, 0.20),
-    *(Demand("supply", law, "90 %", -LAST, 0.30) for law in ("contact", "model")),
-    *(Demand(name, "both", "median", 10, 0.15) for name in ("bounce", "late")),
-    *(Demand(name, "both", "90 %", 20, 0.30) for name in ("bounce", "late")),
+    Demand(condition="plain", law="contact", level="median", first=5, bound=0.12),
+    Demand(condition="plain", law="contact", level="90 %", first=10, bound=0.25),
+    Demand(condition="plain", law="contact", level="90 %", first=20, bound=0.20),
+    Demand(condition="plain", law="model", level="median", first=5, bound=0.12),
+    Demand(condition="plain", law="model", level="90 %", first=10, bound=0.18),
+    Demand(condition="plain", law="model", level="90 %", first=20, bound=0.16),
+    Demand(condition="plain", law="model", level="99 %", first=-LAST, bound=0.25),
+    *(Demand(condition="warm", law=law, level="median", first=-LAST, bound=0.12) for law in ("contact", "model")),
+    *(Demand(condition="warm", law=law, level="90 %", first=-LAST, bound=0.17) for law in ("contact", "model")),
+    *(Demand(condition="noise", law=law, level="median", first=-LAST, bound=0.13) for law in ("contact", "model")),
+    *(
+        Demand(condition=name, law=law, level="median", first=20, bound=0.12)
+        for name in ("offset", "negative-offset")
+        for law in ("contact", "model")
+    ),
+    Demand(condition="half-bridge", law="contact", level="median", first=-LAST, bound=0.22),
+    *(
+        Demand(condition=name, law=law, level="median", first=10, bound=0.12)
+        for name in ("lengths", "gain")
+        for law in ("contact", "model")
+    ),
+    *(
+        Demand(condition=name, law=law, level="worst", first=10, bound=0.40)
+        for name in ("lengths", "gain")
+        for law in ("contact", "model")
+    ),
+    *(
+        Demand(condition=name, law=law, level="median", first=18, bound=0.12)
+        for name in STRUCK
+        for law in ("contact", "model")
+    ),
+    *(
+        Demand(condition=name, law=law, level="90 %", first=18, bound=0.18)
+        for name in STRUCK
+        for law in ("contact", "model")
+    ),
+    Demand(condition="voltage-offset", law="contact", level="90 %", first=10, bound=0.20),
+    *(Demand(condition="supply", law=law, level="90 %", first=-LAST, bound=0.30) for law in ("contact", "model")),
+    *(Demand(condition=name, law="both", level="median", first=10, bound=0.15) for name in ("bounce", "late")),
+    *(Demand(condition=name, law="both", level="90 %", first=20, bound=0.30) for name in ("bounce", "late")),
 )
 EARLY = slice(2, 11)  # cycles in which the hardest impact of `model` is held to that of `contact`
 MISSED = 1e-3  # share of the operations that need not arrive

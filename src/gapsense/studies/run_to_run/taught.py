@@ -21,8 +21,8 @@ class Core(NamedTuple):
 
 
 CORES = {
-    "reluctance_actuator": Core(0.486, 0.186, 0.0282, 0.974e-3, 8.05e-3),
-    "play_actuator": Core(1.94, 0.0799, 0.0244, 0.814e-3, 13.3e-3),
+    "reluctance_actuator": Core(reluctance=0.486, knee=0.186, saturation=0.0282, eddy=0.974e-3, hysteresis=8.05e-3),
+    "play_actuator": Core(reluctance=1.94, knee=0.0799, saturation=0.0244, eddy=0.814e-3, hysteresis=13.3e-3),
 }
 
 

@@ -99,7 +99,14 @@ def compare(
     squares = np.array([np.sum([part["squares"] for part in group], axis=0) for group in groups])
     worst = [max(Worst(*part["worst"]) for part in group) for group in groups]
     nrmse = np.sqrt(squares / (runs * reference_squares(study.samples, study.model)))
-    return Comparison((*widths,), runs, tunings, nrmse, worst, noises.computed + found.computed)
+    return Comparison(
+        widths=(*widths,),
+        runs=runs,
+        tunings=tunings,
+        nrmse=nrmse,
+        worst=worst,
+        computed=noises.computed + found.computed,
+    )
 
 
 def errors_of_chunk(facts: Facts, task: Facts) -> dict[str, Any]:

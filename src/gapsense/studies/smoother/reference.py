@@ -83,7 +83,15 @@ def plan_of_noise(m: Model, count: int) -> Plan:
 def _at(samples: Any, m: Model) -> _At:
     z = (samples.position - m.z_min) / m.l_z
     before, after = np.append(z[0], z[:-1]), np.append(z[1:], z[-1])
-    return _At(z, before, after, samples.flux_linkage, samples.voltage, samples.current, samples.mode)
+    return _At(
+        z=z,
+        z_prev=before,
+        z_next=after,
+        lam=samples.flux_linkage,
+        voltage=samples.voltage,
+        current=samples.current,
+        mode=samples.mode,
+    )
 
 
 def _over_runs(code: Code, at: Row, varied: Varied) -> list[Floats]:

@@ -71,7 +71,18 @@ def soft_landing(
     check(actuator, trajectory, step)
     par = actuator._replace(micro_step=step)
     fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
-    state = State(0.0, 0.0, actuator.stop_upper, 0.0, OPEN, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = State(
+        flux=0.0,
+        effective_field=0.0,
+        position=actuator.stop_upper,
+        velocity=0.0,
+        mode=OPEN,
+        heat=0.0,
+        eddy_energy=0.0,
+        wall_work=0.0,
+        supplied_energy=0.0,
+        impact_speed=0.0,
+    )
     found = []
     for k in range(cycles):
         cycle, state = _cycle(fixed, trajectory, state, _after(progress, PARTS * k, PARTS * cycles))

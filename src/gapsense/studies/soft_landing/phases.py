@@ -64,7 +64,19 @@ def rest(run: Setup, state: State, begin: float, end: float, voltage: float) -> 
             "Correct `hold_voltage`, or `lead`."
         )
     u, z, none, mode = (np.full(times.size, value) for value in (voltage, state.position, 0.0, state.mode))
-    return Cycle(times, u, z, none, none, flux, H_e, H_c, i, mode, run.par.coil_turns * flux), rows[-1][0]
+    return Cycle(
+        time=times,
+        voltage=u,
+        position=z,
+        velocity=none,
+        acceleration=none,
+        flux=flux,
+        effective_field=H_e,
+        core_field=H_c,
+        current=i,
+        mode=mode,
+        flux_linkage=run.par.coil_turns * flux,
+    ), rows[-1][0]
 
 
 def move(run: Setup, state: State, m: Motion) -> tuple[Cycle, State]:
@@ -79,7 +91,18 @@ def move(run: Setup, state: State, m: Motion) -> tuple[Cycle, State]:
             f"{run.highest} V. Make its duration longer than {m.duration} s, or `highest_voltage` higher."
         )
     flux, H_e, mode = float(cycle.flux[-1]), float(cycle.effective_field[-1]), CLOSED if m.last < m.first else OPEN
-    return cycle, State(flux, H_e, m.last, 0.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return cycle, State(
+        flux=flux,
+        effective_field=H_e,
+        position=m.last,
+        velocity=0.0,
+        mode=mode,
+        heat=0.0,
+        eddy_energy=0.0,
+        wall_work=0.0,
+        supplied_energy=0.0,
+        impact_speed=0.0,
+    )
 
 
 def parts(cycle: Cycle) -> list[Any]:

@@ -86,4 +86,4 @@ def _current(lam: Scalar, held: Acting, par: Parameters) -> Scalar:
 
 
 def _core(par: Parameters) -> Losses:
-    return Losses(par.resistance, FAR, par.eddy, par.hysteresis, par.turnover)
+    return Losses(R=par.resistance, lam_sat=FAR, eddy=par.eddy, amplitude=par.hysteresis, length=par.turnover)

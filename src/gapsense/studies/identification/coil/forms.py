@@ -66,4 +66,13 @@ def ranges(s: Scale) -> dict[str, Range]:
 def without_parts(s: Scale, sample_time: float) -> Parameters:
     """The coil of constant inductance, to which forms add."""
     turnover = ranges(s)["turnover"].start
-    return Parameters(sample_time, s.resistance, 1.0 / s.inductance, 0.0, FAR, 0.0, 0.0, turnover)
+    return Parameters(
+        sample_time=sample_time,
+        resistance=s.resistance,
+        air=1.0 / s.inductance,
+        core=0.0,
+        saturation=FAR,
+        eddy=0.0,
+        hysteresis=0.0,
+        turnover=turnover,
+    )

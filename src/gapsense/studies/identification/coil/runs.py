@@ -35,7 +35,9 @@ def run(record: Record, period: float | None = None) -> Run:
     i = record.current[first:]
     sigma = max(noise_of(record, first), OWN * float(np.abs(i).max()))
     voltage, current = (hidden(getattr(record, name), first) for name in SIGNALS)
-    return Run(record, first, i, driving(record, first), sigma, (voltage, current))
+    return Run(
+        record=record, first=first, current=i, voltages=driving(record, first), noise=sigma, hidden=(voltage, current)
+    )
 
 
 def driving(record: Record, first: int) -> Vector:

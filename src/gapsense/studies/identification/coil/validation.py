@@ -17,4 +17,11 @@ def validate(result: Coil, record: Record) -> Validation:
     model = trajectory(result.parameters, record, first, voltage, current)
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
-    return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))
+    return Validation(
+        record=record,
+        model=model,
+        first=first,
+        rms=rms,
+        largest=float(error.max()),
+        largest_current=float(np.abs(record.current).max()),
+    )

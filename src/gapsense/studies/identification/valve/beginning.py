@@ -55,8 +55,8 @@ def begun(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
         prepared = readings[best]
     fit.course.begins("forms")
     if not found:
-        return Beginning(ratios, prepared, found, [], drive.fitted)
+        return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=[], causes=drive.fitted)
     ratios, prepared = settled(fit, ratios, prepared, drive.fitted)
     prepared, trials, causes = timed(fit, ratios, prepared, sought, drive)
     fit.form, ratios = taken(trials)[:2]
-    return Beginning(ratios, prepared, found, trials, causes)
+    return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=trials, causes=causes)

@@ -49,4 +49,6 @@ def with_losses(par: Device) -> lossy_valve.Parameters:
     """With losses, which are none as yet."""
     if isinstance(par, lossy_valve.Parameters):
         return par
-    return lossy_valve.Parameters(par, 0.0, 0.0, TURNOVER * par.core_saturation, 1.0)
+    return lossy_valve.Parameters(
+        valve=par, core_eddy=0.0, core_hysteresis=0.0, core_turnover=TURNOVER * par.core_saturation, coil_factor=1.0
+    )

@@ -104,7 +104,13 @@ def _told(
     std: Vector = np.sqrt(np.diag(cov))
     scale, n = np.where(std > 0.0, std, 1.0), std.size - len(sizes)
     causes = {name: float(s * size) for s, (name, size) in zip(std[n:], sizes.items())}
-    return Uncertainty(np.where(lost, np.inf, std)[:n], cov / np.outer(scale, scale), shape, causes, shares)
+    return Uncertainty(
+        relative=np.where(lost, np.inf, std)[:n],
+        correlation=cov / np.outer(scale, scale),
+        shape=shape,
+        causes=causes,
+        shares=shares,
+    )
 
 
 def _by_noise(W: Influence, experiment: Experiment, at: Response) -> Matrix:

@@ -140,7 +140,7 @@ def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str]
         ratios = fit.least_squares(fit.form.settled(step.ratios), experiments)
         if step.is_small:
             break
-    return Found(fit.form, ratios, experiments, prepared, causes)
+    return Found(form=fit.form, ratios=ratios, experiments=experiments, prepared=prepared, causes=causes)
 
 
 def _identified(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, float]) -> Identified:

@@ -78,7 +78,13 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def _core(par: Parameters) -> Losses:
     R = par.coil_factor * par.valve.coil_resistance
-    return Losses(R, par.valve.core_saturation, par.core_eddy, par.core_hysteresis, par.core_turnover)
+    return Losses(
+        R=R,
+        lam_sat=par.valve.core_saturation,
+        eddy=par.core_eddy,
+        amplitude=par.core_hysteresis,
+        length=par.core_turnover,
+    )
 
 
 def _force(lam: Scalar, h: Scalar, core: Losses) -> Scalar:

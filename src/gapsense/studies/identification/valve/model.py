@@ -65,7 +65,14 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     shifted = [Operation(a - first, b - first) for a, b in flux.operations]
     signals = (record.halves, flux.per_sample, record.current, flux.flux_linkage)
     halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
-    made = Experiment(record.dt, halves, resistance, current, flux_linkage, shifted)
+    made = Experiment(
+        dt=record.dt,
+        halves=halves,
+        resistance=resistance,
+        current=current,
+        flux_linkage=flux_linkage,
+        operations=shifted,
+    )
     return _with_position(made, record, first), flux
 
 

@@ -66,7 +66,9 @@ def prepare(records: Sequence[Record], period: float | None, convention: str = "
     """Records with the voltage between samples that is named, or else as they have it."""
     read = [without_causes(record, convention) for record in records]
     experiments, fluxes = zip(*(model.prepare(record, period) for record in read))
-    return Prepared(read, [*experiments], [*fluxes], records, period, convention)
+    return Prepared(
+        records=read, experiments=[*experiments], fluxes=[*fluxes], raw=records, period=period, convention=convention
+    )
 
 
 def without_causes(record: Record, convention: str = "") -> Record:

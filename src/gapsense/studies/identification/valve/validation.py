@@ -48,4 +48,11 @@ def compared(record: Record, model: Trajectory, first: int) -> Validation:
     """The current of a model, which begins at sample `first`, beside that of a record."""
     error = np.abs(record.current[first:] - model.current)
     rms = float(np.sqrt(np.mean(error**2)))
-    return Validation(record, model, first, rms, float(error.max()), float(np.abs(record.current).max()))
+    return Validation(
+        record=record,
+        model=model,
+        first=first,
+        rms=rms,
+        largest=float(error.max()),
+        largest_current=float(np.abs(record.current).max()),
+    )

@@ -36,4 +36,6 @@ def of_inductances(
         *remarks(measured),
     ]
     sought = sought._replace(held=(*sought.held, TURNS), gap=(), law=law, total=law.offset)
-    return Gap(known, sought, records, conventions, [*told, *noises(records)])
+    return Gap(
+        parameters=known, sought=sought, records=records, conventions=conventions, told=[*told, *noises(records)]
+    )

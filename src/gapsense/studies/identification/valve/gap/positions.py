@@ -47,12 +47,24 @@ def of_positions(
     best = motion.best(laws[k])
     told: list[Table | str] = [_shown(laws[k], best), *noises(records)]
     if best.law.name == motion.KNOWN:
-        return Gap(_confirmed(par, best), sought, records, conventions[k : k + 1], [*told, CONFIRMED])
+        return Gap(
+            parameters=_confirmed(par, best),
+            sought=sought,
+            records=records,
+            conventions=conventions[k : k + 1],
+            told=[*told, CONFIRMED],
+        )
     known = par._replace(core_reluctance=best.core_reluctance, core_saturation=best.core_saturation)
     known, names = _started(known, best.law)
     law = best.law if best.law.knots else None
     sought = sought._replace(held=(*sought.held, TURNS), gap=names, law=law)
-    return Gap(known, sought, records, conventions[k : k + 1], [*told, HELD.format(float(par.coil_turns))])
+    return Gap(
+        parameters=known,
+        sought=sought,
+        records=records,
+        conventions=conventions[k : k + 1],
+        told=[*told, HELD.format(float(par.coil_turns))],
+    )
 
 
 def _confirmed(par: Parameters, found: motion.Trial) -> Parameters:
