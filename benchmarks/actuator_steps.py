@@ -16,9 +16,9 @@ from c_loop import Rows as Floats
 from c_loop import replay
 from experiment import ROOT, Experiment
 
+from gapsense.cosim.elements import Port
 from gapsense.cosim.master import Master
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario import Port
 from gapsense.cosim.signals import ports
 
 MANY = 11  # micro-steps in a step

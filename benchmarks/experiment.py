@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.elements import Port
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIO = ROOT / "scenarios" / "semera_valve"

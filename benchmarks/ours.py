@@ -11,9 +11,9 @@ from typing import Any
 from c_loop import replay
 from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, real_rates
 
+from gapsense.cosim.elements import Port
 from gapsense.cosim.master import Master
 from gapsense.cosim.run import run_once
-from gapsense.cosim.scenario import Port
 from gapsense.fmi.components import kernel_parameters
 from gapsense.fmi.ports import Component
 from gapsense.kernel import Kernel

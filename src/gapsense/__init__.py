@@ -15,6 +15,8 @@ import sys
 _is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
 sys.path.extend([sys.path.pop(0)] if _is_module else [])
 
+from gapsense.version import __version__ as __version__  # noqa: E402
+
 TYPE_CHECKING = False  # that of `typing` takes a while to load, in which a Ctrl-C would be shown as a traceback
 if TYPE_CHECKING:
     from gapsense.cosim.model import Scenario as Scenario
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     from gapsense.cosim.record import read_result as read_result
     from gapsense.cosim.run import run as run
 
-__version__ = "0.1.0"
 OFFERED = {
     "Scenario": "gapsense.cosim.model",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from gapsense.cosim.elements import Component, Connection, Experiment, Port
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.instance import Instance
@@ -16,7 +17,6 @@ from gapsense.cosim.loop import Work
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.played import Player
 from gapsense.cosim.recording import STOP, Recording
-from gapsense.cosim.scenario import Component, Connection, Experiment, Port
 from gapsense.cosim.variables import Variable
 from gapsense.processes import new_marks
 

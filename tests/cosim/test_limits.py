@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from gapsense.cosim import ScenarioError, check, load, run, sweep
 from gapsense.cosim.check_record import check_size
-from gapsense.cosim.scenario import Points, Port
+from gapsense.cosim.elements import Port
+from gapsense.cosim.scenario import Points
 from gapsense.tables import found
 
 HUGE = "1" + 400 * "0"

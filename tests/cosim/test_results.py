@@ -12,7 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import check, find_scenarios, read_result, record, run, test_scenarios, update_baseline, write_junit
-from gapsense.cosim.metrics import KINDS, Measured, measure_all
+from gapsense.cosim.measure import measure_all
+from gapsense.cosim.metrics import KINDS, Measured
 from gapsense.cosim.scenario import Metric
 from gapsense.files import read_columns, sha256, write_atomically
 from gapsense.problems import InputError

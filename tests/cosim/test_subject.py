@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Master, load, prepare, run, run_once
+from gapsense.cosim.elements import Experiment
 from gapsense.cosim.finished import times
-from gapsense.cosim.metrics import KINDS, measure_all
-from gapsense.cosim.scenario import Experiment, Metric, Record
+from gapsense.cosim.measure import measure_all
+from gapsense.cosim.metrics import KINDS
+from gapsense.cosim.scenario import Metric, Record
 from gapsense.cosim.signals import matching
 
 

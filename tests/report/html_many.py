@@ -10,8 +10,9 @@ import numpy as np
 from gapsense.campaign.columns import Columns
 from gapsense.campaign.store import Manifest, Store
 from gapsense.cosim import sweep_table
-from gapsense.cosim.scenario import Points, Port
-from gapsense.cosim.sweep import Sweep
+from gapsense.cosim.elements import Port
+from gapsense.cosim.scenario import Points
+from gapsense.cosim.sweep_table import Sweep
 
 ABOUT: dict[str, Any] = {
     "title": "By hand",

@@ -13,15 +13,16 @@ from typing import Any
 
 from distributed import WorkerPlugin, get_worker
 
-import gapsense
 from gapsense.campaign.task import job
 from gapsense.checked import Entry
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.scenario import Component, Scenario
+from gapsense.cosim.elements import Component
+from gapsense.cosim.scenario import Scenario
 from gapsense.ledger import key
 from gapsense.locks import temporary_folder
 from gapsense.parameters import is_file
 from gapsense.tables import Value
+from gapsense.version import __version__
 from gapsense.workers import LOOK, Job, Server
 
 REST = 60.0  # seconds after which a process is ended that nobody asks
@@ -30,7 +31,7 @@ Asked = tuple[int, Mapping[str, Any]]  # number and request
 
 def identity() -> tuple[str, str]:
     """Version of Gapsense, and hash of all that decides results in it."""
-    return gapsense.__version__, key("campaign")
+    return __version__, key("campaign")
 
 
 @dataclass

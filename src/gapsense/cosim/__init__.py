@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.changes import changed as changed
     from gapsense.cosim.checkpoint import Checkpoint as Checkpoint
     from gapsense.cosim.compare import compare as compare
+    from gapsense.cosim.failure import FmuError as FmuError
     from gapsense.cosim.junit import write_junit as write_junit
     from gapsense.cosim.load import load as load
     from gapsense.cosim.master import Master as Master
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.prepare import prepare as prepare
     from gapsense.cosim.prepare import remarks as remarks
-    from gapsense.cosim.record import FmuError as FmuError
     from gapsense.cosim.record import Result as Result
     from gapsense.cosim.record import read_result as read_result
     from gapsense.cosim.regression import Outcome as Outcome
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from gapsense.cosim.sidecar import refuse_other as refuse_other
     from gapsense.cosim.sidecar import relative as relative
     from gapsense.cosim.sidecar import result_file as result_file
-    from gapsense.cosim.sweep import Sweep as Sweep
     from gapsense.cosim.sweep import sweep as sweep
+    from gapsense.cosim.sweep_table import Sweep as Sweep
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
@@ -56,13 +56,15 @@ OF_MODULES = {
     "metrics": ("Measured",),
     "pairs": ("compare_results",),
     "prepare": ("check", "prepare", "remarks"),
-    "record": ("FmuError", "Result", "read_result"),
+    "failure": ("FmuError",),
+    "record": ("Result", "read_result"),
     "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
     "run": ("run", "run_once"),
     "scenario": ("Scenario",),
     "sensitivity": ("Growth", "sensitivity"),
     "sidecar": ("own_file", "refuse_other", "relative", "result_file"),
-    "sweep": ("Sweep", "sweep"),
+    "sweep": ("sweep",),
+    "sweep_table": ("Sweep",),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
 OFFERED["ScenarioError"] = "gapsense.problems"

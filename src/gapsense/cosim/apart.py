@@ -12,13 +12,13 @@ from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import apart_child
-from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.apart_child import Plan
 from gapsense.cosim.master import Progress, shape
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.recording import (
@@ -31,7 +31,6 @@ from gapsense.cosim.recording import (
     STEPPING,
     STOP,
     Recording,
-    Take,
     death,
     from_facts,
 )
@@ -39,9 +38,6 @@ from gapsense.cosim.scenario import Scenario
 from gapsense.interrupts import counted
 from gapsense.processes import Died, Process
 from gapsense.spare import process as new_process
-
-if TYPE_CHECKING:
-    from gapsense.cosim.checkpoint import Keeper
 
 LOOK = 0.05  # seconds between two looks at the run
 HASTE = 0.5  # seconds after a Ctrl-C until one is told what it waits for
@@ -58,15 +54,6 @@ class Watch(NamedTuple):
 
     progress: Progress | None = None
     notice: Callable[[str], None] = tell
-
-
-class Plan(NamedTuple):
-    """All that the other process needs to know."""
-
-    scenario: Scenario
-    descriptions: Descriptions
-    take: Take
-    keeper: Keeper | None
 
 
 def record_apart(plan: Plan, watch: Watch) -> Recording:

@@ -9,22 +9,30 @@ import pickle
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.master import Master, shape
-from gapsense.cosim.record import FmuError
-from gapsense.cosim.recording import Recording
+from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.failure import FmuError
+from gapsense.cosim.master import Keeper, Master, shape
+from gapsense.cosim.recording import Recording, Take
+from gapsense.cosim.scenario import Scenario
 from gapsense.files import write_atomically
 from gapsense.processes import own_marks
 
-if TYPE_CHECKING:
-    from gapsense.cosim.apart import Plan
-
 FACTS = "facts.json"  # all but the rows, of the run so far
 PERIOD = 0.5  # seconds between two of its versions
+
+
+class Plan(NamedTuple):
+    """All that the other process needs to know."""
+
+    scenario: Scenario
+    descriptions: Descriptions
+    take: Take
+    keeper: Keeper | None
 
 
 def prepare(folder: str) -> Callable[[Any], dict[str, Any]]:

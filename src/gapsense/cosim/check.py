@@ -23,12 +23,13 @@ from gapsense.cosim.check_values import (
 )
 from gapsense.cosim.check_wires import check_types, check_units
 from gapsense.cosim.descriptions import Description, Descriptions, describe, find_fmu
+from gapsense.cosim.elements import Component, Port
 from gapsense.cosim.events.check import check_events
 from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.rules import broken_rules
-from gapsense.cosim.scenario import Component, Points, Port, Scenario
+from gapsense.cosim.scenario import Points, Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.files import state
 from gapsense.problems import suggest

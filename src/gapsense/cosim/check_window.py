@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import gcd, lcm
 
-from gapsense.cosim.scenario import Component, Metric, Scenario
+from gapsense.cosim.elements import Component
+from gapsense.cosim.scenario import Metric, Scenario
 
 SLACK = 1e-9  # of a base step, as when the metric is computed
 

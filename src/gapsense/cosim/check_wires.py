@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gapsense.cosim.scenario import Connection
+from gapsense.cosim.elements import Connection
 from gapsense.cosim.variables import Variable
 
 AS_NUMBERS = ("Boolean", "Integer")  # types of which a Real input takes the number; true is 1

@@ -14,10 +14,11 @@ import numpy as np
 
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.elements import Port
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.master import Master
-from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.sidecar import ELSEWHERE
 from gapsense.files import write_atomically
 from gapsense.problems import ScenarioError

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from time import perf_counter, sleep
 from typing import NamedTuple
 
+from gapsense.cosim.elements import Experiment
 from gapsense.cosim.recording import Recording
-from gapsense.cosim.scenario import Experiment
 
 
 def pacer(experiment: Experiment, recording: Recording, done: int) -> Callable[[int], None]:

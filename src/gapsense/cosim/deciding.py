@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from gapsense.cosim.elements import Component, Connection, Experiment
 from gapsense.cosim.events.event import Event
-from gapsense.cosim.scenario import Component, Connection, Experiment, Metric, Scenario
+from gapsense.cosim.scenario import Metric, Scenario
 from gapsense.files import sha256
 
 # What is not in this table decides: a field that somebody adds is no danger, at worst it computes too often.

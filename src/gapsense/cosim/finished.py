@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gapsense.cosim.durations import median
 from gapsense.cosim.events.event import Span
 from gapsense.cosim.instance import WARNING, summary
-from gapsense.cosim.metrics import measure_all
+from gapsense.cosim.measure import measure_all
 from gapsense.cosim.record import Result, Timing
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.scenario import Scenario

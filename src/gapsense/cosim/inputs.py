@@ -6,8 +6,9 @@ from array import array
 from collections.abc import Mapping
 
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.elements import Port
 from gapsense.cosim.part import Layout
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.tables import Value
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.record import FmuError
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 

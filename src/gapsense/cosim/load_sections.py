@@ -11,19 +11,10 @@ from typing import TypeVar
 
 from gapsense import tables as kinds
 from gapsense.cosim import keys
+from gapsense.cosim.elements import Connection, Port
 from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.scenario import (
-    MOST_RUNS,
-    Baseline,
-    Connection,
-    Metric,
-    Port,
-    Record,
-    RowsColumn,
-    Tolerance,
-    product,
-)
+from gapsense.cosim.scenario import MOST_RUNS, Baseline, Metric, Record, RowsColumn, Tolerance, product
 from gapsense.files import Sheet, number, read_sheet
 from gapsense.parameters import is_file, located
 from gapsense.tables import Table, Value, flattened

@@ -7,16 +7,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.clockwork import Action, pacer, pauses
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.elements import Experiment, Port
 from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import ENDS_WITHIN, Instance, folder_kept
 from gapsense.cosim.instance3 import instance_of
@@ -24,7 +26,6 @@ from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.part import Layout, Part
 from gapsense.cosim.played import player
-from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import (
     COMPONENT,
     ENDING,
@@ -39,19 +40,30 @@ from gapsense.cosim.recording import (
     Recording,
 )
 from gapsense.cosim.remote import RemoteInstance
-from gapsense.cosim.scenario import Experiment, Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.subject import Subject
 from gapsense.cosim.unpacked import unpacked
 from gapsense.processes import Marks, new_marks
 from gapsense.tables import Value
 
-if TYPE_CHECKING:
-    from gapsense.cosim.checkpoint import Keeper
-
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
 REPORTS = 200  # progress reports per run
+
+
+class Keeper(Protocol):
+    """Saves a run every so many base steps, and lets it go on from there; that of `checkpoint.py` is one."""
+
+    @property
+    def every(self) -> int:
+        """Base steps between two times."""
+
+    def save(self, master: Master, recording: Recording, done: int) -> None:
+        """Save the run after a base step."""
+
+    def restore(self, master: Master, recording: Recording) -> int:
+        """Bring the run to where it was saved; the base step to do next, 0 if it was not."""
 
 
 class Master:

@@ -7,10 +7,10 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 
+from gapsense.cosim.elements import Component, Connection, Port
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.instance import STEP, WARNING, Instance
 from gapsense.cosim.part import NOT_FINITE, Layout, Part, Stepper
-from gapsense.cosim.record import FmuError
-from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
 
 Texts = dict[Port, str]  # values of String variables, as the buffer holds those of all others

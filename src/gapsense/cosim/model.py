@@ -13,7 +13,8 @@ from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import check, prepare
 from gapsense.cosim.record import Measure, Result
 from gapsense.cosim.run import run, run_once
-from gapsense.cosim.sweep import Sweep, sweep
+from gapsense.cosim.sweep import sweep
+from gapsense.cosim.sweep_table import Sweep
 
 Self = TypeVar("Self", bound="Scenario")
 
@@ -101,4 +102,4 @@ class Scenario(Content):
         return f"<Scenario {self.data.get('title')!r}: {components or 'no components'}, {loaded}>"
 
     def _repr_html_(self) -> str:
-        return show.html(self)
+        return show.scenario_html(self.data, repr(self))

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.scenario import Connection
+from gapsense.cosim.elements import Connection
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from gapsense.cosim.elements import Component, Connection, Port
 from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.slots import Slot, inlets, slots
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance, referring
-from gapsense.cosim.record import FmuError
-from gapsense.cosim.scenario import Component, Connection, Port
 from gapsense.cosim.variables import Variable
 from gapsense.tables import Value
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from gapsense.cosim.scenario import Experiment, Port
+    from gapsense.cosim.elements import Experiment, Port
 
 Vector = npt.NDArray[np.float64]
 Matrix = npt.NDArray[np.float64]

@@ -128,7 +128,7 @@ class Result:
 
     def to_pandas(self) -> Any:
         """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
-        return show.frame(self)
+        return show.frame(self.signals, "time", self.times, self.units)
 
     def __repr__(self) -> str:
         span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
@@ -144,7 +144,7 @@ class Result:
         return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
 
     def _repr_html_(self) -> str:
-        return show.html(self)
+        return show.result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
 
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
@@ -246,19 +246,3 @@ def read_measured(item: dict[str, Any]) -> Measured:
     """Metric from its JSON form."""
     bounds = item["bounds"] and tuple(map(float, item["bounds"]))
     return Measured(**{**item, "value": float(item["value"]), "bounds": bounds})
-
-
-class FmuError(RuntimeError):
-    """A component failed while it was loaded or run.
-
-    `time` [s] is that at the start of the failed step (None before the first), which would have ended at base step
-    `step`; `cause` is one line, `log` all that the component said; `result` has what was recorded before.
-    """
-
-    def __init__(
-        self, instance: str, cause: str, *, time: float | None = None, step: int | None = None, log: str = ""
-    ) -> None:
-        self.instance, self.time, self.step, self.cause, self.log = instance, time, step, cause, log
-        self.result: Result | None = None
-        when = "" if time is None else f", t = {time:.9g} s (base step {step})"
-        super().__init__(f"{instance}{when}: {cause}")

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.durations import BINS, Counts
-from gapsense.cosim.record import FmuError
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.elements import Port
+from gapsense.cosim.failure import FmuError
+from gapsense.cosim.scenario import Scenario
 from gapsense.processes import Died, Marks
 from gapsense.tables import Value
 

@@ -15,8 +15,9 @@ from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.difference import Comparison
 from gapsense.cosim.document import Document, Source, scenario_file
 from gapsense.cosim.engines import folder_of, run_as_vectors, unknown_engine
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.load import load, read_draft
-from gapsense.cosim.record import TIME, FmuError, Result
+from gapsense.cosim.record import TIME, Result
 from gapsense.cosim.run import run
 from gapsense.cosim.scenario import Baseline, Scenario
 from gapsense.cosim.sidecar import read_sidecar

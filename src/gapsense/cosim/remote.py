@@ -18,9 +18,9 @@ from typing import Any
 
 from gapsense.cosim import remote_child
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.instance import FATAL, GET, KEPT, SET, STEP, WARNING, Instance, Message
 from gapsense.cosim.instance3 import kind_of
-from gapsense.cosim.record import FmuError
 from gapsense.cosim.variables import Variable
 from gapsense.processes import Died
 from gapsense.spare import process

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.instance import ENDS, ENDS_WITHIN, ERROR, GET, SET, STEP, WARNING, Instance, Message
 from gapsense.cosim.instance3 import Instance3
-from gapsense.cosim.record import FmuError
 
 OK = 0
 Request = tuple[str, Any, bool]  # verb, its arguments, whether the inputs are new

@@ -8,15 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from gapsense.cosim.ahead import run_ahead
-from gapsense.cosim.apart import Plan, Watch, record_apart, tell
+from gapsense.cosim.apart import Watch, record_apart, tell
+from gapsense.cosim.apart_child import Plan
 from gapsense.cosim.checkpoint import Checkpoint, Keeper, keeper
 from gapsense.cosim.document import Source
+from gapsense.cosim.elements import Port
 from gapsense.cosim.finished import finished
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
 from gapsense.cosim.recording import STOP
-from gapsense.cosim.scenario import ISOLATIONS, Port, Scenario
+from gapsense.cosim.scenario import ISOLATIONS, Scenario
 from gapsense.cosim.subject import Subject
 from gapsense.interrupts import counted
 from gapsense.problems import suggest

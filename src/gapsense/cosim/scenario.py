@@ -8,6 +8,7 @@ from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
+from gapsense.cosim.elements import Component, Connection, Experiment, Port
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.played import Played
 from gapsense.tables import LONGEST, Value, is_number
@@ -24,74 +25,7 @@ def product(sizes: Iterable[int]) -> str:
 NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
 METHODS = ("gauss-seidel", "jacobi")
 ISOLATIONS = ("none", "process")
-STEP_LIMIT = 60.0  # [s]
 MOST_STEPS = 10**10  # of a run: hours for the smallest
-
-
-class Port(NamedTuple):
-    """A variable of a component, written `component.variable` (the variable may itself contain dots)."""
-
-    component: str
-    variable: str
-
-    def __str__(self) -> str:
-        return f"{self.component}.{self.variable}"
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """Time grid `start + k * base_step` [s], k from 0 to `count`, and how values are exchanged on it."""
-
-    start: float
-    stop: float
-    base_step: float
-    count: int
-    method: str = "gauss-seidel"
-    pace: float | None = None  # simulated seconds per second of wall time; None: as fast as possible
-    isolation: str = "none"  # or the run is in a process of its own
-    step_limit: float = STEP_LIMIT  # wall time [s] of one step of a component in another process
-
-    def time(self, index: int) -> float:
-        """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
-        return self.start + index * self.base_step
-
-
-@dataclass(frozen=True)
-class Component:
-    """One FMU instance; its step and offset are in base steps."""
-
-    name: str
-    fmu: str
-    step: int = 1
-    offset: int = 0
-    values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
-    origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
-    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
-    isolation: str = "none"  # or the instance is in a process of its own
-
-
-@dataclass(frozen=True)
-class Connection:
-    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written.
-
-    A connection that is `delayed` carries the value of one step before: its target steps before its source.
-    """
-
-    source: Port
-    target: Port
-    factor: float | None = None
-    bias: float | None = None
-    unit: str | None = None
-    delayed: bool = False
-    place: str = ""
-
-    @property
-    def converts(self) -> bool:
-        """True if the connection states a conversion, and so may join different units."""
-        return self.factor is not None or self.bias is not None
-
-    def __str__(self) -> str:
-        return f"{self.source} -> {self.target}"
 
 
 @dataclass(frozen=True)

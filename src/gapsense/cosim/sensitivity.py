@@ -16,11 +16,12 @@ import numpy as np
 from gapsense.cosim.check_values import within
 from gapsense.cosim.compare import selected, thinned, tolerance_of
 from gapsense.cosim.descriptions import Description, Variable
+from gapsense.cosim.elements import Component, Port
 from gapsense.cosim.master import Master
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Result
 from gapsense.cosim.run import run_once
-from gapsense.cosim.scenario import Component, Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.tables import Value, is_number
 
 PERTURBATION, DRAWS = 1e-9, 4

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from gapsense.cosim.metrics import Measured, Vector
 
 
 def plot(result: Any, patterns: Sequence[str]) -> Any:
@@ -13,15 +15,35 @@ def plot(result: Any, patterns: Sequence[str]) -> Any:
     return plot.signals(result, patterns)
 
 
-def frame(shown: Any) -> Any:
-    """Result or sweep as a DataFrame of pandas."""
+def frame(columns: Mapping[str, Any], name: str, index: Any, units: Mapping[str, str]) -> Any:
+    """Columns as a DataFrame of pandas, with an index of that name."""
     from gapsense.report import frames
 
-    return frames.frame(shown)
+    return frames.frame(columns, name, index, units)
 
 
-def html(shown: Any) -> str:
-    """Scenario, result or sweep as HTML, for notebooks."""
+def scenario_html(tables: Mapping[str, Any], line: str) -> str:
+    """Scenario as HTML, for notebooks; `line` says in one line what it is."""
     from gapsense.report import pages
 
-    return pages.html(shown)
+    return pages.of_scenario(tables, line)
+
+
+def result_html(
+    title: str,
+    line: str,
+    metrics: Mapping[str, Measured],
+    signals: Mapping[str, Vector],
+    units: Mapping[str, str],
+) -> str:
+    """Result as HTML."""
+    from gapsense.report import pages
+
+    return pages.of_result(title, line, metrics, signals, units)
+
+
+def sweep_html(line: str, quantiles: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
+    """Sweep as HTML."""
+    from gapsense.report import pages
+
+    return pages.of_sweep(line, quantiles, units)

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from fnmatch import translate
 
 from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.elements import Port
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.variables import Variable
 
 

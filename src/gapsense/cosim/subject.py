@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 
-import gapsense
 from gapsense.cosim.coarse import remarks
 from gapsense.cosim.descriptions import Descriptions
+from gapsense.cosim.elements import Connection, Port
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.loop import language
 from gapsense.cosim.order import Order, execution_order
 from gapsense.cosim.record import Run, Signal
 from gapsense.cosim.recording import Take
-from gapsense.cosim.scenario import Connection, Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.signals import ports, recorded_signals
 from gapsense.files import sha256, state
 from gapsense.tables import Value
+from gapsense.version import __version__
 
 
 @dataclass(frozen=True)
@@ -123,5 +124,5 @@ def versions() -> dict[str, str]:
     """Versions of what computed the result."""
     import fmpy  # which whoever has a result has loaded
 
-    packages = {package.__name__: str(package.__version__) for package in (gapsense, fmpy, np)}
-    return {**packages, "python": platform.python_version(), "platform": platform.platform()}
+    packages = {package.__name__: str(package.__version__) for package in (fmpy, np)}
+    return {"gapsense": __version__, **packages, "python": platform.python_version(), "platform": platform.platform()}

@@ -11,21 +11,21 @@ import pickle
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense.checked import Entry
-from gapsense.cosim import show, sweep_table
+from gapsense.cosim import sweep_table
 from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Document, Source
+from gapsense.cosim.elements import Port
 from gapsense.cosim.engines import folder_of, unknown_engine, vector_crew
 from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.metrics import unit_of
@@ -33,10 +33,11 @@ from gapsense.cosim.order import execution_order
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
-from gapsense.cosim.scenario import MOST_RUNS, Points, Port, Scenario, product
+from gapsense.cosim.scenario import MOST_RUNS, Points, Scenario, product
 from gapsense.cosim.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
+from gapsense.cosim.sweep_table import Sweep
 from gapsense.cosim.told import told
 from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.importable import facts, importable_name
@@ -48,39 +49,6 @@ from gapsense.tables import Value
 from gapsense.workers import Job, Progress, complete
 
 LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, repr=False)
-class Sweep:
-    """Metrics over the runs of a sweep."""
-
-    indices: tuple[int, ...]  # of the runs that succeeded
-    metrics: Mapping[str, npt.NDArray[np.float64]]  # one value for each of `indices`; NaN where there were no samples
-    errors: Mapping[int, str]  # what went wrong in the runs that failed
-    computed: int  # runs done now; the others were known already
-    interrupted: bool  # by Ctrl-C; start it again to go on
-    file: Path | None  # one line per run, if a folder was given
-    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
-    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
-    ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
-    kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
-    engine: str = FMU  # that did the runs that were computed now: `fmu` or `vectors`
-
-    def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
-        """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
-        return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
-
-    def to_pandas(self) -> Any:
-        """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
-        return show.frame(self)
-
-    def __repr__(self) -> str:
-        failed = f", {len(self.errors)} failed" if self.errors else ""
-        state = ", interrupted" if self.interrupted else ""
-        return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
-
-    def _repr_html_(self) -> str:
-        return show.html(self)
 
 
 def sweep(

@@ -1,26 +1,60 @@
-"""The table of a sweep as a CSV file, and a JSON file beside it that says of what it is and which runs failed."""
+"""What a sweep found: its table as a CSV file, and a JSON file beside it that says of what it is and what failed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense.checked import SEAL, is_sealed, sealed
+from gapsense.cosim import show
+from gapsense.cosim.ahead import FMU
 from gapsense.cosim.scenario import Points
 from gapsense.cosim.told import kind
 from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
-if TYPE_CHECKING:
-    from gapsense.cosim.sweep import Sweep
-
 FORMAT = "gapsense sweep 1"
 NEEDED = {SEAL, "sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
 AGAIN = "Sweep again"
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep:
+    """Metrics over the runs of a sweep."""
+
+    indices: tuple[int, ...]  # of the runs that succeeded
+    metrics: Mapping[str, npt.NDArray[np.float64]]  # one value for each of `indices`; NaN where there were no samples
+    errors: Mapping[int, str]  # what went wrong in the runs that failed
+    computed: int  # runs done now; the others were known already
+    interrupted: bool  # by Ctrl-C; start it again to go on
+    file: Path | None  # one line per run, if a folder was given
+    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
+    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
+    ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
+    kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
+    engine: str = FMU  # that did the runs that were computed now: `fmu` or `vectors`
+
+    def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
+        """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
+        return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
+
+    def to_pandas(self) -> Any:
+        """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
+        return show.frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        state = ", interrupted" if self.interrupted else ""
+        return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
+
+    def _repr_html_(self) -> str:
+        return show.sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
 
 
 def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from gapsense import locks
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.record import FmuError
+from gapsense.cosim.failure import FmuError
 from gapsense.files import sha256
 
 PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")

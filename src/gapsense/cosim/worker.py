@@ -11,10 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.elements import Port
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.master import Master
-from gapsense.cosim.record import FmuError, Result
+from gapsense.cosim.record import Result
 from gapsense.cosim.run import run_once
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.subject import versions
 from gapsense.importable import imported
 from gapsense.ledger import kept

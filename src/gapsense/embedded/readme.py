@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import gapsense
 from gapsense.embedded.design import Design
 from gapsense.embedded.example import sample_time
 from gapsense.embedded.members import members
+from gapsense.version import __version__
 
 TEXT = """# Components for microcontrollers
 
@@ -48,7 +48,7 @@ def readme(designs: Sequence[Design]) -> str:
     rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} | {memory(d):,} |" for d in designs]
     first = designs[0]
     return TEXT.format(
-        version=gapsense.__version__,
+        version=__version__,
         real=first.real,
         table="\n".join(rows),
         first=first.name,

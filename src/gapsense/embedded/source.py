@@ -6,11 +6,11 @@ import inspect
 import textwrap
 from collections.abc import Iterator
 
-import gapsense
 from gapsense.embedded.code import Function, constant_table, number
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
 from gapsense.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
+from gapsense.version import __version__
 
 WIDTH = 110
 HELPERS = {
@@ -37,7 +37,7 @@ def comment(text: str, indent: str = "") -> str:
 
 def origin(design: Design) -> str:
     """Where the files come from."""
-    made = f"Made by Gapsense {gapsense.__version__} from {design.kernel.module.__name__}"
+    made = f"Made by Gapsense {__version__} from {design.kernel.module.__name__}"
     return f"{made}; do not edit it, export it again."
 
 

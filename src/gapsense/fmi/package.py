@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 from uuid import UUID
 from xml.etree import ElementTree
 
-import gapsense
 from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
@@ -24,6 +23,7 @@ from gapsense.fmi.values import fields as checked
 from gapsense.kernel import Kernel
 from gapsense.problems import code
 from gapsense.records import choices, fields, names
+from gapsense.version import __version__
 
 HERE = Path(__file__).parent
 PARTS = ("failing", "life", "ports", "sentences", "slave", "state", "steps", "tables", "values", "variables")
@@ -179,7 +179,7 @@ def _identified(found: Prepared) -> tuple[dict[str, str], str]:
     component, kernel, resources = found
     with code(str(kernel.module.__file__)):
         files = _sources(component, kernel)
-    content = (gapsense.__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
+    content = (__version__, component, sorted(files.items()), [path.read_bytes() for path in resources])
     return files, hashlib.sha256(repr(content).encode()).hexdigest()
 
 
@@ -206,12 +206,12 @@ def _build_stock(work: Path, component: Component, files: dict[str, str], identi
 
 def _complete(members: dict[str, bytes], component: Component, folder: Path, guid: str) -> None:
     root = ElementTree.fromstring(members["modelDescription.xml"])
-    describe.complete(root, component, guid, gapsense.__version__)
+    describe.complete(root, component, guid, __version__)
     members["modelDescription.xml"] = describe.text(root)
     members[f"binaries/linux64/{component.name}.so"] = shim.BINARY.read_bytes()
     members["model.png"] = (HERE / "icon.png").read_bytes()
     markdown, drawing = (folder / "page.md").read_text(encoding="utf-8"), picture.figure(component, folder)
-    text = page.html(component, markdown, gapsense.__version__, drawing)
+    text = page.html(component, markdown, __version__, drawing)
     members["documentation/index.html"] = text.encode()
     members["documentation/licenses/license.txt"] = (HERE / "license.txt").read_bytes()
     members["documentation/licenses/pythonfmu.txt"] = _license_of("pythonfmu")  # travels in the FMU

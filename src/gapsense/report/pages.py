@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
-from gapsense.cosim import Result, Sweep
-from gapsense.cosim.model import Scenario
+from gapsense.cosim.metrics import Measured, Vector
 from gapsense.report.table import quantity
 
 SHOWN = 20  # rows of a table
 RIGHT = ' style="text-align: right"'
 
 
-def html(shown: Scenario | Result | Sweep) -> str:
-    """A heading and tables."""
-    if isinstance(shown, Scenario):
-        return of_scenario(shown)
-    return of_result(shown) if isinstance(shown, Result) else of_sweep(shown)
-
-
-def of_scenario(scenario: Scenario) -> str:
+def of_scenario(tables: Mapping[str, Any], line: str) -> str:
     """Components, and what their inputs are."""
-    tables = scenario.data
     components = [
         (name, own.get("fmu", ""), ", ".join(f"{key} = {value}" for key, value in own.get("set", {}).items()))
         for name, own in tables["components"].items()
@@ -33,40 +25,45 @@ def of_scenario(scenario: Scenario) -> str:
     inputs = [*wires, *((name, str(value)) for name, value in tables.get("inputs", {}).items())]
     return "".join(
         (
-            heading(tables["title"], repr(scenario)),
+            heading(tables["title"], line),
             table(("component", "FMU", "parameters"), components, texts=3),
             table(("input", "comes from"), inputs, texts=2),
         )
     )
 
 
-def of_result(result: Result) -> str:
+def of_result(
+    title: str,
+    line: str,
+    metrics: Mapping[str, Measured],
+    signals: Mapping[str, Vector],
+    units: Mapping[str, str],
+) -> str:
     """Metrics, and the range of each signal."""
-    metrics = [
+    measured = [
         (m.label or name, quantity(m.value, m.unit), "" if m.passed else "outside its bounds")
-        for name, m in result.metrics.items()
+        for name, m in metrics.items()
     ]
-    signals = [
-        (name, *(quantity(float(value), result.units[name]) for value in (np.min(y), np.max(y), y[-1])))
-        for name, y in result.signals.items()
+    ranges = [
+        (name, *(quantity(float(value), units[name]) for value in (np.min(y), np.max(y), y[-1])))
+        for name, y in signals.items()
         if y.size
     ]
     return "".join(
         (
-            heading(result.run.title, repr(result)),
-            table(("metric", "value", ""), metrics),
-            table(("signal", "least", "greatest", "last"), signals),
+            heading(title, line),
+            table(("metric", "value", ""), measured),
+            table(("signal", "least", "greatest", "last"), ranges),
         )
     )
 
 
-def of_sweep(swept: Sweep) -> str:
+def of_sweep(line: str, quantiles: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
     """Median and 5-95 % range of each metric."""
     rows = [
-        (name, *(quantity(values[k], swept.units.get(name, "")) for k in (1, 0, 2)))
-        for name, values in (swept.quantiles() if swept.indices else {}).items()
+        (name, *(quantity(values[k], units.get(name, "")) for k in (1, 0, 2))) for name, values in quantiles.items()
     ]
-    return heading("Sweep", repr(swept)) + table(("metric", "median", "5 %", "95 %"), rows)
+    return heading("Sweep", line) + table(("metric", "median", "5 %", "95 %"), rows)
 
 
 def heading(title: str, line: str) -> str:

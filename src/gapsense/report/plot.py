@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import quote, unquote
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from gapsense.cosim import Result, own_file, refuse_other, relative
-from gapsense.cosim.sidecar import ELSEWHERE
+from gapsense.cosim.sidecar import ELSEWHERE, own_file, refuse_other, relative
 from gapsense.cosim.signals import matching
 from gapsense.files import write_atomically
 from gapsense.plain_files import read_bytes, refuse_unwritable
@@ -41,6 +39,32 @@ class Picture(Figure):
         file = BytesIO()
         self.savefig(file, format="png", dpi=100)
         return file.getvalue()
+
+
+class Recorded(Protocol):
+    """What is drawn: a `Result` of `cosim`, which shows itself by what is here and so is not imported."""
+
+    @property
+    def run(self) -> Any:
+        """What was run."""
+
+    @property
+    def times(self) -> Vector:
+        """Of the rows [s]."""
+
+    @property
+    def signals(self) -> Mapping[str, Vector]:
+        """Recorded values by `component.variable`."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each signal."""
+
+    @property
+    def events(self) -> Sequence[Any]:
+        """When each event was on."""
+
+    def __getitem__(self, name: str) -> Vector: ...
 
 
 def check_file(path: Path) -> None:
@@ -120,7 +144,7 @@ def line(axis: Any, times: Vector, values: Vector, color: str, label: str | None
     axis.plot(1e3 * times, values, color=color, label=label, drawstyle="steps-post", **style)
 
 
-def shade(axis: Any, result: Result) -> None:
+def shade(axis: Any, result: Recorded) -> None:
     """Shade the times at which an event of the scenario was on."""
     for span in result.events:
         end = result.times[-1] if span.end is None else span.end
@@ -152,7 +176,7 @@ def legend_below(figure: Figure) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
 
-def recorded(result: Result, names: Iterable[str]) -> None:
+def recorded(result: Recorded, names: Iterable[str]) -> None:
     """Refuse to draw a run that does not record these signals; all that are missing are named."""
     missing = [name for name in names if name not in result.signals]
     if missing:
@@ -162,19 +186,19 @@ def recorded(result: Result, names: Iterable[str]) -> None:
         )
 
 
-def signals(result: Result, patterns: Sequence[str]) -> Figure:
+def signals(result: Recorded, patterns: Sequence[str]) -> Figure:
     """The recorded signals that match one of the patterns, by default all, one panel per unit."""
     missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
     if missing:
         raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
     chosen = matching(patterns or ("*",), result.signals)
-    about = {name: result.about[name] for name in chosen}
-    return overview(replace(result, signals={name: result[name] for name in chosen}, about=about))
+    return overview(result, chosen)
 
 
-def overview(result: Result) -> Figure:
-    """All recorded signals: panels by unit, and where a unit has many signals by variable, with a few curves each."""
-    panels = [part for unit in dict.fromkeys(result.units.values()) for part in few(result, unit)]
+def overview(result: Recorded, chosen: Sequence[str] = ()) -> Figure:
+    """Recorded signals, by default all: panels by unit, those of many signals by variable, with a few curves each."""
+    units = {name: result.units[name] for name in chosen or result.signals}
+    panels = [part for unit in dict.fromkeys(units.values()) for part in few(units, unit)]
     labels = [label([name.partition(".")[2] for name in names], result.units[names[0]]) for names in panels]
     figure, axes = stack(result.run.title, labels)
     for names, axis in zip(panels, axes):
@@ -186,9 +210,9 @@ def overview(result: Result) -> Figure:
     return figure
 
 
-def few(result: Result, unit: str) -> list[list[str]]:
-    """Recorded signals of a unit in groups for one panel each."""
-    names = [name for name in result.signals if result.units[name] == unit]
+def few(units: Mapping[str, str], unit: str) -> list[list[str]]:
+    """Signals of a unit in groups for one panel each."""
+    names = [name for name in units if units[name] == unit]
     if len(names) <= MOST:
         return [names]
     by_variable: dict[str, list[str]] = {}
@@ -207,7 +231,7 @@ def label(variables: Sequence[str], unit: str) -> str:
     return "\n".join(wrap(quantity + end, ROOM, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
-def over(axis: Any, result: Result, x: tuple[str, float], y: tuple[str, float]) -> None:
+def over(axis: Any, result: Recorded, x: tuple[str, float], y: tuple[str, float]) -> None:
     """The second signal over the first, of each component that has both, times their factors."""
     names = [name.partition(".")[0] for name in result.signals if name.endswith(f".{x[0]}")]
     recorded(result, [f"{name}.{s}" for name in names or ["<actuator>"] for s in (x[0], y[0])])

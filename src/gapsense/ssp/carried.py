@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gapsense.cosim.document import Document
-from gapsense.cosim.scenario import Component, Scenario
+from gapsense.cosim.elements import Component
+from gapsense.cosim.scenario import Scenario
 from gapsense.problems import listing
 
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events")  # as the file has them

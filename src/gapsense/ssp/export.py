@@ -12,8 +12,9 @@ from xml.etree.ElementTree import Element
 
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Document, Source, read_document
+from gapsense.cosim.elements import Port
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario import Port, Scenario
+from gapsense.cosim.scenario import Scenario
 from gapsense.cosim.variables import Variable
 from gapsense.files import write_atomically
 from gapsense.parameters import is_file

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.elements import Component
 from gapsense.cosim.events.director import Director
 from gapsense.cosim.events.read import varied
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.inputs import constants
 from gapsense.cosim.part import Stage
 from gapsense.cosim.played import player
-from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import Recording, Take
-from gapsense.cosim.scenario import Component
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.values import ValuesError, fields
 from gapsense.fmi.values import problems as refused

@@ -8,8 +8,8 @@ from functools import cache, partial
 from itertools import groupby
 
 from gapsense.cosim.descriptions import Description
+from gapsense.cosim.elements import Port
 from gapsense.cosim.recording import Recording, Take
-from gapsense.cosim.scenario import Port
 from gapsense.cosim.subject import Subject
 from gapsense.fmi.sentences import Refusal
 from gapsense.native import own_compiler

@@ -7,9 +7,9 @@ from functools import cached_property
 from math import inf
 from typing import Any, NamedTuple
 
+from gapsense.cosim.elements import Component
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.part import Layout
-from gapsense.cosim.scenario import Component
 from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.subject import Subject
 from gapsense.emit.lanes import held, is_array

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from gapsense.cosim.check_values import is_whole, limits, misfit, within
 from gapsense.cosim.descriptions import Description, Descriptions, Variable
+from gapsense.cosim.elements import Experiment, Port
 from gapsense.cosim.events.event import ACTIONS, SECTION, Event, resolved
 from gapsense.cosim.events.grid import index_of, is_on_grid, neighbours
 from gapsense.cosim.rules import broken_rules
-from gapsense.cosim.scenario import MOST_STEPS, Experiment, Port, Scenario
+from gapsense.cosim.scenario import MOST_STEPS, Scenario
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, is_number
 

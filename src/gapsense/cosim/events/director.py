@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.elements import Experiment
 from gapsense.cosim.events.actor import NEVER, Actor, Effect
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch, reporter
+from gapsense.cosim.failure import FmuError
 from gapsense.cosim.part import Layout, Part, Stage
-from gapsense.cosim.record import FmuError
 from gapsense.cosim.recording import COMPONENT, MASTER
-from gapsense.cosim.scenario import Experiment
 from gapsense.problems import listing
 from gapsense.processes import Marks
 from gapsense.tables import Value

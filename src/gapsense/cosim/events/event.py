@@ -10,7 +10,7 @@ from gapsense.tables import Value
 
 if TYPE_CHECKING:
     from gapsense.cosim.descriptions import Descriptions
-    from gapsense.cosim.scenario import Connection, Port
+    from gapsense.cosim.elements import Connection, Port
 
 TIMES = ("at", "until", "duration", "over", "when.for", "when.after")  # keys in seconds
 NEEDED, MAY_BE = "needed", "may be given"

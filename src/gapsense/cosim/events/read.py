@@ -6,10 +6,11 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gapsense.cosim.elements import Port
 from gapsense.cosim.events import keys
 from gapsense.cosim.events.event import ACTIONS, NEEDED, SECTION, Event, When
 from gapsense.cosim.load_sections import split
-from gapsense.cosim.scenario import NAME, Port
+from gapsense.cosim.scenario import NAME
 from gapsense.problems import suggest
 from gapsense.tables import Table, Value, flattened
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.cosim.elements import Component, Experiment
 from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.part import Part
 from gapsense.cosim.played import Player
 from gapsense.cosim.recording import Recording
-from gapsense.cosim.scenario import Component, Experiment
 from gapsense.processes import Marks
 
 # Does base steps up to the one given, and returns the last one done: an earlier one if it was told to stop, if

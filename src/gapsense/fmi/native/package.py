@@ -8,13 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import gapsense
 from gapsense.fmi import package, page, picture, references
 from gapsense.fmi.native import package3
 from gapsense.fmi.native.compile import binary, compile_common
 from gapsense.fmi.native.description import description
 from gapsense.fmi.native.parts import Parts, common, gather
 from gapsense.fmi.native.platforms import PLATFORMS, compilers
+from gapsense.version import __version__
 
 COMPILERS_AT_ONCE = 2
 RUN = """## How to run
@@ -87,7 +87,7 @@ def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
     """All other files of an FMU of FMI 2.0."""
     component, sources = parts.component, parts.sources(2)
     return {
-        "modelDescription.xml": description(component, parts.guid, gapsense.__version__, listed(sources)),
+        "modelDescription.xml": description(component, parts.guid, __version__, listed(sources)),
         "documentation/index.html": documentation(parts, platforms).encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         "model.png": (package.HERE / "icon.png").read_bytes(),
@@ -107,4 +107,4 @@ def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> s
     markdown = (parts.folder / "page.md").read_text(encoding="utf-8")
     run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=fmi)
     drawing = picture.figure(parts.component, parts.folder)
-    return page.html(parts.component, markdown, gapsense.__version__, drawing, run)
+    return page.html(parts.component, markdown, __version__, drawing, run)

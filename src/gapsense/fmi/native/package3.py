@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import gapsense
 from gapsense.fmi import package, references
 from gapsense.fmi.fmi3 import terminals
 from gapsense.fmi.fmi3.description import build_description, model_description
 from gapsense.fmi.native.compile import thin
 from gapsense.fmi.native.parts import Parts
 from gapsense.fmi.native.platforms import PLATFORMS
+from gapsense.version import __version__
 
 FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux"}
 
@@ -22,7 +22,7 @@ def members_of(
     component = parts.component
     icon = (package.HERE / "icon.png").read_bytes()
     return {
-        "modelDescription.xml": model_description(component, parts.variables, parts.guid, gapsense.__version__),
+        "modelDescription.xml": model_description(component, parts.variables, parts.guid, __version__),
         "documentation/index.html": documentation.encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         terminals.NAME: terminals.terminals_and_icons(component),

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import UUID
 
-import gapsense
 from gapsense.fmi import package
 from gapsense.fmi.fmi3.arrays import shapes
 from gapsense.fmi.fmi3.constants import arrays_c
@@ -20,6 +19,7 @@ from gapsense.fmi.shim.build import headers as fmi_headers
 from gapsense.fmi.tables import heads, read_table
 from gapsense.kernel import Kernel
 from gapsense.native import NO_FOLDING
+from gapsense.version import __version__
 
 
 class Parts(NamedTuple):
@@ -49,7 +49,7 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
     tables = shipped(component, {path.name: path for path in paths})
     files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
     flags = (FLAGS, SMALL, NO_FOLDING, sorted(PLATFORMS.items()))
-    content = (gapsense.__version__, component, sorted(files.items()), sorted(resources.items()), flags, with_arrays)
+    content = (__version__, component, sorted(files.items()), sorted(resources.items()), flags, with_arrays)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
     found = variables(component, tables, shapes(kernel))
     found = found if with_arrays else found[: len(component.ports) + 1]  # those of FMI 2.0, and the time

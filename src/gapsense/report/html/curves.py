@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result
-from gapsense.cosim.metrics import Samples, finder, reference
+from gapsense.cosim.measure import Samples, finder, reference
 from gapsense.cosim.scenario import Metric
 from gapsense.report.html.thin import changes
 
