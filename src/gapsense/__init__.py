@@ -1,6 +1,7 @@
 """Gapsense: FMI co-simulation components for short-stroke reluctance actuators.
 
->>> from gapsense import Scenario
+>>> from gapsense import Scenario, SolenoidValve
+>>> moved = SolenoidValve(damping=0.2).run(24.0, sample_time=25e-6)
 >>> scenario = Scenario("my valve", stop=20e-3, base_step=25e-6)
 
 What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
@@ -19,13 +20,44 @@ from gapsense.version import __version__ as __version__  # noqa: E402
 
 TYPE_CHECKING = False  # that of `typing` takes a while to load, in which a Ctrl-C would be shown as a traceback
 if TYPE_CHECKING:
+    from gapsense.components import BoundedUkf as BoundedUkf
+    from gapsense.components import DriveVoltage as DriveVoltage
+    from gapsense.components import Ekf as Ekf
+    from gapsense.components import Ertss as Ertss
+    from gapsense.components import HybridEkf as HybridEkf
+    from gapsense.components import IntegralEstimator as IntegralEstimator
+    from gapsense.components import Mhe as Mhe
+    from gapsense.components import PlayActuator as PlayActuator
+    from gapsense.components import PotMagnet as PotMagnet
+    from gapsense.components import ReluctanceActuator as ReluctanceActuator
+    from gapsense.components import RunToRun as RunToRun
+    from gapsense.components import Semera as Semera
+    from gapsense.components import Sensor as Sensor
+    from gapsense.components import SolenoidValve as SolenoidValve
     from gapsense.cosim.model import Scenario as Scenario
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.record import Result as Result
     from gapsense.cosim.record import read_result as read_result
     from gapsense.cosim.run import run as run
 
+COMPONENTS = (
+    "BoundedUkf",
+    "DriveVoltage",
+    "Ekf",
+    "Ertss",
+    "HybridEkf",
+    "IntegralEstimator",
+    "Mhe",
+    "PlayActuator",
+    "PotMagnet",
+    "ReluctanceActuator",
+    "RunToRun",
+    "Semera",
+    "Sensor",
+    "SolenoidValve",
+)
 OFFERED = {
+    **dict.fromkeys(COMPONENTS, "gapsense.components"),
     "Scenario": "gapsense.cosim.model",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),
     "check": "gapsense.cosim.prepare",
@@ -42,4 +74,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *OFFERED]
+    return [*OFFERED, "__version__"]

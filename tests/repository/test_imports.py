@@ -20,10 +20,12 @@ from gapsense import cosim
 from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
-    "version", "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random", "kernel",
+    "version", "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random",
+    "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
-    "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked", "ledger",
+    "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked",
+    "ledger",
     "importable", "interrupts", "processes", "spare", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
@@ -41,8 +43,10 @@ MAY_IMPORT = {
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
+    "runnable": NUMBERS | {"report"},
+    "components": {"runnable"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__"},
+    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__", "runnable"},
     "studies": NUMBERS | {"report", "studies"},
     "command": NUMBERS | {"report", "studies", "cli"},
     "build_fmus": {"__main__"},
@@ -57,7 +61,7 @@ PACKAGES = {  # beside the standard library
     "fmi": {"pythonfmu", "markdown_it"},
     "embedded": set(),
     **{part: {"numpy", "tomli"} for part in GENERAL},
-    "vectors": {"numpy"},
+    **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
     "campaign": {"numpy", "scipy", "pyarrow", "distributed"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},

@@ -7,7 +7,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.elements import Component
@@ -26,7 +25,8 @@ from gapsense.processes import new_marks
 from gapsense.records import names
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.model import Model, Places
+from gapsense.vectors.model import Model, Placed
+from gapsense.vectors.places import aligned, entries_of
 
 Values = Mapping[str, Value]
 
@@ -70,9 +70,9 @@ class Block:
     def __init__(self, model: Model, takes: Sequence[Take], go_on: Callable[[], None]) -> None:
         self.model, self.takes, self.go_on, self.c = model, takes, go_on, library.loop()
         self.width, self.count = self.c.width(), len(takes)
-        self.values = aligned(model.room, self.width)
+        self.values = aligned(model.room.size, self.width)
         self.data = np.empty((self.count, len(model.subject.columns), model.rows))
-        self.arrays = [np.zeros((size, self.width)) for size in model.memories]
+        self.arrays = [np.zeros((size, self.width)) for size in model.room.memories]
         self.given: list[dict[str, dict[str, Value]]] = []
         self.directors: list[Director] = []
         self.player = player(model.scenario.played, model.layout.inlets, model.experiment)
@@ -145,11 +145,11 @@ class Block:
         """Give places of the vector without a run what the first run has, for nothing to be odd there."""
         self.values[:, self.count :] = self.values[:, :1]
 
-    def set_parameters(self, p: Places, lane: int, given: Values) -> None:
+    def set_parameters(self, p: Placed, lane: int, given: Values) -> None:
         """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""
         component = p.functions.component
         found = fields(component, of_parameters(component, given), p.functions.folder)
-        entries = [found[name] for name in names(p.functions.kernel.module.Parameters)]
+        entries = entries_of(p.functions, found)
         for k, entry in enumerate(entries):
             if k not in p.tables:
                 self.values[p.par[k], lane] = entry
@@ -227,7 +227,7 @@ class Block:
         return found
 
 
-def given_of(p: Places, take: Take, model: Model) -> dict[str, Value]:
+def given_of(p: Placed, take: Take, model: Model) -> dict[str, Value]:
     """Values of parameters and inputs that a component of a run is given before its initialization."""
     name, description = p.component.name, model.subject.descriptions[p.component.name]
     own: dict[str, Value] = {"seed": take.seeds[name]} if name in take.seeds else {}
@@ -255,10 +255,3 @@ def parameters_of(model: Model, given: Mapping[str, Values]) -> Iterator[tuple[s
         for v in model.subject.descriptions[component].of("parameter"):
             value = own.get(v.name, v.start if v.start is not None else 0.0)
             yield f"{component}.{v.name}", value
-
-
-def aligned(rows: int, width: int) -> npt.NDArray[np.float64]:
-    """Zeros (rows, width) that begin where a vector may."""
-    raw = np.zeros((rows + 1) * width)
-    first = -raw.ctypes.data % (8 * width) // 8
-    return raw[first : first + rows * width].reshape(rows, width)

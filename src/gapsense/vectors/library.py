@@ -77,6 +77,8 @@ Runs: Any = structure(
     next=Long,
 )
 
+Signal: Any = structure("Signal", address=Pointer, run=Size, sample=Size)
+
 
 class Functions(NamedTuple):
     """The port table of a component, and the functions of its kernel with their addresses in C."""
@@ -117,6 +119,8 @@ def loop() -> Any:
         library.begin.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), ctypes.POINTER(Part), Int]
         library.play_first.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs)]
         library.advance.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), Long]
+        of_one = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), ctypes.POINTER(Part), ctypes.POINTER(Signal)]
+        library.filter.argtypes = [*of_one, Size, Wholes, Size, Long]
     return library
 
 

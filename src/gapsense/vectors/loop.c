@@ -195,3 +195,28 @@ EXPORT void advance(const Loop *l, Runs *r, int64_t until)
         if (k % l->decimation == 0) record(l, r, k);
     } while (r->next <= until && !has_news(l, r));
 }
+
+/* Values of an input: bytes from one run to the next, and from one sample to the next; 0 if they share it. */
+typedef struct {
+    const char *address;
+    ptrdiff_t run, sample;
+} Signal;
+
+/* One component alone over some samples of each run; `first` is that of the block among all runs. The outputs that are
+   `chosen` go to `data`: (runs, outputs, samples). */
+EXPORT void filter(const Loop *l, Runs *r, const Part *p, const Signal *inputs, ptrdiff_t first, const int *chosen,
+    ptrdiff_t chosen_count, int64_t samples)
+{
+    for (int64_t k = 0; k < samples; k++) {
+        for (int i = 0; i < p->input_count; i++)
+            for (int lane = 0; lane < W; lane++) {
+                ptrdiff_t run = first + (lane < r->block.count ? lane : 0);
+                r->v[p->own + i][lane] = *(const double *)(inputs[i].address + run * inputs[i].run + k * inputs[i].sample);
+            }
+        double time = k ? l->start + (double)(k - 1) * l->base_step + l->base_step : l->start;
+        call(l, r, p, k ? &p->advance : &p->initial, time, k ? p->period : 0.0);
+        for (int lane = 0; lane < r->block.count; lane++)
+            for (ptrdiff_t c = 0; c < chosen_count; c++)
+                r->data[((first + lane) * chosen_count + c) * samples + k] = r->v[chosen[c]][lane];
+    }
+}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from math import inf
 from typing import Any, NamedTuple
 
 from gapsense.cosim.elements import Component
@@ -12,28 +11,26 @@ from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.part import Layout
 from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.subject import Subject
-from gapsense.emit.lanes import held, is_array
 from gapsense.fmi.steps import samples_due
-from gapsense.lanes import Code
-from gapsense.records import fields, names
 from gapsense.vectors import library
 from gapsense.vectors.library import Functions, functions, ints
+from gapsense.vectors.places import Room, places, ranges
 
 STAGE = 4  # numbers of a stage that differ between runs
 WATCH = 3
 
 
-class Places(NamedTuple):
-    """Where the numbers of a part are in a block, and its arrays among the columns."""
+class Placed(NamedTuple):
+    """A component of the scenario: where its inputs are in the buffer, and the rest as in `Places`."""
 
     component: Component
-    functions: Functions
     buffered: int  # first input in the buffer
-    own: int  # first input that the part has taken
-    output: int  # first output
+    functions: Functions
+    own: int  # first input that it has taken
+    output: int
     time: int
-    par: list[int]  # of each entry of its parameters
-    tables: dict[int, int]  # column of each entry of its parameters that is a table
+    par: list[int]
+    tables: dict[int, int]
     calls: list[Any]
 
 
@@ -46,11 +43,10 @@ class Model:
         self.experiment = self.scenario.experiment
         descriptions = subject.descriptions
         self.layout = Layout(ports(descriptions), texts(descriptions), self.resolved(self.scenario.events))
-        self.room = self.layout.size
-        self.memories: list[int] = []  # numbers in each column that is array memory; 0 for a table
-        self.stages = {name: self.take(STAGE) for name in self.layout.slots}
-        self.conditions = {name: self.take(WATCH) for name, e in self.layout.events.items() if e.when}
-        self.failed = self.take(1)
+        self.room = Room(self.layout.size)
+        self.stages = {name: self.room.take(STAGE) for name in self.layout.slots}
+        self.conditions = {name: self.room.take(WATCH) for name, e in self.layout.events.items() if e.when}
+        self.failed = self.room.take(1)
         self.parts = [self.placed(self.scenario.components[name]) for name in subject.order.names]
         self.structures = (library.Part * len(self.parts))(*map(self.part, self.parts))
         self.loop = self.whole()
@@ -59,68 +55,21 @@ class Model:
         """Events with one target each."""
         return resolved(events, self.scenario.connections)
 
-    def take(self, count: int) -> int:
-        """First of so many places that nobody had."""
-        self.room += count
-        return self.room - count
-
-    def column(self, size: int) -> int:
-        """A new column; array memory has a size."""
-        self.memories.append(size)
-        return len(self.memories) - 1
-
-    def placed(self, component: Component) -> Places:
-        """Places of a part."""
+    def placed(self, component: Component) -> Placed:
+        """Places of a part; with Jacobi what it has taken may differ from what is in the buffer."""
         found = functions(self.subject.descriptions[component.name].name)
         assert found is not None
         inputs, outputs = (self.layout.of(component.name, causality) for causality in ("input", "output"))
         buffered, output = (self.layout.index[p[0]] if p else 0 for p in (inputs, outputs))
-        own = self.take(len(inputs)) if self.experiment.method == "jacobi" else buffered
-        time = self.take(2)
-        module = found.kernel.module
-        clock = [name for name in ("time", "dt") if name in fields(module.Inputs)]
-        given = [*(time + ("time", "dt").index(name) for name in clock), *range(own, own + len(inputs))]
-        kinds = fields(module.Parameters)
-        entries = names(module.Parameters)
-        par = [self.column(0) if n in kinds and kinds[n].kind == "table" else self.take(1) for n in entries]
-        tables = {k: par[k] for k, n in enumerate(entries) if n in kinds and kinds[n].kind == "table"}
-        state = [self.of_state(entry) for entry in results(found.codes.initial)[: len(names(module.State))]]
-        made = [*state, *range(output, output + len(outputs))]
-        constants = [*self.of_constants(found.codes.constants, par)]
-        calls = [
-            called(found, 0, [*given, *par], made),
-            called(found, 1, par, constants),
-            called(found, 2, [*state, *given, *constants], made),
-        ]
-        return Places(
-            component=component,
-            functions=found,
-            buffered=buffered,
-            own=own,
-            output=output,
-            time=time,
-            par=par,
-            tables=tables,
-            calls=calls,
-        )
+        own = self.room.take(len(inputs)) if self.experiment.method == "jacobi" else buffered
+        return Placed(component, buffered, *places(found, self.room, own, output))
 
-    def of_state(self, entry: Any) -> int:
-        """Place of an entry of a state."""
-        return self.column(len(entry)) if isinstance(entry, list) else self.take(1)
-
-    def of_constants(self, code: Code, par: Sequence[int]) -> Iterator[int]:
-        """Places of what a step needs of the parameters; a table stays where it is."""
-        taken = {symbol.id: place for symbol, place in zip(code.symbols, par)}
-        for entry in results(code):
-            table = held(entry)
-            yield taken[table.id] if table is not None else self.take(1)
-
-    def part(self, p: Places) -> Any:
+    def part(self, p: Placed) -> Any:
         """Structure of a part."""
         component, port_table = p.component, p.functions.component
         initial, constants, advance = p.calls
         links, stages = self.links(component), self.stages_of(component)
-        spans = self.ranges(p)
+        spans = ranges(port_table, p.own)
         duration, period = component.step * self.experiment.base_step, self.periods[component.name]
         samples = self.samples(component, duration, period)
         played = {port.component for port in self.scenario.played}
@@ -148,17 +97,6 @@ class Model:
             samples=samples,
             every=component.step,
             offset=component.offset,
-        )
-
-    def ranges(self, p: Places) -> Any:
-        """Inputs of a part that have a range."""
-        ports = () if p.functions.component.survives else p.functions.component.of("input")
-        found = [(k, port) for k, port in enumerate(ports, p.own) if (port.min, port.max) != (None, None)]
-        return (library.Range * len(found))(
-            *(
-                library.Range(k, -inf if port.min is None else port.min, inf if port.max is None else port.max)
-                for k, port in found
-            )
         )
 
     def links(self, component: Component) -> Any:
@@ -225,15 +163,3 @@ class Model:
     def rows(self) -> int:
         """Rows that a run records."""
         return self.experiment.count // self.scenario.record.decimation + 1
-
-
-def results(code: Code) -> list[Any]:
-    """Entries of all that a function returns."""
-    return [entry for _, row in code.graph.results for entry in row]
-
-
-def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
-    """A call of C of a function; arrays that it returns stay where they are."""
-    code: Code = found.codes[which]
-    at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
-    return library.Call(found.addresses[which], at, code.c.constants.ctypes.data_as(library.Doubles))

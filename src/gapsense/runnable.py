@@ -1,0 +1,419 @@
+"""Components from Python: a class for each, made of its port table, that runs on arrays or step by step.
+
+>>> import numpy as np, gapsense
+>>> valve = gapsense.SolenoidValve(damping=0.2)
+>>> moved = valve.run(voltage=np.full(800, 24.0), sample_time=25e-6)
+>>> bool(moved.position[-1] < moved.position[0])
+True
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
+from functools import cache, cached_property
+from inspect import Parameter, Signature
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.fmi.components import kernel_of, load_component, own
+from gapsense.fmi.ports import Component, Port
+from gapsense.fmi.sentences import say
+from gapsense.fmi.values import ValuesError, fields, problems, wrong_value
+from gapsense.kernel import Kernel
+from gapsense.native import own_compiler
+from gapsense.parameters import read_parameters
+from gapsense.problems import ScenarioError, suggest
+
+Floats = npt.NDArray[np.float64]
+SAMPLE_TIME = "sample_time"
+R = TypeVar("R", bound="Runnable")
+
+
+class Moment(NamedTuple):
+    """Where a component stands between two steps: its state as the kernel has it, and the time [s]."""
+
+    state: Any
+    time: float
+
+
+class Response:
+    """What a component made of its inputs: each output by its name, an array over samples, or over runs and samples."""
+
+    def __init__(self, name: str, time: Floats, outputs: Mapping[str, Floats], units: Mapping[str, str]) -> None:
+        self.name, self.time, self.outputs, self.units = name, time, outputs, units
+
+    if not TYPE_CHECKING:  # a type checker knows the outputs of each component from components.pyi
+
+        def __getattr__(self, name: str) -> Floats:
+            outputs = self.__dict__.get("outputs", {})
+            if name not in outputs:
+                raise AttributeError(f"`{name}` is no output. {suggest(name, outputs)}")
+            return outputs[name]
+
+    def __getitem__(self, run: int) -> Response:
+        """What came of one run of several."""
+        return Response(self.name, self.time, {name: values[run] for name, values in self._many().items()}, self.units)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._many().values())))
+
+    def _many(self) -> Mapping[str, Floats]:
+        if any(values.ndim == 1 for values in self.outputs.values()):
+            raise TypeError("this is a single run. Take its outputs by their names.")
+        return self.outputs
+
+    def _one(self) -> Mapping[str, Floats]:
+        if any(values.ndim > 1 for values in self.outputs.values()):
+            raise TypeError(f"these are {len(self)} runs. Choose one: `result[0]`.")
+        return self.outputs
+
+    def __dir__(self) -> list[str]:
+        return ["name", "time", "outputs", "units", "plot", "to_pandas", *self.outputs]
+
+    def __repr__(self) -> str:
+        runs = "" if next(iter(self.outputs.values())).ndim == 1 else f"{len(self)} runs, "
+        return f"<{self.name}: {runs}{self.time.size} samples, outputs {', '.join(self.outputs)}>"
+
+    def to_pandas(self) -> Any:
+        """The outputs of a single run as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
+        from gapsense.report import frames
+
+        return frames.frame(self._one(), "time", self.time, self.units)
+
+    def plot(self, *patterns: str) -> Any:
+        """Figure of the outputs of these names or patterns, by default all: a panel per unit."""
+        from gapsense.report import plot
+
+        return plot.signals(Drawn(self), [f"{self.name}.{pattern}" for pattern in patterns])
+
+
+class Drawn:
+    """A response as figures take it: signals are called `component.variable`."""
+
+    def __init__(self, response: Response) -> None:
+        self.run, self.times = SimpleNamespace(title=response.name, scenario=response.name), response.time
+        self.signals = {f"{response.name}.{name}": values for name, values in response._one().items()}
+        self.units = {f"{response.name}.{name}": unit for name, unit in response.units.items()}
+        self.events: Sequence[Any] = ()
+
+    def __getitem__(self, name: str) -> Floats:
+        return self.signals[name]
+
+
+class Runnable:
+    """Base of the classes of all components."""
+
+    ports: ClassVar[Component]
+    folder: ClassVar[Path]
+    kernel: ClassVar[Kernel]
+    _moment: Moment | None = None
+
+    def __init__(self, **parameters: Any) -> None:
+        names = {port.field: port for port in self.ports.of("parameter")}
+        if unknown := [key for key in parameters if key not in names]:
+            found = [f"`{key}` is no parameter of {self.ports.name}. {suggest(key, names)}" for key in unknown]
+            raise ValuesError(found)
+        given = {names[key].name: value for key, value in parameters.items()}
+        self.parameters = {port.name: given.get(port.name, port.start) for port in names.values()}
+        for port in names.values():
+            value = self.parameters[port.name]
+            if port.kind == "Real" and isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+                self.parameters[port.name] = float(value)
+        self._values = self._checked(self.parameters)
+        self.reset()
+
+    @classmethod
+    def from_file(cls: type[R], path: str | Path, **parameters: Any) -> R:
+        """A component with the parameters of a parameter-set file that it has, and others that are given."""
+        found: list[str] = []
+        values = read_parameters(Path(path), found)
+        if found:
+            raise ScenarioError(found)
+        known = {port.name: port.field for port in cls.ports.of("parameter")}
+        return cls(**{**{known[name]: value for name, value in values.items() if name in known}, **parameters})
+
+    def run(
+        self,
+        *signals: Any,
+        sample_time: float | None = None,
+        start_time: float = 0.0,
+        outputs: Iterable[str] = (),
+        **named: Any,
+    ) -> Response:
+        """Outputs over samples of the inputs.
+
+        Parameters
+        ----------
+        *signals : array_like
+            Inputs in their order: (samples,), or (runs, samples) for many runs at once, or a number that stays. An
+            input that is optional has its start value if it is not given.
+        sample_time : float, optional
+            Time between two samples [s]; by default the parameter `sample_time`, where the component has it.
+        start_time : float
+            Time of the first sample [s].
+        outputs : iterable of str
+            The outputs that are wanted, by default all.
+        **named : array_like
+            Inputs by name.
+
+        Returns
+        -------
+        Response
+            Row k has the outputs at the time `start_time + k * sample_time`, after a step with row k of the inputs.
+            Row 0 is the initialisation. The bits are those of the FMU.
+
+        Raises
+        ------
+        ValueError
+            In the words of the FMU, for inputs that it does not take or outputs that are not finite.
+        """
+        period, values, step = self._period(sample_time)
+        inputs = self._inputs(signals, named)
+        is_single = all(x.ndim < 2 for x in inputs)
+        shape = np.broadcast_shapes((1, 1), *(x.shape for x in inputs))
+        flat = [np.broadcast_to(x, shape) for x in inputs]
+        every = [port.name for port in self.ports.of("output")]
+        wanted = [*outputs] or every
+        if unknown := [name for name in wanted if name not in every]:
+            raise ValueError(f"`{unknown[0]}` is no output of {self.ports.name}. {suggest(unknown[0], every)}")
+        chosen = [every.index(name) for name in wanted]
+        data = self._in_c(flat, chosen, values, period, start_time, step)
+        if data is None:
+            rows = [
+                self._in_python([x[k] for x in flat], values, period, start_time, step, f"run {k}, " * (shape[0] > 1))
+                for k in range(shape[0])
+            ]
+            data = np.stack(rows).transpose(0, 2, 1)[:, chosen]
+        found = {name: data[0, k] if is_single else data[:, k] for k, name in enumerate(wanted)}
+        units = {port.name: port.unit for port in self.ports.of("output") if port.name in wanted}
+        return Response(self.ports.name, np.array(start_time + step * np.arange(shape[1]), float), found, units)
+
+    def step(self, *signals: float, sample_time: float | None = None, **named: float) -> Any:
+        """One step with these inputs, in a loop of one's own: a named tuple of the outputs.
+
+        The first call after the beginning or `reset` is the initialisation, as row 0 of `run`.
+        """
+        period, values, step = self._period(sample_time)
+        inputs = [float(x) for x in self._inputs(signals, named)]
+        time = 0.0 if self._moment is None else self._moment.time + step
+        made, self._moment = self._advanced(self._moment, inputs, self._prepared(values), period or step, time)
+        return self._outputs(*made)
+
+    @property
+    def state(self) -> Moment | None:
+        """Where it stands after `step`: what to set again later; None before the first step."""
+        return deepcopy(self._moment)
+
+    @state.setter
+    def state(self, moment: Moment | None) -> None:
+        """Go on from there."""
+        self._moment = deepcopy(moment)
+
+    def reset(self) -> None:
+        """Begin anew with the next `step`."""
+        self._moment = None
+
+    def __repr__(self) -> str:
+        starts = {port.name: port.start for port in self.ports.of("parameter")}
+        changed = (f"{k.replace('.', '_')}={v!r}" for k, v in self.parameters.items() if v != starts[k])
+        return f"{self.ports.name}({', '.join(changed)})"
+
+    @cached_property
+    def _outputs(self) -> Any:
+        return _outputs_of(self.ports.name, tuple(port.name for port in self.ports.of("output")))
+
+    @cached_property
+    def _has_ranges(self) -> bool:
+        return any((port.min, port.max) != (None, None) for port in self.ports.of("input"))
+
+    def _checked(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        if found := problems(self.ports, given):
+            raise ValuesError(found)
+        return fields(self.ports, given, self.folder)
+
+    def _period(self, sample_time: float | None) -> tuple[float, dict[str, Any], float]:
+        """Sampling period (0 for none), fields of the parameters, and the step between two rows."""
+        if SAMPLE_TIME in self.parameters:
+            period = float(self.parameters[SAMPLE_TIME] if sample_time is None else sample_time)
+            same = period == self.parameters[SAMPLE_TIME]
+            return period, self._values if same else self._checked({**self.parameters, SAMPLE_TIME: period}), period
+        if sample_time is None:
+            raise ValueError("`sample_time` is missing: the time between two samples [s]. Give it.")
+        if not (math.isfinite(sample_time) and sample_time > 0.0):
+            raise ValueError(say("step_size", repr(float(sample_time))))
+        return 0.0, self._values, float(sample_time)
+
+    def _inputs(self, signals: Sequence[Any], named: Mapping[str, Any]) -> list[Floats]:
+        """Every input as an array; what is wrong with names, shapes and types is told."""
+        ports = self.ports.of("input")
+        names = [port.name for port in ports]
+        if len(signals) > len(ports):
+            raise TypeError(f"{len(signals)} inputs found, {len(ports)} expected: {', '.join(names)}.")
+        given = {**dict(zip(names, signals))}
+        for name, value in named.items():
+            if name not in names:
+                raise TypeError(f"`{name}` is no input of {self.ports.name}. {suggest(name, names)}")
+            if name in given:
+                raise TypeError(f"input `{name}` is given twice. Leave one out.")
+            given[name] = value
+        if missing := [p.name for p in ports if p.name not in given and not p.is_optional]:
+            raise TypeError(f"input {', '.join(f'`{name}`' for name in missing)} missing. Give an array or a number.")
+        arrays = [np.asarray(given.get(port.name, port.start or 0.0), dtype=np.float64) for port in ports]
+        if any(x.ndim > 2 or 0 in x.shape for x in arrays):
+            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(names, arrays))
+            raise ValueError(f"shapes {shapes} found; (samples,) or (runs, samples), not empty, expected.")
+        try:
+            np.broadcast_shapes(*(x.shape for x in arrays))
+        except ValueError:
+            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(names, arrays) if x.ndim)
+            raise ValueError(f"shapes {shapes} found, the same number of samples expected. Correct them.") from None
+        return arrays
+
+    def _in_c(
+        self,
+        inputs: list[Floats],
+        chosen: list[int],
+        values: Mapping[str, Any],
+        period: float,
+        start: float,
+        step: float,
+    ) -> Floats | None:
+        """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
+        if own_compiler() is None:
+            return None
+        from gapsense.vectors import filter, library
+
+        found = library.functions(self.ports.name) if library.loop() else None
+        if found is None:
+            return None
+        data, failed = filter.Filter(found, values, period).run(inputs, chosen, start, step)
+        for run in np.flatnonzero(failed):
+            self._in_python([x[run] for x in inputs], values, period, start, step, f"run {run}, " * (len(data) > 1))
+        return data
+
+    def _in_python(
+        self,
+        inputs: list[Floats],
+        values: Mapping[str, Any],
+        period: float,
+        start: float,
+        step: float,
+        where: str = "",
+    ) -> Floats:
+        """The outputs of one run (samples, outputs) by the scalar code."""
+        moment, rows, prepared = None, [], self._prepared(values)
+        for k, row in enumerate(zip(*(x.tolist() for x in inputs))):
+            try:
+                time = start + (k - 1) * step + step if k else start
+                made, moment = self._advanced(moment, row, prepared, period or step, time)
+            except ValueError as error:
+                raise ValueError(f"{where}sample {k}: {error}") from None
+            rows.append(made)
+        return np.array(rows)
+
+    def _prepared(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Flat parameters, and what a step needs of them."""
+        scalar = self.kernel.scalar
+        par = tuple(values[name] for name in scalar_names(self.kernel))
+        return par, scalar["constants"](par)
+
+    def _advanced(
+        self,
+        moment: Moment | None,
+        row: Sequence[float],
+        prepared: tuple[Any, Any],
+        dt: float,
+        time: float,
+    ) -> tuple[Sequence[float], Moment]:
+        """Outputs and where it stands after one step, or at the start."""
+        self._refuse(row)
+        clock = [time, 0.0 if moment is None else dt][: clocks(self.kernel)]
+        scalar = self.kernel.scalar
+        if moment is None:
+            state, made = scalar["initial"]([*clock, *row], prepared[0])
+        else:
+            state, made = scalar["advance"](moment.state, [*clock, *row], prepared[1])
+        if not math.isfinite(sum(made)) and not all(map(math.isfinite, made)):
+            bad = [f"`{p.name}`" for p, value in zip(self.ports.of("output"), made) if not math.isfinite(value)]
+            raise ValueError(say("outputs_not_finite", ", ".join(bad)))
+        return made, Moment(state, time)
+
+    def _refuse(self, row: Sequence[float]) -> None:
+        """Refuse inputs as the FMU does."""
+        if self.ports.survives:
+            return
+        total = sum(row)
+        if total - total == 0.0 and not self._has_ranges:
+            return
+        ports = self.ports.of("input")
+        if bad := [f"`{p.name}`" for p, value in zip(ports, row) if not math.isfinite(value)]:
+            raise ValueError(say("inputs_not_finite", ", ".join(bad)))
+        if wrong := [text for port, value in zip(ports, row) if (text := wrong_value(port, value))]:
+            raise ValueError(say("correct_inputs", " ".join(wrong)))
+
+
+@cache
+def _outputs_of(name: str, outputs: tuple[str, ...]) -> Any:
+    return NamedTuple(f"{name}Outputs", [(output, float) for output in outputs])
+
+
+@cache
+def scalar_names(kernel: Kernel) -> list[str]:
+    """Names of the flat parameters."""
+    from gapsense.records import names
+
+    return names(kernel.module.Parameters)
+
+
+@cache
+def clocks(kernel: Kernel) -> int:
+    """How many of time and step a kernel takes."""
+    from gapsense.records import fields as of
+
+    return sum(name in of(kernel.module.Inputs) for name in ("time", "dt"))
+
+
+@cache
+def component_class(name: str) -> type[Runnable]:
+    """The class of the component of that name."""
+    folder = own(name)
+    ports = load_component(folder)
+    own_names = {"ports": ports, "folder": folder, "kernel": kernel_of(ports), "__doc__": documented(ports)}
+    made = type(ports.name, (Runnable,), {**own_names, "__module__": "gapsense"})
+    keywords = [Parameter(p.field, Parameter.KEYWORD_ONLY, default=p.start) for p in ports.of("parameter")]
+    made.__signature__ = Signature(keywords)  # type: ignore[attr-defined]
+    return made
+
+
+def documented(ports: Component) -> str:
+    """Docstring of a class: parameters, inputs and outputs with units, ranges and start values."""
+
+    def chapter(title: str, found: Sequence[Port], line: Callable[[Port], str]) -> str:
+        lines = [f"{line(port)}\n    {port.description}." for port in found]
+        return "\n".join(["", title, "-" * len(title), *lines])
+
+    return "\n".join(
+        [
+            f"{ports.description}.",
+            chapter("Parameters", ports.of("parameter"), lambda p: f"{p.field} : {typed(p)}, by default {p.start!r}"),
+            chapter("Inputs of run and step", ports.of("input"), lambda p: f"{p.name} : {typed(p)}"),
+            chapter("Outputs", ports.of("output"), lambda p: f"{p.name} : {typed(p)}"),
+        ]
+    )
+
+
+def typed(port: Port) -> str:
+    """Type, unit and range of a port in a docstring."""
+    kind = {"Real": "float", "Integer": "int", "Boolean": "bool", "String": "str"}[port.kind]
+    unit = f" [{port.unit}]" if port.kind == "Real" and port.unit != "1" else ""
+    low, high = (None if limit is None else f"{limit:g}" for limit in (port.min, port.max))
+    span = f", {low} to {high}" if low and high else f", at least {low}" if low else f", at most {high}" if high else ""
+    choices = f", one of {', '.join(port.choices)}" if port.choices else ""
+    optional = ", optional" if port.is_optional else ""
+    return f"{kind}{unit}{span}{choices}{optional}"

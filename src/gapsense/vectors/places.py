@@ -1,0 +1,117 @@
+"""Where the numbers of a component are in a block: inputs, state, parameters, and what its steps need of these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.emit.lanes import held, is_array
+from gapsense.fmi.ports import Component
+from gapsense.lanes import Code
+from gapsense.records import fields, names
+from gapsense.vectors import library
+from gapsense.vectors.library import Functions, ints
+
+
+class Room:
+    """Places that are taken one after the other, and columns, which are arrays."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.memories: list[int] = []  # numbers in each column that is array memory; 0 for a table
+
+    def take(self, count: int) -> int:
+        """First of so many places that nobody had."""
+        self.size += count
+        return self.size - count
+
+    def column(self, size: int) -> int:
+        """A new column; array memory has a size."""
+        self.memories.append(size)
+        return len(self.memories) - 1
+
+
+class Places(NamedTuple):
+    """Where the numbers of a component are, and the calls of its functions: `initial`, `constants`, `advance`."""
+
+    functions: Functions
+    own: int  # first input
+    output: int  # first output
+    time: int  # behind it is the step
+    par: list[int]  # of each entry of its parameters
+    tables: dict[int, int]  # column of each entry of its parameters that is a table
+    calls: list[Any]
+
+
+def places(found: Functions, room: Room, own: int, output: int) -> Places:
+    """Places of a component whose inputs and outputs have theirs."""
+    module, inputs = found.kernel.module, len(found.component.of("input"))
+    time = room.take(2)
+    clock = [name for name in ("time", "dt") if name in fields(module.Inputs)]
+    given = [*(time + ("time", "dt").index(name) for name in clock), *range(own, own + inputs)]
+    kinds, entries = fields(module.Parameters), names(module.Parameters)
+    is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
+    par = [room.column(0) if table else room.take(1) for table in is_table]
+    state = [of_state(entry, room) for entry in results(found.codes.initial)[: len(names(module.State))]]
+    made = [*state, *range(output, output + len(found.component.of("output")))]
+    constants = [*of_constants(found.codes.constants, par, room)]
+    calls = [
+        called(found, 0, [*given, *par], made),
+        called(found, 1, par, constants),
+        called(found, 2, [*state, *given, *constants], made),
+    ]
+    tables = {k: place for k, place in enumerate(par) if is_table[k]}
+    return Places(functions=found, own=own, output=output, time=time, par=par, tables=tables, calls=calls)
+
+
+def of_state(entry: Any, room: Room) -> int:
+    """Place of an entry of a state."""
+    return room.column(len(entry)) if isinstance(entry, list) else room.take(1)
+
+
+def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
+    """Places of what a step needs of the parameters; a table stays where it is."""
+    taken = {symbol.id: place for symbol, place in zip(code.symbols, par)}
+    for entry in results(code):
+        table = held(entry)
+        yield taken[table.id] if table is not None else room.take(1)
+
+
+def ranges(component: Component, own: int) -> Any:
+    """Inputs that have a range, where the component does not take others."""
+    ports = () if component.survives else component.of("input")
+    found = [(k, port) for k, port in enumerate(ports, own) if (port.min, port.max) != (None, None)]
+    return (library.Range * len(found))(
+        *(
+            library.Range(k, -inf if port.min is None else port.min, inf if port.max is None else port.max)
+            for k, port in found
+        )
+    )
+
+
+def entries_of(found: Functions, values: Mapping[str, Any]) -> list[Any]:
+    """Flat entries of the record of parameters; a table is a list."""
+    return [values[name] for name in names(found.kernel.module.Parameters)]
+
+
+def aligned(rows: int, width: int) -> npt.NDArray[np.float64]:
+    """Zeros (rows, width) that begin where a vector may."""
+    raw = np.zeros((rows + 1) * width)
+    first = -raw.ctypes.data % (8 * width) // 8
+    return raw[first : first + rows * width].reshape(rows, width)
+
+
+def results(code: Code) -> list[Any]:
+    """Entries of all that a function returns."""
+    return [entry for _, row in code.graph.results for entry in row]
+
+
+def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
+    """A call of C of a function; arrays that it returns stay where they are."""
+    code: Code = found.codes[which]
+    at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
+    return library.Call(found.addresses[which], at, code.c.constants.ctypes.data_as(library.Doubles))

@@ -1,0 +1,203 @@
+"""The classes of components: bits and refusals of the FMUs, many records, steps, and words for what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import inspect
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gapsense
+from gapsense import runnable
+from gapsense.cli import _stubs
+from gapsense.fmi.components import find_components, load_component
+from gapsense.native import own_compiler
+from gapsense.shipped import COMPONENTS
+
+FOLDERS = {load_component(folder).name: folder for folder in find_components(COMPONENTS)}
+COMPILED = pytest.mark.skipif(own_compiler() is None, reason="needs a C compiler")
+
+
+@pytest.fixture(params=["C", "Python"])
+def language(request, monkeypatch):
+    """Both ways to run: what has no compiler gives the same bits."""
+    if request.param == "Python":
+        monkeypatch.setattr(runnable, "own_compiler", lambda: None)
+    elif own_compiler() is None:
+        pytest.skip("needs a C compiler")
+    return request.param
+
+
+def reference(name):
+    """Times, inputs and outputs of what the FMU gave."""
+    with (FOLDERS[name] / "reference.csv").open(encoding="utf-8") as file:
+        heads, *rows = csv.reader(file)
+    table, inputs = np.array(rows, dtype=float), len(load_component(FOLDERS[name]).of("input"))
+    return heads, table[:, 0], table[:, 1 : 1 + inputs], table[:, 1 + inputs :]
+
+
+def test_every_component_has_a_class():
+    assert set(gapsense.COMPONENTS) == set(FOLDERS)
+    assert set(dir(gapsense)) >= {*FOLDERS, "Scenario", "run"} and "os" not in dir(gapsense)
+
+
+@pytest.mark.parametrize("name", sorted(FOLDERS))
+def test_bits_are_those_of_the_fmu(name, language):
+    heads, times, inputs, outputs = reference(name)
+    made = getattr(gapsense, name)()
+    period = made.parameters.get("sample_time", times[1])
+    samples = round(times[1] / period)  # that fall due in a step of the host
+    held = np.repeat(inputs[1:], samples, axis=0)
+    response = made.run(*np.vstack([inputs[:1], held]).T, sample_time=period)
+    for k, output in enumerate(heads[1 + inputs.shape[1] :]):
+        found, expected = response.outputs[output][::samples], outputs[:, k]
+        is_time = load_component(FOLDERS[name]).of("output")[k].unit == "s"  # hosts round times in their own way
+        assert np.allclose(found, expected, rtol=1e-15 if is_time else 0.0, atol=0.0), output
+
+
+@COMPILED
+@pytest.mark.parametrize("name", sorted(FOLDERS))
+def test_many_records_have_the_bits_of_each_alone_and_of_python(name, monkeypatch):
+    inputs = reference(name)[2]
+    made, rng = getattr(gapsense, name)(), np.random.default_rng(1)
+    many = [x * rng.uniform(0.9, 1.0, (11, 1)) if x.any() and np.ptp(x) > 5.0 else x for x in inputs.T]
+    together = made.run(*many, sample_time=20e-6)
+    monkeypatch.setattr(runnable, "own_compiler", lambda: None)
+    for k in (0, 10):
+        alone = made.run(*(x[k] if x.ndim == 2 else x for x in many), sample_time=20e-6)
+        for output, values in alone.outputs.items():
+            found = together.outputs[output][k] if together.outputs[output].ndim == 2 else together.outputs[output]
+            assert found.tobytes() == values.tobytes(), output
+
+
+@given(st.lists(st.floats(0.0, 30.0), min_size=2, max_size=20), st.data())
+def test_steps_are_rows_and_go_on_from_a_saved_state(voltages, data):
+    valve = gapsense.SolenoidValve()
+    expected = valve.run(voltages, sample_time=25e-6).current
+    k = data.draw(st.integers(1, len(voltages) - 1))
+    for voltage in voltages[:k]:
+        valve.step(voltage, sample_time=25e-6)
+    saved = valve.state
+    for _ in range(2):
+        valve.state = saved
+        made = [valve.step(voltage=voltage, sample_time=25e-6).current for voltage in voltages[k:]]
+        assert made == expected[k:].tolist()
+    valve.reset()
+    assert valve.state is None and valve.step(voltages[0], sample_time=25e-6).current == expected[0]
+
+
+def test_steps_do_not_change_a_state_that_was_saved():
+    mhe = gapsense.Mhe()
+    mhe.step(0.0, 0.0, 0.0)
+    saved = mhe.state
+    for _ in range(50):
+        mhe.step(24.0, 0.1, 1.0)
+    mhe.state = saved
+    again = gapsense.Mhe()
+    again.step(0.0, 0.0, 0.0)
+    assert [mhe.step(24.0, 0.1, 1.0) for _ in range(50)] == [again.step(24.0, 0.1, 1.0) for _ in range(50)]
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        (
+            lambda: gapsense.Ertss(coil_resistanc=3.0),
+            "`coil_resistanc` is no parameter of Ertss. Did you mean `coil_resis",
+        ),
+        (lambda: gapsense.Ertss(coil_resistance=-3.0), "`coil.resistance` is -3.0; expected at least 1e-09 Ohm."),
+        (lambda: gapsense.Ertss(coil_resistance="48"), "`coil.resistance` is `48`; expected a number."),
+        (lambda: gapsense.Ertss().run([1.0], [1.0]), "input `mode` missing"),
+        (
+            lambda: gapsense.Ertss().run([1.0], [1.0], 0.0, modes=1.0),
+            "`modes` is no input of Ertss. Did you mean `mode`?",
+        ),
+        (lambda: gapsense.Ertss().run([1.0], [1.0], 0.0, mode=1.0), "input `mode` is given twice"),
+        (lambda: gapsense.Ertss().run([1.0, 2.0, 3.0], [1.0, 2.0], 0.0), "`voltage` (3,), `current` (2,) found"),
+        (lambda: gapsense.Ertss().run([], [], []), "not empty"),
+        (lambda: gapsense.SolenoidValve().run([1.0]), "`sample_time` is missing"),
+        (lambda: gapsense.SolenoidValve().run([1.0], sample_time=-1.0), "the communication step is -1.0 s"),
+        (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, sample_time=0.0), "`sample_time` is 0.0; expected at least"),
+        (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, outputs=["positon"]), "Did you mean `position`?"),
+        (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0).positon, "`positon` is no output. Did you mean `position`?"),
+        (lambda: gapsense.Nothing, "no attribute 'Nothing'"),
+    ],
+)
+def test_what_is_wrong_is_told(act, words):
+    with pytest.raises((ValueError, TypeError, AttributeError)) as error:
+        act()
+    assert words in str(error.value)
+
+
+def test_refusals_in_a_record_are_those_of_the_fmu_with_run_and_sample(language):
+    voltages = np.full((3, 5), 12.0)
+    voltages[1, 3] = np.nan
+    with pytest.raises(ValueError, match=r"run 1, sample 3: input `voltage` is not finite. Check the component"):
+        gapsense.SolenoidValve().run(voltages, sample_time=25e-6)
+    with pytest.raises(ValueError, match=r"sample 4: output .* is not finite. Check the parameters"):
+        gapsense.SolenoidValve().run([0.0] * 4 + [1e308], sample_time=1.0)
+
+
+def test_response_shows_itself():
+    response = gapsense.SolenoidValve().run(np.full(40, 24.0), sample_time=25e-6)
+    assert repr(response).startswith("<SolenoidValve: 40 samples, outputs current, position")
+    assert "position" in dir(response) and response.units["position"] == "m"
+    assert response.plot("position", "current").axes[0].get_lines()
+    frame = response.to_pandas()
+    assert frame.index.name == "time" and frame["position"].iloc[-1] == response.position[-1]
+    many = gapsense.SolenoidValve().run(np.full((3, 40), 24.0), sample_time=25e-6, outputs=["position"])
+    assert len(many) == 3 and list(many.outputs) == ["position"] and many.position.shape == (3, 40)
+    assert np.array_equal(many[2].position, response.position) and "3 runs" in repr(many)
+    with pytest.raises(TypeError, match="these are 3 runs"):
+        many.plot()
+
+
+def test_parameters_come_from_a_file_as_far_as_a_component_has_them(tmp_path):
+    file = tmp_path / "valve.toml"
+    file.write_text('[values]\n"coil.resistance" = 51.5\ndamping = 0.4\n', encoding="utf-8")
+    assert gapsense.SolenoidValve.from_file(file).parameters["coil.resistance"] == 51.5
+    changed = gapsense.Semera.from_file(file, gate_sigmas=5.0)
+    assert repr(changed) == "Semera(gate_sigmas=5.0)"
+    file.write_text("values = 3", encoding="utf-8")
+    with pytest.raises(ValueError, match="values"):
+        gapsense.SolenoidValve.from_file(file)
+
+
+@pytest.mark.parametrize("name", sorted(FOLDERS))
+def test_help_tells_every_port_with_its_unit(name):
+    component, made = load_component(FOLDERS[name]), getattr(gapsense, name)
+    lines = inspect.getdoc(made).splitlines()
+    for port in component.ports:
+        field = port.field if port.causality == "parameter" else port.name
+        line = next(line for line in lines if line.startswith(f"{field} : "))
+        assert port.unit == "1" or port.kind != "Real" or f"[{port.unit}]" in line
+    assert list(inspect.signature(made).parameters) == [port.field for port in component.of("parameter")]
+
+
+def test_types_for_editors_are_those_of_the_port_tables():
+    assert _stubs.FILE.read_text(encoding="utf-8") == _stubs.text(), "run `python -m gapsense.cli._stubs`"
+
+
+CHECKED = """
+import gapsense
+result = gapsense.Ertss(coil_resistance=48.0).run([1.0], [0.1], 0.0, sample_time=20e-6)
+result.position + result.smoothed_position
+gapsense.Ertss(coil_resistanc=48.0)
+result.positon
+"""
+
+
+@pytest.mark.slow
+def test_a_type_checker_knows_parameters_and_outputs(tmp_path):
+    (tmp_path / "use.py").write_text(CHECKED, encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", str(tmp_path / "use.py")]
+    environment = {**os.environ, "MYPYPATH": str(Path(gapsense.__file__).parents[1])}
+    said = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment).stdout
+    assert "coil_resistanc" in said and said.count("error:") == 2 and "positon" in said
