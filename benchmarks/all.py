@@ -23,6 +23,7 @@ SMALL = {  # options of each that make it small
     "native.py": ("Semera",),
     "whole.py": ("--seeds", "0", "--repeats", "1"),
     "run_to_run.py": ("--times", "1"),
+    "house.py": (),
 }
 
 

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.record import Result as Result
     from gapsense.cosim.record import read_result as read_result
     from gapsense.cosim.run import run as run
+    from gapsense.cosim.sweep import sweep as sweep
 
 COMPONENTS = (
     "BoundedUkf",
@@ -62,6 +63,7 @@ OFFERED = {
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),
     "check": "gapsense.cosim.prepare",
     "run": "gapsense.cosim.run",
+    "sweep": "gapsense.cosim.sweep",
 }
 
 

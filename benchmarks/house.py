@@ -1,0 +1,148 @@
+"""What the code weighs, and what one has to open to follow three walks through it, beside the figures it began with.
+
+python benchmarks/house.py
+
+(a) a parameter from its TOML file to the kernel and through a run; (b) a current through the kernel of `Mhe`; (c) a run
+of a campaign. A module counts if one of its functions was called, and is found while the program runs.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+ROOT = Path(__file__).resolve().parents[1]
+SRC = ROOT / "src" / "gapsense"
+FORMER = {  # at the end of the second round of work
+    "lines of Python": 50_562,
+    "modules": 465,
+    "modules in circles": 52,
+    "(a) a parameter through a run": 34,
+    "(b) a current through Mhe": 11,
+    "(c) a run of a campaign": 73,
+}
+AIMS = {**dict.fromkeys(FORMER, 0), "lines of Python": 38_000, "modules": 300}
+AIMS |= {"(a) a parameter through a run": 18, "(b) a current through Mhe": 8, "(c) a run of a campaign": 45}
+SCENARIO = """
+title = "One valve"
+[experiment]
+stop = 1e-3
+base_step = 25e-6
+[components.valve]
+fmu = "SolenoidValve"
+parameters = ["valve.toml"]
+[inputs]
+"valve.voltage" = 24.0
+[metrics.least]
+kind = "min"
+signal = "valve.position"
+"""
+STUDY = """
+title = "Dampings"
+scenario = "scenario.toml"
+[grid]
+"valve.damping" = [0.2, 0.4]
+"""
+
+
+def main() -> None:
+    """Print the table."""
+    files = sorted(SRC.rglob("*.py"))
+    found = {
+        "lines of Python": sum(len(file.read_text("utf-8").splitlines()) for file in files),
+        "modules": len(files),
+        "modules in circles": in_circles(files),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
+        (Path(folder) / "valve.toml").write_text("[values]\ndamping = 0.4\n", encoding="utf-8")
+        (Path(folder) / "study.toml").write_text(STUDY, encoding="utf-8")
+        walks = {
+            "(a) a parameter through a run": walked(lambda: run(Path(folder))),
+            "(b) a current through Mhe": walked(trace_mhe),
+            "(c) a run of a campaign": walked(lambda: campaign(Path(folder))),
+        }
+    found |= {name: len({file for file, _ in functions}) for name, functions in walks.items()}
+    print("| what | former | now | aim |\n| --- | --- | --- | --- |")
+    for name, value in found.items():
+        more = f", {len(walks[name])} functions" if name in walks else ""
+        print(f"| {name} | {FORMER[name]:,} | {value:,}{more} | {AIMS[name]:,} |")
+
+
+def run(folder: Path) -> None:
+    from gapsense import cosim
+
+    cosim.run(folder, fmus=ROOT / "build" / "fmus")
+
+
+def trace_mhe() -> None:
+    from gapsense.estimators import mhe
+    from gapsense.kernel import Kernel
+
+    Kernel(mhe).traced()
+
+
+def campaign(folder: Path) -> None:
+    from gapsense import campaign
+
+    out = tempfile.mkdtemp(dir=folder)  # another one each time, for what is there is not run again
+    campaign.run(folder / "study.toml", 1, out, ROOT / "build" / "fmus")
+
+
+def walked(walk: Callable[[], None]) -> set[tuple[str, str]]:
+    """Functions of ours, by file and name, that a walk calls; what it takes to import and compile does not count."""
+    with noted() as found:
+        walk()  # imports, and compiles what is to be compiled
+        found.clear()
+        walk()
+    return found
+
+
+@contextmanager
+def noted() -> Iterator[set[tuple[str, str]]]:
+    """The functions of ours that are called meanwhile, in all threads."""
+    found: set[tuple[str, str]] = set()
+
+    def note(frame: FrameType, event: str, _: Any) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(str(SRC)) and code.co_name[0] != "<":
+            found.add((code.co_filename, code.co_name))
+
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        yield found
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)  # type: ignore[arg-type]
+
+
+def in_circles(files: list[Path]) -> int:
+    """Modules that import each other in a circle, imports in functions and for types included."""
+    names = {".".join(f.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): f for f in files}
+    place = {name: k for k, name in enumerate(names)}
+    graph = np.zeros((len(names), len(names)), dtype=bool)
+    for name, file in names.items():
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            modules = [f"{node.module}.{a.name}" for a in node.names] if isinstance(node, ast.ImportFrom) else []
+            modules += [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            for module in modules:
+                other = next((m for m in (module, module.rpartition(".")[0]) if m in place), name)
+                graph[place[name], place[other]] = other != name
+    _, group = connected_components(graph, connection="strong")
+    counts = np.bincount(group)
+    return int(counts[counts > 1].sum())
+
+
+if __name__ == "__main__":
+    main()
