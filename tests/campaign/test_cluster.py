@@ -290,6 +290,6 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     (other / "units.py").write_text((other / "units.py").read_text() + "\n")
     with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
-    (other / "__init__.py").write_text((other / "__init__.py").read_text().replace('"0.1.0"', '"0.0.9"'))
+    (other / "version.py").write_text((other / "version.py").read_text().replace('"0.1.0"', '"0.0.9"'))
     with pytest.raises(InputError, match=r"it has Gapsense 0\.0\.9, 0\.1\.0 is expected\. Install that"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
