@@ -154,7 +154,8 @@ class Runnable:
             Inputs in their order: (samples,), or (runs, samples) for many runs at once, or a number that stays. An
             input that is optional has its start value if it is not given.
         sample_time : float, optional
-            Time between two samples [s]; by default the parameter `sample_time`, where the component has it.
+            Time between two samples [s]; by default the parameter `sample_time`, or where the component has none the
+            step of its model description.
         start_time : float
             Time of the first sample [s].
         outputs : iterable of str
@@ -243,8 +244,7 @@ class Runnable:
             period = float(self.parameters[SAMPLE_TIME] if sample_time is None else sample_time)
             same = period == self.parameters[SAMPLE_TIME]
             return period, self._values if same else self._checked({**self.parameters, SAMPLE_TIME: period}), period
-        if sample_time is None:
-            raise ValueError("`sample_time` is missing: the time between two samples [s]. Give it.")
+        sample_time = self.ports.step_size if sample_time is None else sample_time
         if not (math.isfinite(sample_time) and sample_time > 0.0):
             raise ValueError(say("step_size", repr(float(sample_time))))
         return 0.0, self._values, float(sample_time)

@@ -122,7 +122,6 @@ def test_steps_do_not_change_a_state_that_was_saved():
         (lambda: gapsense.Ertss().run([1.0], [1.0], 0.0, mode=1.0), "input `mode` is given twice"),
         (lambda: gapsense.Ertss().run([1.0, 2.0, 3.0], [1.0, 2.0], 0.0), "`voltage` (3,), `current` (2,) found"),
         (lambda: gapsense.Ertss().run([], [], []), "not empty"),
-        (lambda: gapsense.SolenoidValve().run([1.0]), "`sample_time` is missing"),
         (lambda: gapsense.SolenoidValve().run([1.0], sample_time=-1.0), "the communication step is -1.0 s"),
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, sample_time=0.0), "`sample_time` is 0.0; expected at least"),
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, outputs=["positon"]), "Did you mean `position`?"),
@@ -143,6 +142,12 @@ def test_refusals_in_a_record_are_those_of_the_fmu_with_run_and_sample(language)
         gapsense.SolenoidValve().run(voltages, sample_time=25e-6)
     with pytest.raises(ValueError, match=r"sample 4: output .* is not finite. Check the parameters"):
         gapsense.SolenoidValve().run([0.0] * 4 + [1e308], sample_time=1.0)
+
+
+def test_time_between_samples_is_that_of_the_component_if_it_is_not_given():
+    assert gapsense.SolenoidValve().run([0.0, 24.0]).time.tolist() == [0.0, 25e-6]
+    assert gapsense.Ekf(sample_time=1e-4).run([0.0, 24.0], 0.0, 0.0).time.tolist() == [0.0, 1e-4]
+    assert gapsense.Ekf().run([0.0, 24.0], 0.0, 0.0, sample_time=1e-4).time.tolist() == [0.0, 1e-4]
 
 
 def test_response_shows_itself():
