@@ -22,15 +22,15 @@ LOOK = 0.1  # seconds between two looks at the processes
 class Job(NamedTuple):
     """What workers do: `prepare(task)`, once in each of them, gives the function from a request to its answer.
 
-    `mourn` makes an answer of the death of a process, by its marks, and then another process goes on; without it the
-    first death ends them all. `request` makes of a number what is asked, by default the number itself.
+    `on_worker_death` makes an answer of the death of a process, by its marks, and then another process goes on; without
+    it the first death ends them all. `request` makes of a number what is asked, by default the number itself.
     """
 
     prepare: Callable[[Any], Answer]
     task: Mapping[str, Any]  # of JSON
     workers: int
     guest: Callable[..., Any] | None = None  # function of any module that the task names
-    mourn: Callable[[Died, Marks], Mapping[str, Any]] | None = None
+    on_worker_death: Callable[[Died, Marks], Mapping[str, Any]] | None = None
     limit: float | None = None  # [s], see `Process`
     request: Callable[[int], Any] = int
     tries: int = 1  # how often a number is asked whose process dies
@@ -42,11 +42,11 @@ def complete(
     known: dict[int, Entry],
     ledger: Ledger,
     progress: Progress | None,
-    crew: Crew | None = None,
+    executor: Executor | None = None,
 ) -> bool:
     """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C.
 
-    Without a crew it is the processes that the job asks for.
+    Without an executor it is the processes that the job asks for.
     """
     tell, total = progress or (lambda done, total: None), len(numbers)
     missing = [number for number in numbers if number not in known]
@@ -59,7 +59,7 @@ def complete(
             tell(k, total)
 
     tell(len(known), total)
-    return work(crew or Here(job, len(missing)), missing, len(missing), keep)
+    return work(executor or Local(job, len(missing)), missing, len(missing), keep)
 
 
 class Pending:
@@ -85,7 +85,7 @@ class Pending:
 Answers = Queue["Entry | Exception"]
 
 
-class Crew(Protocol):
+class Executor(Protocol):
     """Whoever takes pending numbers and answers them, here or elsewhere, until none is left."""
 
     def start(self, pending: Pending, answers: Answers) -> None:
@@ -98,22 +98,22 @@ class Crew(Protocol):
         """Leave nothing behind, also after half a start."""
 
 
-def work(crew: Crew, numbers: Iterable[int], count: int, keep: Callable[[Sequence[Entry]], None]) -> bool:
-    """Hand `count` numbers to a crew and what it answers to `keep`, as it comes; true after Ctrl-C."""
+def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[[Sequence[Entry]], None]) -> bool:
+    """Hand `count` numbers to an executor and what it answers to `keep`, as it comes; true after Ctrl-C."""
     pending, answers = Pending(numbers), Answers()
     with counted() as interrupts:  # also while the workers are started and ended: none is forgotten
         try:
             if count:
-                crew.start(pending, answers)
+                executor.start(pending, answers)
             while count > 0:
-                came = awaited(answers, crew.look, interrupts)
+                came = awaited(answers, executor.look, interrupts)
                 if not came:
                     return True
                 keep(came)
                 count -= len(came)
         finally:
             pending.stop()
-            crew.end()
+            executor.end()
     return False
 
 
@@ -139,8 +139,8 @@ def waiting(answers: Answers) -> Iterator[Entry]:
         answers.put(answer)  # for the next look, when all that came before is written
 
 
-class Here:
-    """The crew of this machine: as many processes as the job says, at most one for each number."""
+class Local:
+    """The executor of this machine: as many processes as the job says, at most one for each number."""
 
     def __init__(self, job: Job, most: int) -> None:
         self.job, self.count = job, min(job.workers, most)
@@ -206,9 +206,9 @@ class Server:
             try:
                 return {"index": number, **self.process.ask(request, f"run {number}")}
             except Died as died:
-                if self.job.mourn is None or self.is_closed:
+                if self.job.on_worker_death is None or self.is_closed:
                     raise
-                entry = {"index": number, **self.job.mourn(died, self.process.marks)}
+                entry = {"index": number, **self.job.on_worker_death(died, self.process.marks)}
             self.process.close()
             self.is_gone = True
             if not left:

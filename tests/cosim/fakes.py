@@ -11,11 +11,11 @@ import numpy as np
 from gapsense.cosim.elements import Component, Connection, Experiment, Port
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch
+from gapsense.cosim.input_signals import Player
 from gapsense.cosim.instance import Instance
 from gapsense.cosim.instance3 import Instance3
 from gapsense.cosim.loop import Work
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.played import Player
 from gapsense.cosim.recording import STOP, Recording
 from gapsense.cosim.variables import Variable
 from gapsense.processes import new_marks

@@ -21,10 +21,10 @@ from hypothesis import strategies as st
 from gapsense.cosim import run
 from gapsense.cosim.durations import edge, median
 from gapsense.cosim.events.actor import Effect
+from gapsense.cosim.input_signals import Player
 from gapsense.cosim.loop import compiled, library
 from gapsense.cosim.loop.build import LOOP
 from gapsense.cosim.loop.reference import in_python
-from gapsense.cosim.played import Player
 from gapsense.cosim.recording import ROWS, STEP, STOP
 from gapsense.interrupts import counted
 

@@ -28,7 +28,7 @@ from gapsense.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.changes import changed
-from gapsense.cosim.told import kind
+from gapsense.cosim.provenance import kind
 from gapsense.problems import InputError
 from gapsense.report.html import many_plots
 from gapsense.report.html.many import read_many

@@ -18,13 +18,13 @@ from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_
 from gapsense.campaign.task import asked, local_job
 from gapsense.checked import Entry, fingerprint
 from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
-from gapsense.cosim.engines import VectorCrew, unknown_engine, vector_crew
+from gapsense.cosim.engines import VectorExecutor, unknown_engine, vector_executor
+from gapsense.cosim.provenance import provenance
 from gapsense.cosim.subject import Subject
-from gapsense.cosim.told import told
 from gapsense.files import PART
 from gapsense.ledger import alone, sources
 from gapsense.problems import InputError, ScenarioError
-from gapsense.workers import Crew, Here, Progress, work
+from gapsense.workers import Executor, Local, Progress, work
 
 LOCK = ".lock"
 
@@ -88,9 +88,9 @@ def run(
             if retry:
                 store.forget_failed()
             done = Work(prepared, store, progress)
-            crew = crew_of(prepared, count, scheduler, done.left, engine)
-            interrupted = done.by(crew)
-    by = VECTORS if isinstance(crew, VectorCrew) else FMU
+            executor = executor_of(prepared, count, scheduler, done.left, engine)
+            interrupted = done.by(executor)
+    by = VECTORS if isinstance(executor, VectorExecutor) else FMU
     return replace(read(folder), computed=done.computed, interrupted=interrupted, engine=by)
 
 
@@ -99,12 +99,12 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def crew_of(prepared: Prepared, workers: int, scheduler: str | None, left: int, engine: str) -> Crew:
+def executor_of(prepared: Prepared, workers: int, scheduler: str | None, left: int, engine: str) -> Executor:
     """Who does the runs."""
     if scheduler is None:
         job = local_job(prepared, workers)
-        vectors = vector_crew(job, Subject(prepared.scenario, prepared.descriptions), engine) if left else None
-        return vectors or Here(job, left)
+        vectors = vector_executor(job, Subject(prepared.scenario, prepared.descriptions), engine) if left else None
+        return vectors or Local(job, left)
     from gapsense.campaign.cluster import Cluster  # here, since it takes a while to load
 
     return Cluster(scheduler, prepared, left)
@@ -118,11 +118,11 @@ class Work:
         self.numbers = np.flatnonzero(~store.known(len(self.plan)))
         self.left, self.computed = len(self.numbers), 0
 
-    def by(self, crew: Crew) -> bool:
-        """Let a crew do them; true after a Ctrl-C."""
+    def by(self, executor: Executor) -> bool:
+        """Let an executor do them; true after a Ctrl-C."""
         self.progress(len(self.plan) - self.left, len(self.plan))
         try:
-            is_interrupted = work(crew, map(int, self.numbers), self.left, self.keep)
+            is_interrupted = work(executor, map(int, self.numbers), self.left, self.keep)
         finally:
             self.store.fold()
         if not is_interrupted:
@@ -147,7 +147,7 @@ def manifest_of(prepared: Prepared, folder: Path) -> Manifest:
     study, scenario = prepared.study, prepared.scenario
     package = {"the sources of Gapsense": fingerprint(sources()), "the version of numpy": np.__version__}
     about = {
-        **told(scenario, folder),
+        **provenance(scenario, folder),
         "title": study.title,
         "description": study.description,
         "study": study.path.name,

@@ -18,10 +18,10 @@ from gapsense.cosim.ahead import AUTO
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_record import unmatched
 from gapsense.cosim.check_values import taken
-from gapsense.cosim.deciding import deciding, facts
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.document import scenario_file
 from gapsense.cosim.engines import folder_of
+from gapsense.cosim.fingerprint import deciding, facts
 from gapsense.cosim.load import read_draft
 from gapsense.cosim.prepare import find_fmus
 from gapsense.cosim.scenario import Scenario

@@ -13,7 +13,7 @@ from gapsense.checked import Entry
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.sweep import mourner
+from gapsense.cosim.sweep import death_entry
 from gapsense.cosim.worker import request
 from gapsense.processes import Died, Marks
 from gapsense.workers import Job
@@ -28,15 +28,21 @@ def job(scenario: Scenario, descriptions: Descriptions, signals: tuple[str, ...]
         "signals": list(signals),
         "decimation": decimation,
     }
-    mourn = mourner(scenario, descriptions)
+    entry_of = death_entry(scenario, descriptions)
 
-    def mourned(died: Died, marks: Marks) -> Entry:
+    def with_last_words(died: Died, marks: Marks) -> Entry:
         """The error, with the last that a process wrote which ended by itself."""
-        last, entry = died.words.rpartition("\n")[2], mourn(died, marks)
+        last, entry = died.words.rpartition("\n")[2], entry_of(died, marks)
         return {"error": f"{entry['error']} It wrote: {last}"} if last and "exit code" in died.cause else entry
 
     return Job(
-        prepare=CampaignRuns, task=task, workers=1, guest=None, mourn=mourned, limit=limit_of(scenario), tries=TRIES
+        prepare=CampaignRuns,
+        task=task,
+        workers=1,
+        guest=None,
+        on_worker_death=with_last_words,
+        limit=limit_of(scenario),
+        tries=TRIES,
     )
 
 

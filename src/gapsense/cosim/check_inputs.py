@@ -8,7 +8,7 @@ import numpy as np
 
 from gapsense.cosim.check_values import limits, within
 from gapsense.cosim.elements import Experiment
-from gapsense.cosim.played import SLACK, Played
+from gapsense.cosim.input_signals import SLACK, Played
 from gapsense.cosim.variables import NUMERIC, Variable
 
 WHOLE = ("Integer", "Boolean", "Enumeration")

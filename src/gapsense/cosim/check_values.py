@@ -9,10 +9,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from gapsense.cosim.beside import parameters_beside
 from gapsense.cosim.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.elements import Component, Experiment
 from gapsense.cosim.scenario import RowsColumn, Scenario
+from gapsense.cosim.sibling_fmus import parameters_beside
 from gapsense.cosim.variables import NUMERIC
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number

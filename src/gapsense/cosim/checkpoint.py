@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Descriptions
 from gapsense.cosim.elements import Port
 from gapsense.cosim.failure import FmuError
+from gapsense.cosim.fingerprint import deciding
 from gapsense.cosim.master import Master
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.scenario import Scenario

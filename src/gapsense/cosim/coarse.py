@@ -10,7 +10,7 @@ import numpy as np
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.elements import Component, Experiment
 from gapsense.cosim.events.event import Event
-from gapsense.cosim.played import Played
+from gapsense.cosim.input_signals import Played
 from gapsense.cosim.scenario import Scenario
 from gapsense.files import read_columns
 from gapsense.parameters import is_file

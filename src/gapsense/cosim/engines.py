@@ -53,10 +53,10 @@ def vectors_for(subject: Subject, engine: str) -> Vectors | None:
     return Vectors(subject)
 
 
-def vector_crew(job: Job, subject: Subject, engine: str) -> VectorCrew | None:
+def vector_executor(job: Job, subject: Subject, engine: str) -> VectorExecutor | None:
     """Who does the runs of a job, if vectors do; its task makes the answers of their results too."""
     vectors = vectors_for(subject, engine)
-    return VectorCrew(job, vectors, job.prepare(job.task)) if vectors else None
+    return VectorExecutor(job, vectors, job.prepare(job.task)) if vectors else None
 
 
 def run_as_vectors(scenario: Source, variant: str | None, fmus: str | Path | None, engine: str) -> Result | None:
@@ -76,7 +76,7 @@ def result_of(subject: Subject, take: Take, recording: Recording) -> Result:
     return replace(result, run=replace(result.run, versions={**result.run.versions, "loop": VECTORS}))
 
 
-class VectorCrew:
+class VectorExecutor:
     """Threads that do runs as vectors; what is lost there is asked of a process with FMUs, which says why."""
 
     def __init__(self, job: Job, vectors: Vectors, runs: Any) -> None:

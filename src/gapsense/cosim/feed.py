@@ -13,11 +13,11 @@ import numpy.typing as npt
 from gapsense.cosim.check_values import value_problem
 from gapsense.cosim.descriptions import describe
 from gapsense.cosim.elements import Component, Experiment, Port
+from gapsense.cosim.input_signals import Player
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.loop import Work, advancer
 from gapsense.cosim.mixed import part_of
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.played import Player
 from gapsense.cosim.recording import Recording
 from gapsense.cosim.signals import ports
 from gapsense.cosim.unpacked import unpacked

@@ -5,8 +5,8 @@ from __future__ import annotations
 from gapsense import tables as kinds
 from gapsense.cosim.elements import STEP_LIMIT
 from gapsense.cosim.events.keys import EVENTS
+from gapsense.cosim.input_signals import INTERPOLATIONS
 from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.played import INTERPOLATIONS
 from gapsense.cosim.scenario import ISOLATIONS, METHODS, NAME, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import Key, Section

@@ -16,8 +16,8 @@ from gapsense.cosim.document import Document, Source, read_document
 from gapsense.cosim.elements import Component, Experiment, Port
 from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import read_events
+from gapsense.cosim.input_signals import Played
 from gapsense.cosim.load_inputs import read_inputs
-from gapsense.cosim.played import Played
 from gapsense.cosim.scenario import MOST_STEPS, NAME, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.plain_files import LONGEST_NAME, unfit

@@ -12,8 +12,8 @@ import numpy as np
 
 from gapsense.cosim import keys
 from gapsense.cosim.elements import Port
+from gapsense.cosim.input_signals import Played, Vector
 from gapsense.cosim.load_sections import by_port
-from gapsense.cosim.played import Played, Vector
 from gapsense.files import SHOWN, Sheet, no_numbers, number, read_sheet, split_header
 from gapsense.problems import suggest
 from gapsense.tables import SCALAR, Table, Value, flattened

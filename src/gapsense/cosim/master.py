@@ -19,13 +19,13 @@ from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.failure import FmuError
+from gapsense.cosim.input_signals import player
 from gapsense.cosim.inputs import constants, place
 from gapsense.cosim.instance import ENDS_WITHIN, Instance, folder_kept
 from gapsense.cosim.instance3 import instance_of
 from gapsense.cosim.loop import Advance, Work, advancer
 from gapsense.cosim.mixed import Texts, part_of
 from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.played import player
 from gapsense.cosim.recording import (
     COMPONENT,
     ENDING,

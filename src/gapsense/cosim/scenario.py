@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from gapsense.cosim.elements import Component, Connection, Experiment, Port
 from gapsense.cosim.events.event import Event
-from gapsense.cosim.played import Played
+from gapsense.cosim.input_signals import Played
 from gapsense.tables import LONGEST, Value, is_number
 
 MOST_RUNS = 10**7  # of a sweep or a campaign

@@ -22,15 +22,16 @@ from gapsense.cosim import sweep_table
 from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
-from gapsense.cosim.deciding import deciding
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Document, Source
 from gapsense.cosim.elements import Port
-from gapsense.cosim.engines import folder_of, unknown_engine, vector_crew
+from gapsense.cosim.engines import folder_of, unknown_engine, vector_executor
 from gapsense.cosim.events.event import unit_of_key
+from gapsense.cosim.fingerprint import deciding
 from gapsense.cosim.metrics import unit_of
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.prepare import prepare
+from gapsense.cosim.provenance import provenance
 from gapsense.cosim.record import Measure
 from gapsense.cosim.recording import death
 from gapsense.cosim.scenario import MOST_RUNS, Points, Scenario, product
@@ -38,7 +39,6 @@ from gapsense.cosim.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
 from gapsense.cosim.sweep_table import Sweep
-from gapsense.cosim.told import told
 from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Ledger, kept, key
@@ -135,25 +135,25 @@ def swept(
         task=task,
         workers=workers,
         guest=measure,
-        mourn=mourner(read, descriptions),
+        on_worker_death=death_entry(read, descriptions),
         limit=limit_of(read),
         request=lambda i: asked(points, i),
     )
     with ledger.alone():
         known = {index: entry for index, entry in ledger.read().items() if index in runs and is_there(entry, store)}
         before = len(known)
-        crew = None if before == len(runs) else vector_crew(job, Subject(runnable, descriptions), engine)
-        interrupted = complete(job, runs, known, ledger, progress, crew)
+        executor = None if before == len(runs) else vector_executor(job, Subject(runnable, descriptions), engine)
+        interrupted = complete(job, runs, known, ledger, progress, executor)
         result = collect(known, len(known) - before, interrupted, file)
         result = replace(
             result,
             units=units_of(read, descriptions),
             grid=columns(read, result.indices),
             kept=() if store is None else tuple(kept(store, index) for index in result.indices),
-            engine=VECTORS if crew else FMU,
+            engine=VECTORS if executor else FMU,
         )
         if file is not None and not interrupted:
-            about = {**told(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
+            about = {**provenance(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
             about["engine"] = result.engine
             sweep_table.save(result, about, points, file.with_suffix(".csv"))
     return result
@@ -171,7 +171,7 @@ def asked(points: Points, index: int) -> dict[str, Any]:
     return request(index, index, points[index % len(points)])
 
 
-def mourner(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Entry]:
+def death_entry(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Entry]:
     """Function that makes an entry of a run that has ended its process."""
     order = execution_order(list(scenario.components), scenario.connections, descriptions).names
     return lambda died, marks: {"error": str(death(scenario, order, died, marks))}

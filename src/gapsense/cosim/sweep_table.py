@@ -13,8 +13,8 @@ import numpy.typing as npt
 from gapsense.checked import SEAL, is_sealed, sealed
 from gapsense.cosim import show
 from gapsense.cosim.ahead import FMU
+from gapsense.cosim.provenance import kind
 from gapsense.cosim.scenario import Points
-from gapsense.cosim.told import kind
 from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.problems import InputError
 from gapsense.tables import Value

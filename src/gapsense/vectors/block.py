@@ -13,9 +13,9 @@ from gapsense.cosim.elements import Component
 from gapsense.cosim.events.director import Director
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.failure import FmuError
+from gapsense.cosim.input_signals import player
 from gapsense.cosim.inputs import constants
 from gapsense.cosim.part import Stage
-from gapsense.cosim.played import player
 from gapsense.cosim.recording import Recording, Take
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.values import ValuesError, fields

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gapsense.cosim.elements import Component, Experiment
 from gapsense.cosim.events.watch import Watch
+from gapsense.cosim.input_signals import Player
 from gapsense.cosim.part import Part
-from gapsense.cosim.played import Player
 from gapsense.cosim.recording import Recording
 from gapsense.processes import Marks
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from gapsense import campaign
 from gapsense.cosim import sweep_table
+from gapsense.cosim.provenance import bounds
 from gapsense.cosim.sidecar import absolute
-from gapsense.cosim.told import bounds
 from gapsense.files import Sheet, number, read_sheet
 from gapsense.problems import InputError
 from gapsense.report.table import quantity

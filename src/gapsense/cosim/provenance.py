@@ -15,7 +15,7 @@ from gapsense.tables import Value
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component
 
 
-def told(scenario: Scenario, folder: Path) -> dict[str, Any]:
+def provenance(scenario: Scenario, folder: Path) -> dict[str, Any]:
     """Of JSON; the scenario's file is seen from the folder of the result, and empty if it has none."""
     file = scenario.path.resolve()
     return {
