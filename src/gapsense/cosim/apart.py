@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim import apart_child
-from gapsense.cosim.apart_child import Plan
+from gapsense.cosim.apart_child import FACTS, Plan, prepare
+from gapsense.cosim.apart_child import opened as mapped
 from gapsense.cosim.master import Progress, shape
 from gapsense.cosim.order import execution_order
 from gapsense.cosim.recording import (
@@ -119,7 +119,7 @@ class Run:
     def ask(self) -> None:
         """Let the other process run the scenario."""
         try:
-            self.process.prepare(apart_child.prepare, str(self.folder))
+            self.process.prepare(prepare, str(self.folder))
             self.answers.put(self.process.ask("run", "the run"))
         except Exception as error:  # handed to the main thread, which raises it
             self.answers.put(error)
@@ -157,7 +157,7 @@ class Run:
         """What there is of a run whose process has ended."""
         recording = Recording(self.data)
         with suppress(FileNotFoundError):
-            recording = from_facts(self.data, json.loads((self.folder / apart_child.FACTS).read_text("utf-8")))
+            recording = from_facts(self.data, json.loads((self.folder / FACTS).read_text("utf-8")))
         recording.rows, recording.interrupted = self.marks[ROWS], self.is_ended
         if not self.is_ended:
             recording.error = death(self.plan.scenario, self.order, died, self.marks)
@@ -175,4 +175,4 @@ def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArr
                 except OSError as error:
                     raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
             opened.truncate(octets)
-    return apart_child.opened(file, size)
+    return mapped(file, size)

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
-from gapsense import tables as kinds
 from gapsense.cosim.elements import STEP_LIMIT
 from gapsense.cosim.events.keys import EVENTS
 from gapsense.cosim.input_signals import INTERPOLATIONS
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import ISOLATIONS, METHODS, NAME, Tolerance
 from gapsense.parameters import is_file
-from gapsense.tables import Key, Section
+from gapsense.tables import (
+    BOUNDS,
+    COUNT,
+    INDEX,
+    LIST,
+    NOT_NEGATIVE,
+    NUMBER,
+    NUMBER_OR_TEXT,
+    NUMBERS,
+    POSITIVE,
+    SCALAR,
+    TABLE,
+    TABLES,
+    TEXT,
+    TEXTS,
+    TRUTH,
+    Key,
+    Section,
+)
 
 
 def always(name: str, text: str) -> bool:
@@ -27,21 +44,21 @@ EXPERIMENT = Section(
     "Time grid `start + k * base_step`, and how values are exchanged on it. A whole number of base steps fits between "
     "start and stop.",
     (
-        Key("start", kinds.NUMBER, "Start of the run [s]", "-1e-3", default=0.0),
-        Key("stop", kinds.NUMBER, "End of the run [s]", "20e-3", required=True),
-        Key("base_step", kinds.POSITIVE, "Step of the grid [s]", "25e-6", required=True),
+        Key("start", NUMBER, "Start of the run [s]", "-1e-3", default=0.0),
+        Key("stop", NUMBER, "End of the run [s]", "20e-3", required=True),
+        Key("base_step", POSITIVE, "Step of the grid [s]", "25e-6", required=True),
         Key(
             "method",
-            kinds.TEXT,
+            TEXT,
             "Components step one after the other, or all with the values of the step before",
             '"jacobi"',
             default=METHODS[0],
             choices=METHODS,
         ),
-        Key("pace", kinds.POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
+        Key("pace", POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
         Key(
             "isolation",
-            kinds.TEXT,
+            TEXT,
             "`process`: from Python, too, the run has a process of its own; the command line always does that",
             '"process"',
             default=ISOLATIONS[0],
@@ -49,7 +66,7 @@ EXPERIMENT = Section(
         ),
         Key(
             "step_limit",
-            kinds.POSITIVE,
+            POSITIVE,
             "Wall time [s] that a step of a component may take in another process, and each call of its start",
             "10.0",
             default=STEP_LIMIT,
@@ -62,7 +79,7 @@ SET = Section(
     "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
     free=Key(
         "<parameter>",
-        kinds.SCALAR,
+        SCALAR,
         "Value of the parameter, in its unit",
         "damping = 0.4",
         is_dotted=True,
@@ -76,17 +93,17 @@ COMPONENT = Section(
     (
         Key(
             "fmu",
-            kinds.TEXT,
+            TEXT,
             "FMU by name, from the folder of FMUs, or the path of any FMU file (`.fmu`), relative to this file",
             '"SolenoidValve"',
             required=True,
             is_path=is_fmu,
         ),
-        Key("step", kinds.COUNT, "Base steps per step of this component", "2", default=1),
-        Key("offset", kinds.INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
+        Key("step", COUNT, "Base steps per step of this component", "2", default=1),
+        Key("offset", INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
         Key(
             "parameters",
-            kinds.TEXTS,
+            TEXTS,
             "Parameter-set files relative to this file; a later one wins",
             '["valve.toml"]',
             default=[],
@@ -94,27 +111,27 @@ COMPONENT = Section(
         ),
         Key(
             "isolation",
-            kinds.TEXT,
+            TEXT,
             "`process`: this component has a process of its own",
             '"process"',
             default=ISOLATIONS[0],
             choices=ISOLATIONS,
         ),
-        Key("set", kinds.TABLE, "Parameters of this component", otherwise="none", section=SET),
+        Key("set", TABLE, "Parameters of this component", otherwise="none", section=SET),
     ),
     at="[components.valve]",
 )
 COMPONENTS = Section(
     "[components]",
     "The FMU instances by name.",
-    free=Key("<component>", kinds.TABLE, "A component", section=COMPONENT, pattern=NAME),
+    free=Key("<component>", TABLE, "A component", section=COMPONENT, pattern=NAME),
 )
 CONNECT = Section(
     "[connect]",
     "Where inputs come from: target on the left, source on the right, of the same unit.",
     free=Key(
         "<component>.<input>",
-        kinds.TEXT,
+        TEXT,
         "Output `component.variable` that drives the input",
         '"sensor.voltage" = "drive.voltage"',
         is_dotted=True,
@@ -124,20 +141,20 @@ CONNECTION = Section(
     "[[connections]]",
     "A connection that converts, the input becomes `factor * source + bias`, or that is delayed.",
     (
-        Key("from", kinds.TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
-        Key("to", kinds.TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
-        Key("factor", kinds.NUMBER, "Factor", "0.5", otherwise="1"),
-        Key("bias", kinds.NUMBER, "Added to that", "5.0", otherwise="0"),
+        Key("from", TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
+        Key("to", TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
+        Key("factor", NUMBER, "Factor", "0.5", otherwise="1"),
+        Key("bias", NUMBER, "Added to that", "5.0", otherwise="0"),
         Key(
             "unit",
-            kinds.TEXT,
+            TEXT,
             "Unit after the conversion; it must be that of the input",
             '"V"',
             otherwise="not checked",
         ),
         Key(
             "delayed",
-            kinds.TRUTH,
+            TRUTH,
             "The component with the input steps first, and gets the value of one step before: so a loop is closed",
             "true",
             default=False,
@@ -153,18 +170,18 @@ SIGNAL = Section(
     (
         Key(
             "file",
-            kinds.TEXT,
+            TEXT,
             "CSV file with a column `time [s]`, relative to this file",
             '"record.csv"',
             otherwise=FROM_LISTS,
             is_path=always,
         ),
-        Key("column", kinds.TEXT, "Column of the file", '"reference [V]"', otherwise=FROM_LISTS),
-        Key("times", kinds.NUMBERS, "Times [s]", "[0.0, 20e-3]", otherwise=FROM_FILE, is_other=True),
-        Key("values", kinds.NUMBERS, "Values at these times", "[0.0, 24.0]", otherwise=FROM_FILE, is_other=True),
+        Key("column", TEXT, "Column of the file", '"reference [V]"', otherwise=FROM_LISTS),
+        Key("times", NUMBERS, "Times [s]", "[0.0, 20e-3]", otherwise=FROM_FILE, is_other=True),
+        Key("values", NUMBERS, "Values at these times", "[0.0, 24.0]", otherwise=FROM_FILE, is_other=True),
         Key(
             "interpolation",
-            kinds.TEXT,
+            TEXT,
             "Straight lines between the samples, or each holds until the next",
             '"hold"',
             default=INTERPOLATIONS[0],
@@ -179,7 +196,7 @@ INPUTS = Section(
     "its component.",
     free=Key(
         "<component>.<input>",
-        kinds.SCALAR,
+        SCALAR,
         "Value, in its unit; of an enumeration the number or the name of an item",
         '"drive.enable" = 1.0',
         section=SIGNAL,
@@ -189,7 +206,7 @@ INPUTS = Section(
 SEEDS = Section(
     "[seeds]",
     "Seeds of the random components: those with an Integer parameter `seed`. Run i of a sweep adds i.",
-    free=Key("<component>", kinds.INDEX, "Value of its parameter `seed`", "sensor = 1"),
+    free=Key("<component>", INDEX, "Value of its parameter `seed`", "sensor = 1"),
 )
 SWEEP = Section(
     "[sweep]",
@@ -198,7 +215,7 @@ SWEEP = Section(
     (
         Key(
             "rows",
-            kinds.TEXT,
+            TEXT,
             "CSV file of values that belong together, a column per parameter, a row per run; relative to this file",
             '"rows.csv"',
             otherwise="none",
@@ -207,7 +224,7 @@ SWEEP = Section(
     ),
     free=Key(
         "<component>.<parameter>",
-        kinds.LIST,
+        LIST,
         "Values of the parameter, each once",
         '"valve.damping" = [0.2, 0.4, 0.8]',
         is_dotted=True,
@@ -220,40 +237,40 @@ RECORD = Section(
     (
         Key(
             "signals",
-            kinds.TEXTS,
+            TEXTS,
             "Signals `component.variable`, or patterns: `*` any characters, `?` one, `[ab]` one of these",
             '["valve.*", "sensor.current_measured"]',
             default=["*"],
         ),
-        Key("decimation", kinds.COUNT, "Every which base step", "10", default=1),
+        Key("decimation", COUNT, "Every which base step", "10", default=1),
     ),
 )
 METRIC = Section(
     "[metrics.<metric>]",
     "One number computed from the samples of a recorded signal: the rows at which its component has just stepped.",
     (
-        Key("kind", kinds.TEXT, "What is computed, see below", '"rmse"', required=True, choices=tuple(KINDS)),
-        Key("signal", kinds.TEXT, "Recorded signal", '"sensor.current_measured"', required=True),
+        Key("kind", TEXT, "What is computed, see below", '"rmse"', required=True, choices=tuple(KINDS)),
+        Key("signal", TEXT, "Recorded signal", '"sensor.current_measured"', required=True),
         Key(
             "reference",
-            kinds.NUMBER_OR_TEXT,
+            NUMBER_OR_TEXT,
             "What is subtracted: a recorded signal, a parameter `component.parameter`, or a number",
             '"valve.current"',
             otherwise="none",
         ),
-        Key("after", kinds.NUMBER, "Only samples after this time [s]", "1e-3", otherwise="from the start"),
-        Key("before", kinds.NUMBER, "Only samples before this time [s]", "9e-3", otherwise="to the end"),
-        Key("where", kinds.TEXT, "Only samples at which this signal is not 0", '"valve.contact"', otherwise="all"),
+        Key("after", NUMBER, "Only samples after this time [s]", "1e-3", otherwise="from the start"),
+        Key("before", NUMBER, "Only samples before this time [s]", "9e-3", otherwise="to the end"),
+        Key("where", TEXT, "Only samples at which this signal is not 0", '"valve.contact"', otherwise="all"),
         Key(
             "time",
-            kinds.TEXT,
+            TEXT,
             "Signal with the time [s] that a sample is about, for what is published later",
             '"offline.published_time"',
             otherwise="that of its row",
         ),
         Key(
             "event",
-            kinds.TEXT,
+            TEXT,
             "`after` and `before` are counted from the first beginning of this event",
             '"offset"',
             otherwise="they are times",
@@ -261,24 +278,24 @@ METRIC = Section(
         ),
         Key(
             "bounds",
-            kinds.BOUNDS,
+            BOUNDS,
             "Where it must lie; `gapsense test` and `run` fail outside",
             "[0.0, 2e-3]",
             otherwise="any",
         ),
-        Key("description", kinds.TEXT, "What it tells", '"Noise of the current"', default=""),
-        Key("published", kinds.NUMBER, "Published value, shown beside it and not tested", "1e-3", otherwise="none"),
-        Key("table", kinds.TEXT, "Title of the table in which it is shown", '"Noise"', default=""),
-        Key("label", kinds.TEXT, "Its name there", '"current"', otherwise="that of the metric"),
+        Key("description", TEXT, "What it tells", '"Noise of the current"', default=""),
+        Key("published", NUMBER, "Published value, shown beside it and not tested", "1e-3", otherwise="none"),
+        Key("table", TEXT, "Title of the table in which it is shown", '"Noise"', default=""),
+        Key("label", TEXT, "Its name there", '"current"', otherwise="that of the metric"),
     ),
     at="[metrics.current_noise]",
 )
-METRICS = Section("[metrics]", "The metrics by name.", free=Key("<metric>", kinds.TABLE, "A metric", section=METRIC))
-RTOL = Key("rtol", kinds.NOT_NEGATIVE, "Share of the nominal value", "1e-6", default=Tolerance().rtol)
-ATOL = Key("atol", kinds.NOT_NEGATIVE, "In the unit of the signal", "1e-9", default=Tolerance().atol)
+METRICS = Section("[metrics]", "The metrics by name.", free=Key("<metric>", TABLE, "A metric", section=METRIC))
+RTOL = Key("rtol", NOT_NEGATIVE, "Share of the nominal value", "1e-6", default=Tolerance().rtol)
+ATOL = Key("atol", NOT_NEGATIVE, "In the unit of the signal", "1e-9", default=Tolerance().atol)
 EDGES = Key(
     "edge_steps",
-    kinds.INDEX,
+    INDEX,
     "Steps of its component by which an edge may come earlier or later",
     "1",
     default=Tolerance().edge_steps,
@@ -292,7 +309,7 @@ TOLERANCE = Section(
 TOLERANCES = Section(
     "[baseline.tolerances]",
     "Tolerances by pattern.",
-    free=Key("<pattern>", kinds.TABLE, "A tolerance", section=TOLERANCE),
+    free=Key("<pattern>", TABLE, "A tolerance", section=TOLERANCE),
 )
 BASELINE = Section(
     "[baseline]",
@@ -302,55 +319,53 @@ BASELINE = Section(
     (
         Key(
             "file",
-            kinds.TEXT,
+            TEXT,
             "CSV file, relative to this file",
             '"baseline.csv"',
             otherwise="`baseline.csv`, of a variant `baseline.<variant>.csv`",
             is_path=always,
         ),
-        Key("signals", kinds.TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
-        Key("decimation", kinds.COUNT, "Every which recorded row", "8", default=1),
+        Key("signals", TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
+        Key("decimation", COUNT, "Every which recorded row", "8", default=1),
         RTOL,
         ATOL,
         EDGES,
-        Key("tolerances", kinds.TABLE, "Exceptions", otherwise="none", section=TOLERANCES),
+        Key("tolerances", TABLE, "Exceptions", otherwise="none", section=TOLERANCES),
     ),
 )
 VARIANT = Section(
     "[variants.<variant>]",
     "Changes that `--variant` lays over the file: tables are merged key by key, anything else is replaced. All "
     "sections of the file may be given, as `[variants.<variant>.components.valve.set]`.",
-    (Key("description", kinds.TEXT, "What is different", '"Cold coil"', default=""),),
+    (Key("description", TEXT, "What is different", '"Cold coil"', default=""),),
     at="[variants.cold]",
 )
-VARIANTS = Section(
-    "[variants]", "The variants by name.", free=Key("<variant>", kinds.TABLE, "A variant", section=VARIANT)
-)
+VARIANTS = Section("[variants]", "The variants by name.", free=Key("<variant>", TABLE, "A variant", section=VARIANT))
 FILE = Section(
     "",
     "Before the first table.",
     (
-        Key("title", kinds.TEXT, "Title of tables and figures", '"My valve"', required=True),
-        Key("description", kinds.TEXT, "More about it", '"30 V, square wave"', default=""),
+        Key("title", TEXT, "Title of tables and figures", '"My valve"', required=True),
+        Key("description", TEXT, "More about it", '"30 V, square wave"', default=""),
         Key(
             "figure",
-            kinds.TEXT,
+            TEXT,
             "Figure that shows a run: `overview`, all signals by unit, or that of a study",
             '"overview"',
             default="overview",
         ),
-        Key("experiment", kinds.TABLE, "Time grid", required=True, section=EXPERIMENT),
-        Key("components", kinds.TABLE, "FMU instances", required=True, section=COMPONENTS),
-        Key("connect", kinds.TABLE, "Wiring", section=CONNECT),
-        Key("connections", kinds.TABLES, "Wiring that converts, or is delayed", section=CONNECTION),
-        Key("inputs", kinds.TABLE, "Inputs that no output drives", section=INPUTS),
-        Key("events", kinds.TABLE, "What happens during a run", section=EVENTS),
-        Key("seeds", kinds.TABLE, "Seeds", section=SEEDS),
-        Key("sweep", kinds.TABLE, "Sweep", section=SWEEP),
-        Key("record", kinds.TABLE, "Recording", section=RECORD),
-        Key("metrics", kinds.TABLE, "Metrics", section=METRICS),
-        Key("baseline", kinds.TABLE, "Baseline", section=BASELINE),
-        Key("variants", kinds.TABLE, "Variants", section=VARIANTS),
+        Key("experiment", TABLE, "Time grid", required=True, section=EXPERIMENT),
+        Key("components", TABLE, "FMU instances", required=True, section=COMPONENTS),
+        Key("connect", TABLE, "Wiring", section=CONNECT),
+        Key("connections", TABLES, "Wiring that converts, or is delayed", section=CONNECTION),
+        Key("inputs", TABLE, "Inputs that no output drives", section=INPUTS),
+        Key("events", TABLE, "What happens during a run", section=EVENTS),
+        Key("seeds", TABLE, "Seeds", section=SEEDS),
+        Key("sweep", TABLE, "Sweep", section=SWEEP),
+        Key("record", TABLE, "Recording", section=RECORD),
+        Key("metrics", TABLE, "Metrics", section=METRICS),
+        Key("baseline", TABLE, "Baseline", section=BASELINE),
+        Key("variants", TABLE, "Variants", section=VARIANTS),
     ),
 )
 

@@ -9,15 +9,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from gapsense.cosim import keys
-from gapsense.cosim import load_sections as sections
 from gapsense.cosim.changes import OVER, Changes
 from gapsense.cosim.document import Document, Source, read_document
 from gapsense.cosim.elements import Component, Experiment, Port
 from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import read_events
 from gapsense.cosim.input_signals import Played
+from gapsense.cosim.keys import COMPONENT, EXPERIMENT, FILE, VARIANT
 from gapsense.cosim.load_inputs import read_inputs
+from gapsense.cosim.load_sections import (
+    Grid,
+    Rows,
+    RowsColumns,
+    read_baseline,
+    read_connections,
+    read_metrics,
+    read_record,
+    read_sweep,
+)
 from gapsense.cosim.scenario import MOST_STEPS, NAME, Scenario
 from gapsense.parameters import is_file, located_values, read_parameters
 from gapsense.plain_files import LONGEST_NAME, unfit
@@ -87,7 +96,7 @@ class Reader:
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
-        about, experiment = self.table.read(keys.FILE), self.section("experiment", self.experiment)
+        about, experiment = self.table.read(FILE), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components, events = self.section("components", self.components), self.section(SECTION, self.events)
         grid, rows, columns = self.section("sweep", self.sweep)
@@ -101,14 +110,14 @@ class Reader:
             variant=self.variant,
             experiment=experiment,
             components=components,
-            connections=self.section("connections", sections.read_connections),
+            connections=self.section("connections", read_connections),
             inputs=inputs,
             seeds=seeds,
             grid=grid,
             rows=rows,
-            record=self.section("record", sections.read_record),
-            metrics=self.section("metrics", sections.read_metrics),
-            baseline=self.section("baseline", lambda table: sections.read_baseline(table, self.path, self.variant)),
+            record=self.section("record", read_record),
+            metrics=self.section("metrics", read_metrics),
+            baseline=self.section("baseline", lambda table: read_baseline(table, self.path, self.variant)),
             variants=self.section("variants", self.variants),
             tested=self.tested(),
             files=tuple(dict.fromkeys(self.files)),
@@ -119,9 +128,9 @@ class Reader:
             settings=self.document.changes,
         )
 
-    def sweep(self, table: Table) -> tuple[sections.Grid, sections.Rows, sections.RowsColumns]:
+    def sweep(self, table: Table) -> tuple[Grid, Rows, RowsColumns]:
         """Values that a sweep goes through."""
-        return sections.read_sweep(table, self.path.parent, self.files)
+        return read_sweep(table, self.path.parent, self.files)
 
     def events(self, table: Table) -> dict[str, Event]:
         """Events by name, with the values laid over them."""
@@ -139,7 +148,7 @@ class Reader:
     def experiment(self, table: Table) -> Experiment:
         """Time grid; a whole number of base steps must fit between start and stop."""
         table = table.table("experiment")
-        given = table.read(keys.EXPERIMENT)
+        given = table.read(EXPERIMENT)
         if given["stop"] is None or given["base_step"] is None:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
@@ -158,7 +167,7 @@ class Reader:
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
-        own = table.read(keys.COMPONENT)
+        own = table.read(COMPONENT)
         files = [self.path.parent / file for file in own["parameters"]]
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
@@ -200,7 +209,7 @@ class Reader:
             if not re.fullmatch(NAME, name) or unfit(name):
                 what = f"a variant's name is letters, digits and `_`, not starting with a digit, at most {LONGEST_NAME}"
                 table.note(name[:LONGEST_NAME], f"{what}: files are called so. Rename it.")
-            out[name] = item.value(keys.VARIANT.keys[0])
+            out[name] = item.value(VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
         return out

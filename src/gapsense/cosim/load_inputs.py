@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim import keys
 from gapsense.cosim.elements import Port
 from gapsense.cosim.input_signals import Played, Vector
+from gapsense.cosim.keys import SIGNAL
 from gapsense.cosim.load_sections import by_port
 from gapsense.files import SHOWN, Sheet, no_numbers, number, read_sheet, split_header
 from gapsense.problems import suggest
 from gapsense.tables import SCALAR, Table, Value, flattened
 
-KEYS = tuple(key.name for key in keys.SIGNAL.keys)
+KEYS = tuple(key.name for key in SIGNAL.keys)
 TIME = "time"
 
 
@@ -54,7 +54,7 @@ def without(data: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]
 
 def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
     """One signal, or None after noting why there is none."""
-    own = table.read(keys.SIGNAL)
+    own = table.read(SIGNAL)
     sources = [key for key in ("file", "times") if own[key] is not None]
     if len(sources) != 1:
         table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of both.")

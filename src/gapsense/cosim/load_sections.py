@@ -9,15 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from gapsense import tables as kinds
-from gapsense.cosim import keys
 from gapsense.cosim.elements import Connection, Port
 from gapsense.cosim.events.event import SECTION
+from gapsense.cosim.keys import BASELINE, CONNECTION, METRIC, RECORD, SWEEP, TOLERANCE
 from gapsense.cosim.metrics import KINDS
 from gapsense.cosim.scenario import MOST_RUNS, Baseline, Metric, Record, RowsColumn, Tolerance, product
 from gapsense.files import Sheet, number, read_sheet
 from gapsense.parameters import is_file, located
-from gapsense.tables import Table, Value, flattened
+from gapsense.tables import LIST, SCALAR, TABLES, TEXT, Table, Value, flattened
 
 Grid = dict[Port, tuple[Value, ...]]
 Rows = tuple[dict[Port, Value], ...]
@@ -32,17 +31,17 @@ ROWS = "rows"  # of `[sweep]`: a file, no parameter
 def read_connections(table: Table) -> tuple[Connection, ...]:
     """Connections: those of `[connect]`, target = source, then those of `[[connections]]`."""
     connect = table.table("connect")
-    sources = by_port(connect, connect.flat(kinds.TEXT))
+    sources = by_port(connect, connect.flat(TEXT))
     ends = [(split(connect, str(target), source), target) for target, source in sources.items()]
     short = [Connection(source, target, place=connect.at(str(target))) for source, target in ends if source]
-    items = table.take("connections", kinds.TABLES, [])
+    items = table.take("connections", TABLES, [])
     long = [read_connection(table.child(item, f"connections[{index}]")) for index, item in enumerate(items)]
     return (*short, *(connection for connection in long if connection))
 
 
 def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
-    own = table.read(keys.CONNECTION)
+    own = table.read(CONNECTION)
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
     how = (own["factor"], own["bias"], own["unit"], own["delayed"])
     return Connection(source, target, *how, place=table.place) if source and target else None
@@ -51,8 +50,8 @@ def read_connection(table: Table) -> Connection | None:
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")
-    file = sweep.read(keys.SWEEP)[ROWS]
-    lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(kinds.LIST)
+    file = sweep.read(SWEEP)[ROWS]
+    lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(LIST)
     for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
         sweep.note(name, "the same value is given twice. Remove one.")
         del lists[name]
@@ -106,7 +105,7 @@ def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Pa
     if value is not None and math.isfinite(value):
         return int(text) if WHOLE.fullmatch(text) else value
     if value is not None or not text:
-        problems.append(f"{sheet.place(i, j)}: `{text}` found, {kinds.SCALAR.name} expected. Correct it.")
+        problems.append(f"{sheet.place(i, j)}: `{text}` found, {SCALAR.name} expected. Correct it.")
     if not is_file(sheet.names[j], text):
         return text
     file = (sheet.path.parent / text).resolve()
@@ -133,7 +132,7 @@ def split(table: Table, key: str, name: str) -> Port | None:
 
 def read_record(table: Table) -> Record:
     """Signals to record; all inputs and outputs if the section is missing."""
-    record = table.table("record").read(keys.RECORD)
+    record = table.table("record").read(RECORD)
     return Record(tuple(record["signals"]), record["decimation"])
 
 
@@ -146,7 +145,7 @@ def read_metrics(table: Table) -> tuple[Metric, ...]:
 
 def read_metric(table: Table, name: str) -> Metric | None:
     """One metric, or None if its kind or signal is missing."""
-    own = table.read(keys.METRIC)
+    own = table.read(METRIC)
     after, before, bounds = own["after"], own["before"], own["bounds"]
     if after is not None and before is not None and after >= before:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
@@ -179,7 +178,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     """
     baseline = table.table("baseline")
     default = f"baseline.{variant}.csv" if variant else "baseline.csv"
-    given = baseline.read(keys.BASELINE)
+    given = baseline.read(BASELINE)
     file = given["file"] or default
     own = table.data["variants"][variant].get("baseline") if variant else None
     if variant and not (isinstance(own, dict) and "file" in own):
@@ -201,5 +200,5 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
 
 def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
     """Tolerance of a table, each part by default that of the table around it."""
-    own = {key: value for key, value in table.read(keys.TOLERANCE).items() if value is not None}
+    own = {key: value for key, value in table.read(TOLERANCE).items() if value is not None}
     return replace(default, **own)

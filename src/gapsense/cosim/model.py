@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gapsense.cosim import show
 from gapsense.cosim.content import Content, plain
 from gapsense.cosim.master import Master, Progress
 from gapsense.cosim.prepare import check, prepare
 from gapsense.cosim.record import Measure, Result
 from gapsense.cosim.run import run, run_once
+from gapsense.cosim.show import scenario_html
 from gapsense.cosim.sweep import sweep
 from gapsense.cosim.sweep_table import Sweep
 
@@ -102,4 +102,4 @@ class Scenario(Content):
         return f"<Scenario {self.data.get('title')!r}: {components or 'no components'}, {loaded}>"
 
     def _repr_html_(self) -> str:
-        return show.scenario_html(self.data, repr(self))
+        return scenario_html(self.data, repr(self))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.cosim import coarse
 from gapsense.cosim.check import check_scenario, read_descriptions
 from gapsense.cosim.check_values import taken
+from gapsense.cosim.coarse import remarks as on_grid
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.document import Source, scenario_file
 from gapsense.cosim.load import load, read_draft
@@ -43,7 +43,7 @@ def check(scenario: Source, variant: str | None = None, fmus: str | Path | None 
 def remarks(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
     """Sentences on what falls between the steps of a scenario without problems, as in `check`; it can be run."""
     sources = [variant] if variant else [None, *load(scenario).variants]
-    found = {name: coarse.remarks(*prepare(scenario, name, fmus)) for name in sources}
+    found = {name: on_grid(*prepare(scenario, name, fmus)) for name in sources}
     base = found[sources[0]]
     more = (f"variant {name}: {said}" for name, own in found.items() for said in own if name and said not in base)
     return base if variant else [*base, *more]

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.checked import sealed
-from gapsense.cosim import show
 from gapsense.cosim.events.event import Span
 from gapsense.cosim.metrics import Measured
+from gapsense.cosim.show import frame, plot, result_html
 from gapsense.cosim.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.files import prepared, read_columns, rename, sha256, write_columns, write_json
 from gapsense.problems import suggest
@@ -124,11 +124,11 @@ class Result:
 
     def plot(self, *patterns: str) -> Any:
         """Figure of the recorded signals of these names or patterns, by default all: a panel per unit."""
-        return show.plot(self, patterns)
+        return plot(self, patterns)
 
     def to_pandas(self) -> Any:
         """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
-        return show.frame(self.signals, "time", self.times, self.units)
+        return frame(self.signals, "time", self.times, self.units)
 
     def __repr__(self) -> str:
         span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
@@ -144,7 +144,7 @@ class Result:
         return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
 
     def _repr_html_(self) -> str:
-        return show.result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
+        return result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
 
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.

@@ -16,11 +16,11 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
-from gapsense.cosim import remote_child
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.failure import FmuError
 from gapsense.cosim.instance import FATAL, GET, KEPT, SET, STEP, WARNING, Instance, Message
 from gapsense.cosim.instance3 import kind_of
+from gapsense.cosim.remote_child import memory, plain, prepare, raw
 from gapsense.cosim.variables import Variable
 from gapsense.processes import Died
 from gapsense.spare import process
@@ -43,9 +43,9 @@ class RemoteInstance(Instance):
         home = self.process.folder
         (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
         try:
-            self.memory = remote_child.memory(home, description, is_new=True)
+            self.memory = memory(home, description, is_new=True)
             Thread(target=self.watch, daemon=True).start()
-            self.process.prepare(remote_child.prepare, str(home))
+            self.process.prepare(prepare, str(home))
             if self.request("load")[0] > WARNING:
                 raise FmuError(name, self.cause or self.failed, log=self.log())
         except BaseException:
@@ -117,9 +117,9 @@ class RemoteInstance(Instance):
         names = [variable.name for variable in variables]
 
         def move() -> int:
-            status, answer = self.request("move", [action, names, remote_child.plain(values)])
+            status, answer = self.request("move", [action, names, plain(values)])
             if status <= WARNING and action == "Get":
-                values[:] = remote_child.raw(answer)
+                values[:] = raw(answer)
             return status
 
         return move

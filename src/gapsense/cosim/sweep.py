@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from gapsense.checked import Entry
-from gapsense.cosim import sweep_table
 from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
@@ -39,6 +38,7 @@ from gapsense.cosim.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.signals import recorded_signals
 from gapsense.cosim.subject import Subject
 from gapsense.cosim.sweep_table import Sweep
+from gapsense.cosim.sweep_table import save as save_table
 from gapsense.cosim.worker import Runs, request, thrifty
 from gapsense.importable import facts, importable_name
 from gapsense.ledger import Ledger, kept, key
@@ -155,7 +155,7 @@ def swept(
         if file is not None and not interrupted:
             about = {**provenance(read, file.parent), **of_sweep(subject, seeds, ledger.key), "settings": {**changes}}
             about["engine"] = result.engine
-            sweep_table.save(result, about, points, file.with_suffix(".csv"))
+            save_table(result, about, points, file.with_suffix(".csv"))
     return result
 
 

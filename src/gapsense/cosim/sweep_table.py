@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.checked import SEAL, is_sealed, sealed
-from gapsense.cosim import show
 from gapsense.cosim.ahead import FMU
 from gapsense.cosim.provenance import kind
 from gapsense.cosim.scenario import Points
+from gapsense.cosim.show import frame, sweep_html
 from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.problems import InputError
 from gapsense.tables import Value
@@ -46,7 +46,7 @@ class Sweep:
 
     def to_pandas(self) -> Any:
         """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
-        return show.frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
+        return frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
 
     def __repr__(self) -> str:
         failed = f", {len(self.errors)} failed" if self.errors else ""
@@ -54,7 +54,7 @@ class Sweep:
         return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
 
     def _repr_html_(self) -> str:
-        return show.sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
+        return sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
 
 
 def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:

@@ -15,10 +15,10 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from gapsense import locks
 from gapsense.cosim.descriptions import Description
 from gapsense.cosim.failure import FmuError
 from gapsense.files import sha256
+from gapsense.locks import temporary_folder as locked_folder
 
 PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 
@@ -63,7 +63,7 @@ def home(process: int) -> Path:
 def temporary_folder() -> Path:
     """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
     for base in (None, Path("/tmp"), Path()):
-        folder = locks.temporary_folder(base).resolve()
+        folder = locked_folder(base).resolve()
         if PLAIN.fullmatch(str(folder)):
             return folder
         shutil.rmtree(folder)

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from gapsense import emit
-from gapsense.emit import Graph
+from gapsense.emit import Graph, Lanes, Numpy, compiled
 from gapsense.emit.lanes import held
 
 Row: TypeAlias = tuple[Any, ...]
@@ -84,17 +83,17 @@ class Code:
     @cached_property
     def python(self) -> Callable[..., Any]:
         """The same as scalar Python, for a single run."""
-        return emit.compiled(self.graph)
+        return compiled(self.graph)
 
     @cached_property
     def numpy(self) -> Callable[..., Any]:
         """The same as numpy code; `runs` comes behind the rows."""
-        return emit.compiled(self.graph, emit.Numpy)
+        return compiled(self.graph, Numpy)
 
     @cached_property
     def c(self) -> InC:
         """The same as C, of the function `NAME`."""
-        printer = emit.Lanes(self.graph._replace(name="NAME"))
+        printer = Lanes(self.graph._replace(name="NAME"))
         return InC(printer.source(), np.array([*printer.constants.values()], float))
 
     def __call__(self, *rows: Any) -> Any:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from gapsense import tables as kinds
 from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.scenario import NAME
-from gapsense.tables import Key, Section
+from gapsense.tables import INDEX, NUMBER, POSITIVE, SCALAR, TABLE, TEXT, TRUTH, Key, Section
 
 WHEN = Section(
     "[events.<event>.when]",
     "A condition on a signal, looked at after every base step. The event begins when it holds for the first time, with "
     "the next value that an input takes, or the next step of the component of a parameter.",
     (
-        Key("signal", kinds.TEXT, "Input or output `component.variable`", '"valve.position"', required=True),
-        Key("above", kinds.NUMBER, "The signal is greater than this", "0.5e-3", otherwise="`below`", is_other=True),
-        Key("below", kinds.NUMBER, "The signal is less than this", "0.1e-3", otherwise="`above`"),
-        Key("for", kinds.POSITIVE, "It has been so for this time [s], whole base steps", "1e-3", otherwise="at once"),
-        Key("after", kinds.NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
-        Key("again", kinds.TRUTH, "After the event it counts again, once it has not held", "true", default=False),
+        Key("signal", TEXT, "Input or output `component.variable`", '"valve.position"', required=True),
+        Key("above", NUMBER, "The signal is greater than this", "0.5e-3", otherwise="`below`", is_other=True),
+        Key("below", NUMBER, "The signal is less than this", "0.1e-3", otherwise="`above`"),
+        Key("for", POSITIVE, "It has been so for this time [s], whole base steps", "1e-3", otherwise="at once"),
+        Key("after", NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
+        Key("again", TRUTH, "After the event it counts again, once it has not held", "true", default=False),
     ),
     at="[events.offset.when]",
     before='[events.offset]\ntarget = "semera.current"\naction = "stuck"\nduration = 2e-3\n',
@@ -29,40 +28,40 @@ EVENT = Section(
     (
         Key(
             "target",
-            kinds.TEXT,
+            TEXT,
             "`component.variable`: an input, whatever drives it; an output, for all inputs that it drives; or a "
             "tunable parameter",
             '"semera.current"',
             required=True,
         ),
-        Key("action", kinds.TEXT, "What happens, see below", '"bias"', required=True, choices=tuple(ACTIONS)),
-        Key("value", kinds.SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
-        Key("over", kinds.POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
-        Key("at", kinds.NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
+        Key("action", TEXT, "What happens, see below", '"bias"', required=True, choices=tuple(ACTIONS)),
+        Key("value", SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
+        Key("over", POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
+        Key("at", NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
         Key(
             "until",
-            kinds.NUMBER,
+            NUMBER,
             "End [s], a base step",
             "50e-3",
             otherwise="`duration`, or to the end",
         ),
         Key(
             "duration",
-            kinds.POSITIVE,
+            POSITIVE,
             "How long [s], whole base steps",
             "10e-3",
             otherwise="`until`, or to the end",
             is_other=True,
         ),
-        Key("when", kinds.TABLE, "Condition", otherwise="`at`", section=WHEN),
-        Key("seed", kinds.INDEX, "Of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
-        Key("enabled", kinds.TRUTH, "`false`: it does not happen", "true", default=True),
-        Key("description", kinds.TEXT, "What it stands for", '"Offset of the current sensor"', default=""),
+        Key("when", TABLE, "Condition", otherwise="`at`", section=WHEN),
+        Key("seed", INDEX, "Of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
+        Key("enabled", TRUTH, "`false`: it does not happen", "true", default=True),
+        Key("description", TEXT, "What it stands for", '"Offset of the current sensor"', default=""),
     ),
     at="[events.offset]",
 )
 EVENTS = Section(
     "[events]",
     "The events by name.",
-    free=Key("<event>", kinds.TABLE, "An event", section=EVENT, pattern=NAME),
+    free=Key("<event>", TABLE, "An event", section=EVENT, pattern=NAME),
 )

@@ -9,8 +9,23 @@ import numpy.typing as npt
 
 from gapsense.cosim.events.watch import Watch
 from gapsense.cosim.instance import STEP
-from gapsense.cosim.loop import library
-from gapsense.cosim.loop.library import AT_GET, AT_SET, AT_STEP, IN_PYTHON, Doubles, Link, Loop, Number, Numbers
+from gapsense.cosim.loop.library import (
+    AT_GET,
+    AT_SET,
+    AT_STEP,
+    IN_PYTHON,
+    Doubles,
+    Link,
+    Loop,
+    Number,
+    Numbers,
+    PythonStep,
+    PythonTake,
+    address,
+)
+from gapsense.cosim.loop.library import Exchange as ExchangeInC
+from gapsense.cosim.loop.library import Part as PartInC
+from gapsense.cosim.loop.library import Watch as WatchInC
 from gapsense.cosim.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.part import NOT_FINITE, Exchange, Part
 from gapsense.cosim.recording import STOP
@@ -22,7 +37,7 @@ PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a
 def in_c(work: Work, run: Callable[..., int]) -> Advance:
     """Function that does base steps; `run` is that of the library."""
     guests = [Guest(part, work) for part in work.parts]
-    parts = (library.Part * len(guests))(*(structure(guest, i, work) for i, guest in enumerate(guests)))
+    parts = (PartInC * len(guests))(*(structure(guest, i, work) for i, guest in enumerate(guests)))
     loop, player = whole(work, parts), work.player
     changing = [guest for guest in guests if guest.part.stages and guest.part.is_direct]
 
@@ -45,7 +60,7 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
     return advance
 
 
-def is_ended(guest: Guest, loop: Loop, structure: library.Part) -> bool:
+def is_ended(guest: Guest, loop: Loop, structure: PartInC) -> bool:
     """True if the step that C could not go on from was the orderly end of its component: it then counts as done."""
     instance, begin = guest.part.instance, loop.time
     instance.last = loop.last
@@ -87,7 +102,7 @@ class Guest:
         return do
 
 
-def structure(guest: Guest, i: int, work: Work) -> library.Part:
+def structure(guest: Guest, i: int, work: Work) -> PartInC:
     """What loop.c needs to know of part `i`."""
     part, component, recording = guest.part, guest.part.component, work.recording
     common = {
@@ -103,15 +118,15 @@ def structure(guest: Guest, i: int, work: Work) -> library.Part:
         "spread": pointer(recording.spread[i], Numbers),
     }
     if not part.is_direct:
-        calls = {"python_step": library.PythonStep(guest.step), "python_take": library.PythonTake(guest.take)}
-        return library.Part(**common, **calls)
-    return library.Part(
+        calls = {"python_step": PythonStep(guest.step), "python_take": PythonTake(guest.take)}
+        return PartInC(**common, **calls)
+    return PartInC(
         **common,
         fmi=part.instance.description.fmi,
         instance=part.instance.pointer,
         inputs=exchange(part.set_inputs),
         outputs=exchange(part.get_outputs),
-        do_step=library.address(part.instance.function(STEP)),
+        do_step=address(part.instance.function(STEP)),
         links=guest.links,
         link_count=len(guest.links),
         follows=guest.takes_first,
@@ -132,15 +147,15 @@ def renew(guest: Guest) -> None:
         guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
 
 
-def condition(watch: Watch) -> library.Watch:
+def condition(watch: Watch) -> WatchInC:
     """A condition, for C."""
-    return library.Watch(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
+    return WatchInC(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
 
 
-def exchange(call: Exchange) -> library.Exchange:
+def exchange(call: Exchange) -> ExchangeInC:
     """A call that moves values, for C."""
-    entry = library.address(call.entry) if call.function else None
-    return library.Exchange(entry, call.references, len(call.references), call.values, len(call.values))
+    entry = address(call.entry) if call.function else None
+    return ExchangeInC(entry, call.references, len(call.references), call.values, len(call.values))
 
 
 def whole(work: Work, parts: Any) -> Loop:
@@ -162,7 +177,7 @@ def whole(work: Work, parts: Any) -> Loop:
         place_count=len(work.player.places),
         marks=(Number * MARKS).from_buffer(work.marks),
         patience=PATIENCE,
-        watches=(library.Watch * len(work.watches))(),
+        watches=(WatchInC * len(work.watches))(),
         watch_count=len(work.watches),
         next=work.begin,
     )
