@@ -8,7 +8,6 @@ of a campaign. A module counts if one of its functions was called, and is found 
 
 from __future__ import annotations
 
-import ast
 import sys
 import tempfile
 import threading
@@ -18,10 +17,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import numpy as np
-from scipy.sparse.csgraph import connected_components
-
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "repository"))
+from sources import circles  # noqa: E402
+
 SRC = ROOT / "src" / "gapsense"
 FORMER = {  # at the end of the second round of work
     "lines of Python": 50_562,
@@ -61,7 +60,7 @@ def main() -> None:
     found = {
         "lines of Python": sum(len(file.read_text("utf-8").splitlines()) for file in files),
         "modules": len(files),
-        "modules in circles": in_circles(files),
+        "modules in circles": sum(map(len, circles())),
     }
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
@@ -80,12 +79,14 @@ def main() -> None:
 
 
 def run(folder: Path) -> None:
+    """A run of a scenario with a parameter-set file."""
     from gapsense import cosim
 
     cosim.run(folder, fmus=ROOT / "build" / "fmus")
 
 
 def trace_mhe() -> None:
+    """The kernel of `Mhe`, called with symbols."""
     from gapsense.estimators import mhe
     from gapsense.kernel import Kernel
 
@@ -93,6 +94,7 @@ def trace_mhe() -> None:
 
 
 def campaign(folder: Path) -> None:
+    """A campaign of two runs, with the default engine."""
     from gapsense import campaign
 
     out = tempfile.mkdtemp(dir=folder)  # another one each time, for what is there is not run again
@@ -125,23 +127,6 @@ def noted() -> Iterator[set[tuple[str, str]]]:
     finally:
         sys.setprofile(None)
         threading.setprofile(None)  # type: ignore[arg-type]
-
-
-def in_circles(files: list[Path]) -> int:
-    """Modules that import each other in a circle, imports in functions and for types included."""
-    names = {".".join(f.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): f for f in files}
-    place = {name: k for k, name in enumerate(names)}
-    graph = np.zeros((len(names), len(names)), dtype=bool)
-    for name, file in names.items():
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            modules = [f"{node.module}.{a.name}" for a in node.names] if isinstance(node, ast.ImportFrom) else []
-            modules += [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            for module in modules:
-                other = next((m for m in (module, module.rpartition(".")[0]) if m in place), name)
-                graph[place[name], place[other]] = other != name
-    _, group = connected_components(graph, connection="strong")
-    counts = np.bincount(group)
-    return int(counts[counts > 1].sum())
 
 
 if __name__ == "__main__":

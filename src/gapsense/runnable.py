@@ -24,14 +24,16 @@ import numpy.typing as npt
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.sentences import say
-from gapsense.fmi.values import ValuesError, fields, problems, wrong_value
+from gapsense.fmi.values import ValuesError, fields, wrong_value
 from gapsense.kernel import Kernel
 from gapsense.native import own_compiler
 from gapsense.parameters import read_parameters
 from gapsense.problems import ScenarioError, suggest
+from gapsense.records import names
 
 Floats = npt.NDArray[np.float64]
 SAMPLE_TIME = "sample_time"
+TYPES = {"Real": "float", "Integer": "int", "Boolean": "bool", "String": "str"}
 R = TypeVar("R", bound="Runnable")
 
 
@@ -115,17 +117,12 @@ class Runnable:
     _moment: Moment | None = None
 
     def __init__(self, **parameters: Any) -> None:
-        names = {port.field: port for port in self.ports.of("parameter")}
-        if unknown := [key for key in parameters if key not in names]:
-            found = [f"`{key}` is no parameter of {self.ports.name}. {suggest(key, names)}" for key in unknown]
+        known = {port.field: port for port in self.ports.of("parameter")}
+        if unknown := [key for key in parameters if key not in known]:
+            found = [f"`{key}` is no parameter of {self.ports.name}. {suggest(key, known)}" for key in unknown]
             raise ValuesError(found)
-        given = {names[key].name: value for key, value in parameters.items()}
-        self.parameters = {port.name: given.get(port.name, port.start) for port in names.values()}
-        for port in names.values():
-            value = self.parameters[port.name]
-            if port.kind == "Real" and isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
-                self.parameters[port.name] = float(value)
-        self._values = self._checked(self.parameters)
+        self.parameters = {port.name: number(port, parameters.get(key, port.start)) for key, port in known.items()}
+        self._values = fields(self.ports, self.parameters, self.folder)
         self.reset()
 
     @classmethod
@@ -174,7 +171,7 @@ class Runnable:
         ValueError
             In the words of the FMU, for inputs that it does not take or outputs that are not finite.
         """
-        period, values, step = self._period(sample_time)
+        values, step = self._sampled(sample_time)
         inputs = self._inputs(signals, named)
         is_single = all(x.ndim < 2 for x in inputs)
         shape = np.broadcast_shapes((1, 1), *(x.shape for x in inputs))
@@ -184,13 +181,9 @@ class Runnable:
         if unknown := [name for name in wanted if name not in every]:
             raise ValueError(f"`{unknown[0]}` is no output of {self.ports.name}. {suggest(unknown[0], every)}")
         chosen = [every.index(name) for name in wanted]
-        data = self._in_c(flat, chosen, values, period, start_time, step)
+        data = self._in_c(flat, chosen, values, start_time, step)
         if data is None:
-            rows = [
-                self._in_python([x[k] for x in flat], values, period, start_time, step, f"run {k}, " * (shape[0] > 1))
-                for k in range(shape[0])
-            ]
-            data = np.stack(rows).transpose(0, 2, 1)[:, chosen]
+            data = np.stack([self._in_python(flat, k, values, start_time, step)[chosen] for k in range(shape[0])])
         found = {name: data[0, k] if is_single else data[:, k] for k, name in enumerate(wanted)}
         units = {port.name: port.unit for port in self.ports.of("output") if port.name in wanted}
         return Response(self.ports.name, np.array(start_time + step * np.arange(shape[1]), float), found, units)
@@ -200,10 +193,11 @@ class Runnable:
 
         The first call after the beginning or `reset` is the initialisation, as row 0 of `run`.
         """
-        period, values, step = self._period(sample_time)
+        values, step = self._sampled(sample_time)
         inputs = [float(x) for x in self._inputs(signals, named)]
         time = 0.0 if self._moment is None else self._moment.time + step
-        made, self._moment = self._advanced(self._moment, inputs, self._prepared(values), period or step, time)
+        prepared = self._usual if values is self._values else self._prepared(values)
+        made, self._moment = self._advanced(self._moment, inputs, prepared, step, time)
         return self._outputs(*made)
 
     @property
@@ -230,35 +224,39 @@ class Runnable:
         return _outputs_of(self.ports.name, tuple(port.name for port in self.ports.of("output")))
 
     @cached_property
+    def _usual(self) -> tuple[Any, Any]:
+        """Of its own parameters, what `_prepared` makes of them."""
+        return self._prepared(self._values)
+
+    @cached_property
+    def _clocks(self) -> int:
+        """How many of time and step the kernel takes."""
+        return len(names(self.kernel.module.Inputs)) - len(self.ports.of("input"))
+
+    @cached_property
     def _has_ranges(self) -> bool:
         return any((port.min, port.max) != (None, None) for port in self.ports.of("input"))
 
-    def _checked(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        if found := problems(self.ports, given):
-            raise ValuesError(found)
-        return fields(self.ports, given, self.folder)
-
-    def _period(self, sample_time: float | None) -> tuple[float, dict[str, Any], float]:
-        """Sampling period (0 for none), fields of the parameters, and the step between two rows."""
-        if SAMPLE_TIME in self.parameters:
-            period = float(self.parameters[SAMPLE_TIME] if sample_time is None else sample_time)
-            same = period == self.parameters[SAMPLE_TIME]
-            return period, self._values if same else self._checked({**self.parameters, SAMPLE_TIME: period}), period
-        sample_time = self.ports.step_size if sample_time is None else sample_time
-        if not (math.isfinite(sample_time) and sample_time > 0.0):
-            raise ValueError(say("step_size", repr(float(sample_time))))
-        return 0.0, self._values, float(sample_time)
+    def _sampled(self, sample_time: float | None) -> tuple[dict[str, Any], float]:
+        """Fields of the parameters, and the step between two rows [s]."""
+        usual = self.parameters.get(SAMPLE_TIME, self.ports.step_size)
+        step = float(usual if sample_time is None else sample_time)
+        if SAMPLE_TIME in self.parameters and step != usual:
+            return fields(self.ports, {**self.parameters, SAMPLE_TIME: step}, self.folder), step
+        if not (math.isfinite(step) and step > 0.0):
+            raise ValueError(say("step_size", repr(step)))
+        return self._values, step
 
     def _inputs(self, signals: Sequence[Any], named: Mapping[str, Any]) -> list[Floats]:
         """Every input as an array; what is wrong with names, shapes and types is told."""
         ports = self.ports.of("input")
-        names = [port.name for port in ports]
+        known = [port.name for port in ports]
         if len(signals) > len(ports):
-            raise TypeError(f"{len(signals)} inputs found, {len(ports)} expected: {', '.join(names)}.")
-        given = {**dict(zip(names, signals))}
+            raise TypeError(f"{len(signals)} inputs found, {len(ports)} expected: {', '.join(known)}.")
+        given = dict(zip(known, signals))
         for name, value in named.items():
-            if name not in names:
-                raise TypeError(f"`{name}` is no input of {self.ports.name}. {suggest(name, names)}")
+            if name not in known:
+                raise TypeError(f"`{name}` is no input of {self.ports.name}. {suggest(name, known)}")
             if name in given:
                 raise TypeError(f"input `{name}` is given twice. Leave one out.")
             given[name] = value
@@ -266,12 +264,12 @@ class Runnable:
             raise TypeError(f"input {', '.join(f'`{name}`' for name in missing)} missing. Give an array or a number.")
         arrays = [np.asarray(given.get(port.name, port.start or 0.0), dtype=np.float64) for port in ports]
         if any(x.ndim > 2 or 0 in x.shape for x in arrays):
-            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(names, arrays))
+            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays))
             raise ValueError(f"shapes {shapes} found; (samples,) or (runs, samples), not empty, expected.")
         try:
             np.broadcast_shapes(*(x.shape for x in arrays))
         except ValueError:
-            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(names, arrays) if x.ndim)
+            shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays) if x.ndim)
             raise ValueError(f"shapes {shapes} found, the same number of samples expected. Correct them.") from None
         return arrays
 
@@ -280,47 +278,47 @@ class Runnable:
         inputs: list[Floats],
         chosen: list[int],
         values: Mapping[str, Any],
-        period: float,
         start: float,
         step: float,
     ) -> Floats | None:
         """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
         if own_compiler() is None:
             return None
-        from gapsense.vectors import filter, library
+        from gapsense.vectors.filter import filtered
+        from gapsense.vectors.library import functions, loop
 
-        found = library.functions(self.ports.name) if library.loop() else None
+        found = functions(self.ports.name) if loop() else None
         if found is None:
             return None
-        data, failed = filter.Filter(found, values, period).run(inputs, chosen, start, step)
+        data, failed = filtered(found, values, inputs, chosen, start, step)
         for run in np.flatnonzero(failed):
-            self._in_python([x[run] for x in inputs], values, period, start, step, f"run {run}, " * (len(data) > 1))
+            self._in_python(inputs, int(run), values, start, step)
         return data
 
     def _in_python(
         self,
         inputs: list[Floats],
+        run: int,
         values: Mapping[str, Any],
-        period: float,
         start: float,
         step: float,
-        where: str = "",
     ) -> Floats:
-        """The outputs of one run (samples, outputs) by the scalar code."""
+        """The outputs of one run (outputs, samples) by the scalar code."""
         moment, rows, prepared = None, [], self._prepared(values)
-        for k, row in enumerate(zip(*(x.tolist() for x in inputs))):
+        for k, row in enumerate(zip(*(x[run].tolist() for x in inputs))):
             try:
                 time = start + (k - 1) * step + step if k else start
-                made, moment = self._advanced(moment, row, prepared, period or step, time)
+                made, moment = self._advanced(moment, row, prepared, step, time)
             except ValueError as error:
+                where = f"run {run}, " if len(inputs[0]) > 1 else ""
                 raise ValueError(f"{where}sample {k}: {error}") from None
             rows.append(made)
-        return np.array(rows)
+        return np.array(rows).T
 
     def _prepared(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
         """Flat parameters, and what a step needs of them."""
         scalar = self.kernel.scalar
-        par = tuple(values[name] for name in scalar_names(self.kernel))
+        par = tuple(values[name] for name in names(self.kernel.module.Parameters))
         return par, scalar["constants"](par)
 
     def _advanced(
@@ -333,29 +331,25 @@ class Runnable:
     ) -> tuple[Sequence[float], Moment]:
         """Outputs and where it stands after one step, or at the start."""
         self._refuse(row)
-        clock = [time, 0.0 if moment is None else dt][: clocks(self.kernel)]
+        clock = [time, 0.0 if moment is None else dt][: self._clocks]
         scalar = self.kernel.scalar
         if moment is None:
             state, made = scalar["initial"]([*clock, *row], prepared[0])
         else:
             state, made = scalar["advance"](moment.state, [*clock, *row], prepared[1])
-        if not math.isfinite(sum(made)) and not all(map(math.isfinite, made)):
-            bad = [f"`{p.name}`" for p, value in zip(self.ports.of("output"), made) if not math.isfinite(value)]
-            raise ValueError(say("outputs_not_finite", ", ".join(bad)))
+        if not math.isfinite(sum(made)):
+            failing().refuse_non_finite(self.ports.of("output"), made, "outputs_not_finite")
         return made, Moment(state, time)
 
     def _refuse(self, row: Sequence[float]) -> None:
         """Refuse inputs as the FMU does."""
         if self.ports.survives:
             return
-        total = sum(row)
-        if total - total == 0.0 and not self._has_ranges:
-            return
         ports = self.ports.of("input")
-        if bad := [f"`{p.name}`" for p, value in zip(ports, row) if not math.isfinite(value)]:
-            raise ValueError(say("inputs_not_finite", ", ".join(bad)))
-        if wrong := [text for port, value in zip(ports, row) if (text := wrong_value(port, value))]:
-            raise ValueError(say("correct_inputs", " ".join(wrong)))
+        if not math.isfinite(sum(row)):
+            failing().refuse_non_finite(ports, row, "inputs_not_finite")
+        if self._has_ranges and any(map(wrong_value, ports, row)):
+            failing().refuse_inputs(ports, row)
 
 
 @cache
@@ -363,20 +357,11 @@ def _outputs_of(name: str, outputs: tuple[str, ...]) -> Any:
     return NamedTuple(f"{name}Outputs", [(output, float) for output in outputs])
 
 
-@cache
-def scalar_names(kernel: Kernel) -> list[str]:
-    """Names of the flat parameters."""
-    from gapsense.records import names
+def failing() -> Any:
+    """What words FMUs find; with pythonfmu, which nobody needs whose values are fine."""
+    from gapsense.fmi import failing
 
-    return names(kernel.module.Parameters)
-
-
-@cache
-def clocks(kernel: Kernel) -> int:
-    """How many of time and step a kernel takes."""
-    from gapsense.records import fields as of
-
-    return sum(name in of(kernel.module.Inputs) for name in ("time", "dt"))
+    return failing
 
 
 @cache
@@ -389,6 +374,12 @@ def component_class(name: str) -> type[Runnable]:
     keywords = [Parameter(p.field, Parameter.KEYWORD_ONLY, default=p.start) for p in ports.of("parameter")]
     made.__signature__ = Signature(keywords)  # type: ignore[attr-defined]
     return made
+
+
+def number(port: Port, value: Any) -> Any:
+    """A value of a parameter, as a float if it is to be a number and is one."""
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    return float(value) if port.kind == "Real" and is_number else value
 
 
 def documented(ports: Component) -> str:
@@ -410,7 +401,7 @@ def documented(ports: Component) -> str:
 
 def typed(port: Port) -> str:
     """Type, unit and range of a port in a docstring."""
-    kind = {"Real": "float", "Integer": "int", "Boolean": "bool", "String": "str"}[port.kind]
+    kind = TYPES[port.kind]
     unit = f" [{port.unit}]" if port.kind == "Real" and port.unit != "1" else ""
     low, high = (None if limit is None else f"{limit:g}" for limit in (port.min, port.max))
     span = f", {low} to {high}" if low and high else f", at least {low}" if low else f", at most {high}" if high else ""

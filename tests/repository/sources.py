@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
 ROOT = Path(__file__).resolve().parents[2]
 SRC = ROOT / "src" / "gapsense"
 FOLDERS = ("src", "fmus", "scenarios", "tests", "docs", "benchmarks", ".ci")
@@ -121,6 +124,25 @@ def lists(path: Path) -> list[tuple[int, set[str]]]:
             entries = node.keys if isinstance(node, ast.Dict) else node.elts
             found.append((node.lineno, {str(e.value) for e in entries if isinstance(e, ast.Constant)}))
     return [*found, (1, {part for name, _ in imports(path) for part in name.split(".")})]
+
+
+def circles() -> list[list[str]]:
+    """Modules that import each other, in functions and under TYPE_CHECKING too.
+
+    Whoever imports a module from a package needs the package as well.
+    """
+    names = {
+        ".".join(path.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in PYTHON
+    }
+    place = {name: k for k, name in enumerate(names)}
+    graph = np.zeros((len(names), len(names)), dtype=bool)
+    for name, path in names.items():
+        for imported, _ in imports(path):
+            for other in (imported, imported.rpartition(".")[0]):
+                if other in place and other != name:
+                    graph[place[name], place[other]] = True
+    _, group = connected_components(graph, connection="strong")
+    return [sorted(n for n in names if group[place[n]] == k) for k in set(group) if sum(group == k) > 1]
 
 
 def ours(path: Path) -> Iterator[tuple[str, int]]:

@@ -9,11 +9,9 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
 import pytest
 import typer
-from scipy.sparse.csgraph import connected_components
-from sources import MODULES, PYTHON, ROOT, SRC, imports, lists, name_of, others, ours, part_of, tree
+from sources import MODULES, PYTHON, ROOT, SRC, circles, imports, lists, name_of, others, ours, part_of, tree
 
 import gapsense
 from gapsense import cosim
@@ -140,18 +138,7 @@ def test_components_import_the_makers_of_port_tables_only():
 
 def test_no_modules_import_each_other_in_a_circle():
     """Imports in functions and under TYPE_CHECKING count: whoever reads one of the modules needs all of them."""
-    names = {
-        ".".join(path.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in PYTHON
-    }
-    place = {name: k for k, name in enumerate(names)}
-    graph = np.zeros((len(names), len(names)), dtype=bool)
-    for name, path in names.items():
-        for imported, _ in imports(path):
-            for other in (imported, imported.rpartition(".")[0]):
-                if other in place and other != name:
-                    graph[place[name], place[other]] = True
-    _, group = connected_components(graph, connection="strong")
-    assert not [sorted(n for n in names if group[place[n]] == k) for k in set(group) if sum(group == k) > 1]
+    assert not circles()
 
 
 def test_one_module_alone_says_how_another_python_is_started():

@@ -17,8 +17,8 @@ from gapsense.campaign.result import Campaign, read
 from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_manifest
 from gapsense.campaign.task import asked, local_job
 from gapsense.checked import Entry, fingerprint
-from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
-from gapsense.cosim.engines import VectorExecutor, unknown_engine, vector_executor
+from gapsense.cosim.ahead import AUTO, FMU, VECTORS, sweep_ahead
+from gapsense.cosim.engines import VectorExecutor, refuse_unknown, vector_executor
 from gapsense.cosim.provenance import provenance
 from gapsense.cosim.subject import Subject
 from gapsense.files import PART
@@ -71,8 +71,7 @@ def run(
         If the study, its scenario or its FMUs are wrong, with all problems found.
     """
     count = workers or processors()
-    if engine not in ENGINES:
-        raise ScenarioError([unknown_engine(engine)])
+    refuse_unknown(engine)
     if scheduler and engine == VECTORS:
         raise ScenarioError(
             ["The workers of a Dask scheduler run FMUs, not vectors. Leave `scheduler` or `engine` out."]

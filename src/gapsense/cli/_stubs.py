@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
-from gapsense.runnable import documented
+from gapsense.runnable import TYPES, documented
 from gapsense.shipped import COMPONENTS, PACKAGE
 
 FILE = PACKAGE / "components.pyi"
@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from gapsense.runnable import Floats, Response, Runnable
 """
-TYPES = {"Real": "float", "Integer": "int", "Boolean": "bool", "String": "str"}
 
 
 def text() -> str:

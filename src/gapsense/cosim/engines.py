@@ -19,20 +19,20 @@ from gapsense.cosim.record import Result
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.subject import Subject
 from gapsense.cosim.worker import by_port
-from gapsense.problems import suggest
+from gapsense.problems import ScenarioError, suggest
 from gapsense.shipped import NATIVE_FOLDER
 from gapsense.workers import Answers, Job, Pending, Server
 
 if TYPE_CHECKING:
     from gapsense.vectors.engine import Vectors
 
-
 LOG = logging.getLogger(__name__)
 
 
-def unknown_engine(engine: str) -> str:
-    """What is wrong with an engine that does not exist."""
-    return f"engine: `{engine}` found. {suggest(engine, ENGINES)}"
+def refuse_unknown(engine: str) -> None:
+    """Raise a ScenarioError for an engine that does not exist."""
+    if engine not in ENGINES:
+        raise ScenarioError([f"engine: `{engine}` found. {suggest(engine, ENGINES)}"])
 
 
 def folder_of(engine: str, scenario: Source, fmus: str | Path | None) -> str | Path | None:
@@ -64,10 +64,9 @@ def run_as_vectors(scenario: Source, variant: str | None, fmus: str | Path | Non
     if not likely_vectors(engine):
         return None
     subject = Subject(*prepare(scenario, variant, fmus))
-    take = subject.taken()
-    for _, recording in vectors.record([take]) if (vectors := vectors_for(subject, engine)) else ():
-        return result_of(subject, take, recording) if recording else None
-    return None
+    take, vectors = subject.taken(), vectors_for(subject, engine)
+    _, recording = next(vectors.record([take])) if vectors else (0, None)
+    return result_of(subject, take, recording) if recording else None
 
 
 def result_of(subject: Subject, take: Take, recording: Recording) -> Result:

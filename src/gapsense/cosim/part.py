@@ -44,6 +44,10 @@ class Layout:
         """Places of each event on an input."""
         return slots(self.events, self.index)
 
+    def slots_of(self, component: str) -> dict[str, Slot]:
+        """Those of the events on inputs of a component."""
+        return {name: slot for name, slot in self.slots.items() if self.events[name].target.component == component}
+
     @cached_property
     def inlets(self) -> dict[Port, int]:
         """Where the values for each input go."""
@@ -115,11 +119,7 @@ class Part:
         self.outputs = places.of(component.name, "output")
         self.plain: list[tuple[int, int]] = []
         self.scaled: list[tuple[int, int, float, float]] = []
-        self.stages = {
-            name: Stage(slot)
-            for name, slot in places.slots.items()
-            if places.events[name].target.component == component.name
-        }
+        self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
         self.is_played = False  # an input follows a signal of the scenario
         self.status = self.warnings = 0  # of the last call; steps that returned a warning
         self.ended = 0  # what its orderly end was, if it has ended

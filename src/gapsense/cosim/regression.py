@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from gapsense.cosim.ahead import ENGINES, FMU, run_ahead
+from gapsense.cosim.ahead import FMU, run_ahead
 from gapsense.cosim.compare import compare, selected, thinned
 from gapsense.cosim.difference import Comparison
 from gapsense.cosim.document import Document, Source, scenario_file
-from gapsense.cosim.engines import folder_of, run_as_vectors, unknown_engine
+from gapsense.cosim.engines import folder_of, refuse_unknown, run_as_vectors
 from gapsense.cosim.failure import FmuError
 from gapsense.cosim.load import load, read_draft
 from gapsense.cosim.record import TIME, Result
@@ -125,8 +125,7 @@ def test_scenarios(
     list of Outcome
         In the order run; it ends early after a Ctrl-C.
     """
-    if engine not in ENGINES:
-        raise ScenarioError([unknown_engine(engine)])
+    refuse_unknown(engine)
     outcomes: list[Outcome] = []
     due = [pending(path, variant, folder) for path in find_scenarios(folder) for variant in variants(path)]
     report = report or (lambda known, new: None)

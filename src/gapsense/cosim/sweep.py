@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from gapsense.checked import Entry
-from gapsense.cosim.ahead import AUTO, ENGINES, FMU, VECTORS, sweep_ahead
+from gapsense.cosim.ahead import AUTO, FMU, VECTORS, sweep_ahead
 from gapsense.cosim.apart import limit_of
 from gapsense.cosim.changes import OVER
 from gapsense.cosim.descriptions import Description, Descriptions
 from gapsense.cosim.document import Document, Source
 from gapsense.cosim.elements import Port
-from gapsense.cosim.engines import folder_of, unknown_engine, vector_executor
+from gapsense.cosim.engines import folder_of, refuse_unknown, vector_executor
 from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.fingerprint import deciding
 from gapsense.cosim.metrics import unit_of
@@ -94,6 +94,7 @@ def sweep(
     -------
     Sweep
     """
+    refuse_unknown(engine)
     with nullcontext() if measure else sweep_ahead(workers, engine):
         read, descriptions = prepare(scenario, variant, folder_of(engine, scenario, fmus))
         seeds = (1 if read.swept else 200) if seeds is None else seeds
@@ -114,8 +115,6 @@ def swept(
     engine: str,
 ) -> Sweep:
     """The runs of a sweep; `changes` are what was laid over the scenario."""
-    if engine not in ENGINES:
-        raise ScenarioError([unknown_engine(engine)])
     read, descriptions = subject.scenario, subject.descriptions
     points = read.points()
     runs = range(seeds * len(points))

@@ -9,24 +9,22 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.descriptions import Description
-from gapsense.cosim.elements import Component
 from gapsense.cosim.events.director import Director
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.failure import FmuError
 from gapsense.cosim.input_signals import player
 from gapsense.cosim.inputs import constants
+from gapsense.cosim.master import shape
 from gapsense.cosim.part import Stage
 from gapsense.cosim.recording import Recording, Take
-from gapsense.fmi.ports import Component as PortTable
-from gapsense.fmi.values import ValuesError, fields
+from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
-from gapsense.lanes.plan import Column
 from gapsense.processes import new_marks
 from gapsense.records import names
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.model import Model, Placed
-from gapsense.vectors.places import aligned, entries_of
+from gapsense.vectors.model import Member, Model, of_parameters
+from gapsense.vectors.places import aligned, columns, table
 
 Values = Mapping[str, Value]
 
@@ -36,11 +34,8 @@ class RunPart:
 
     def __init__(self, block: Block, place: int, lane: int) -> None:
         self.block, self.place, self.lane = block, place, lane
-        self.places = block.model.parts[place]
-        self.component: Component = self.places.component
-        layout = block.model.layout
-        own = (n for n in layout.slots if layout.events[n].target.component == self.component.name)
-        self.stages = {name: Stage(layout.slots[name]) for name in own}
+        self.component, self.places = block.model.members[place]
+        self.stages = {name: Stage(slot) for name, slot in block.model.layout.slots_of(self.component.name).items()}
         self.instance = self  # whose parameters events change
 
     def number(self, name: str, value: Value | None) -> Value | None:
@@ -52,11 +47,11 @@ class RunPart:
         """Set a tunable parameter during the run; FmuError if the component would refuse that."""
         given = self.block.given[self.lane][self.component.name]
         given[name] = float(value)
-        component = self.places.functions.component
-        if found := refused(component, of_parameters(component, given)):
-            raise FmuError(self.component.name, " ".join(found))
-        field = next(port.field for port in component.of("parameter") if port.name == name)
-        entry = names(self.places.functions.kernel.module.Parameters).index(field)
+        found, table = self.places.functions, self.places.functions.component
+        if wrong := refused(table, of_parameters(table, given)):
+            raise FmuError(self.component.name, " ".join(wrong))
+        field = next(port.field for port in table.of("parameter") if port.name == name)
+        entry = names(found.kernel.module.Parameters).index(field)
         self.block.values[self.places.par[entry], self.lane] = value
         self.block.prepare(self.place)
 
@@ -71,14 +66,12 @@ class Block:
         self.model, self.takes, self.go_on, self.c = model, takes, go_on, library.loop()
         self.width, self.count = self.c.width(), len(takes)
         self.values = aligned(model.room.size, self.width)
-        self.data = np.empty((self.count, len(model.subject.columns), model.rows))
+        self.data = np.empty((self.count, *reversed(shape(model.scenario, model.subject.columns))))
         self.arrays = [np.zeros((size, self.width)) for size in model.room.memories]
         self.given: list[dict[str, dict[str, Value]]] = []
         self.directors: list[Director] = []
         self.player = player(model.scenario.played, model.layout.inlets, model.experiment)
-        self.runs = library.Runs(
-            first=0, count=self.count, v=self.values.ctypes.data, data=self.data.ctypes.data, next=0
-        )
+        self.runs = library.Runs(count=self.count, v=self.values.ctypes.data, data=self.data.ctypes.data)
 
     def run(self) -> list[Recording | None]:
         """What each run recorded; nothing of one that is lost."""
@@ -100,36 +93,66 @@ class Block:
 
     def initialize(self) -> None:
         """Bring all runs to their start, in the order of `Master.initialize`."""
-        model, marks = self.model, new_marks()
+        self.parametrize()
+        self.direct()
+        self.start_inputs()
+        for place, structure in enumerate(self.model.structures):
+            self.prepare(place)
+            self.c.begin(self.model.loop, self.runs, structure, False)
+        self.connect_inputs()
+        for structure in self.model.structures:
+            self.c.begin(self.model.loop, self.runs, structure, True)
+
+    def parametrize(self) -> None:
+        """Set all parameters; a run with values that a component does not take is lost."""
         for lane, take in enumerate(self.takes):
-            self.given.append(given := {p.component.name: given_of(p, take, model) for p in model.parts})
+            given = {member.component.name: given_of(member, take, self.model) for member in self.model.members}
+            self.given.append(given)
             try:
-                for p in model.parts:
-                    self.set_parameters(p, lane, given[p.component.name])
+                for member in self.model.members:
+                    self.set_parameters(member, lane)
             except (ValuesError, OSError):
                 self.lose(lane)
-        columns = [Column(a.ctypes.data, *a.strides, len(a)) for a in self.arrays]
-        self.columns = (Column * len(columns))(*columns)
-        self.runs.columns = self.columns
-        if model.layout.events:
-            for lane, take in enumerate(self.takes):
-                problems: list[str] = []
-                parts: Any = [RunPart(self, place, lane) for place in range(len(model.parts))]
-                events = model.resolved(varied(model.scenario.events, take.values, problems))
-                if problems:
-                    self.lose(lane)
-                view = self.values[:, lane]
-                self.directors.append(Director(events, model.experiment, parts, model.layout, view, take.seeds, marks))
-        for p in model.parts:
-            for k, port in enumerate(p.functions.component.of("input")):
+        self.runs.columns = columns(self.arrays)
+
+    def set_parameters(self, member: Member, lane: int) -> None:
+        """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""
+        at, given = member.places, self.given[lane][member.component.name]
+        for k, entry in enumerate(self.model.entries(member, given)):
+            if k not in at.tables:
+                self.values[at.par[k], lane] = entry
+            elif lane == 0:
+                self.arrays[at.tables[k]] = table(entry, self.width)
+            elif len(entry) == len(self.arrays[at.tables[k]]):
+                self.arrays[at.tables[k]][:, lane] = entry
+            else:
+                self.lose(lane)
+
+    def direct(self) -> None:
+        """Prepare the events of each run."""
+        model, marks = self.model, new_marks()
+        for lane, take in enumerate(self.takes if model.layout.events else ()):
+            problems: list[str] = []
+            parts: Any = [RunPart(self, place, lane) for place in range(len(model.members))]
+            events = model.resolved(varied(model.scenario.events, take.values, problems))
+            if problems:
+                self.lose(lane)
+            view = self.values[:, lane]
+            self.directors.append(Director(events, model.experiment, parts, model.layout, view, take.seeds, marks))
+
+    def start_inputs(self) -> None:
+        """Set the inputs that components have before anything is connected."""
+        for component, at in self.model.members:
+            for k, port in enumerate(at.functions.component.of("input"), at.own):
                 for lane in range(self.count):
-                    self.values[p.own + k, lane] = self.given[lane][p.component.name].get(port.name, port.start or 0.0)
+                    self.values[k, lane] = self.given[lane][component.name].get(port.name, port.start or 0.0)
         self.alike()
-        for place, structure in enumerate(model.structures):
-            self.prepare(place)
-            self.c.begin(model.loop, self.runs, structure, False)
-        for p in model.parts:
-            self.values[p.buffered : p.buffered + len(p.functions.component.of("input"))] = 0.0
+
+    def connect_inputs(self) -> None:
+        """From now on inputs have what the scenario gives them: constants, signals, and what outputs drive."""
+        model = self.model
+        for _, at in model.members:
+            self.values[at.buffered : at.buffered + len(at.functions.component.of("input"))] = 0.0
         for lane, take in enumerate(self.takes):
             for inlet, value in constants(model.scenario, model.subject.descriptions, take.values).items():
                 self.values[model.layout.inlets[inlet], lane] = float(value)
@@ -138,29 +161,10 @@ class Block:
         self.alike()
         self.provide(0)
         self.c.play_first(model.loop, self.runs)
-        for structure in model.structures:
-            self.c.begin(model.loop, self.runs, structure, True)
 
     def alike(self) -> None:
         """Give places of the vector without a run what the first run has, for nothing to be odd there."""
         self.values[:, self.count :] = self.values[:, :1]
-
-    def set_parameters(self, p: Placed, lane: int, given: Values) -> None:
-        """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""
-        component = p.functions.component
-        found = fields(component, of_parameters(component, given), p.functions.folder)
-        entries = entries_of(p.functions, found)
-        for k, entry in enumerate(entries):
-            if k not in p.tables:
-                self.values[p.par[k], lane] = entry
-                continue
-            column = p.tables[k]
-            if lane == 0:
-                self.arrays[column] = np.repeat(np.array(entry, dtype=np.float64)[:, None], self.width, axis=1)
-            elif len(entry) == len(self.arrays[column]):
-                self.arrays[column][:, lane] = entry
-            else:
-                self.lose(lane)
 
     # --- base steps ---
 
@@ -218,27 +222,21 @@ class Block:
 
     def recording(self, lane: int, wall: float) -> Recording:
         """What a run leaves behind."""
-        experiment, parts = self.model.experiment, self.model.parts
-        found = Recording(self.data[lane].T, rows=self.model.rows, parameters=self.parameters[lane], wall=wall)
-        found.start(len(parts))
-        found.calls = [(experiment.count - p.component.offset) // p.component.step for p in parts]
+        data, count = self.data[lane].T, self.model.experiment.count
+        found = Recording(data, rows=len(data), parameters=self.parameters[lane], wall=wall)
+        found.start(len(self.model.members))
+        found.calls = [(count - component.offset) // component.step for component, _ in self.model.members]
         if self.directors:
             found.events = self.directors[lane].happened
         return found
 
 
-def given_of(p: Placed, take: Take, model: Model) -> dict[str, Value]:
+def given_of(member: Member, take: Take, model: Model) -> dict[str, Value]:
     """Values of parameters and inputs that a component of a run is given before its initialization."""
-    name, description = p.component.name, model.subject.descriptions[p.component.name]
-    own: dict[str, Value] = {"seed": take.seeds[name]} if name in take.seeds else {}
-    own |= {port.variable: value for port, value in take.values.items() if port.component == name}
-    return {name: typed(description, name, value) for name, value in {**p.component.values, **own}.items()}
-
-
-def of_parameters(component: PortTable, given: Values) -> dict[str, Value]:
-    """Those of some values that are of parameters."""
-    named = {port.name for port in component.of("parameter")}
-    return {name: value for name, value in given.items() if name in named}
+    component, description = member.component, model.subject.descriptions[member.component.name]
+    own: dict[str, Value] = {"seed": take.seeds[component.name]} if component.name in take.seeds else {}
+    own |= {port.variable: value for port, value in take.values.items() if port.component == component.name}
+    return {name: typed(description, name, value) for name, value in {**component.values, **own}.items()}
 
 
 def typed(description: Description, name: str, value: Value) -> Value:
@@ -250,8 +248,7 @@ def typed(description: Description, name: str, value: Value) -> Value:
 
 def parameters_of(model: Model, given: Mapping[str, Values]) -> Iterator[tuple[str, Value]]:
     """Values of all parameters, as they would be read back."""
-    for p in model.parts:
-        own, component = given[p.component.name], p.component.name
-        for v in model.subject.descriptions[component].of("parameter"):
-            value = own.get(v.name, v.start if v.start is not None else 0.0)
-            yield f"{component}.{v.name}", value
+    for component, _ in model.members:
+        own = given[component.name]
+        for v in model.subject.descriptions[component.name].of("parameter"):
+            yield f"{component.name}.{v.name}", own.get(v.name, 0.0 if v.start is None else v.start)

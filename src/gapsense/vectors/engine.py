@@ -11,6 +11,7 @@ from gapsense.cosim.descriptions import Description
 from gapsense.cosim.elements import Port
 from gapsense.cosim.recording import Recording, Take
 from gapsense.cosim.subject import Subject
+from gapsense.fmi.components import own
 from gapsense.fmi.sentences import Refusal
 from gapsense.native import own_compiler
 from gapsense.tables import Value
@@ -45,32 +46,21 @@ def obstacle(subject: Subject) -> str:
 
 
 def is_ours(description: Description) -> bool:
-    """True if an FMU is what this package builds of its own component, as its GUID tells."""
-    return any(description.guid == guid(description.name) for guid in (python_guid, native_guid))
+    """True if an FMU is what this package builds of its own component, native or not, as its GUID tells."""
+    return any(description.guid == own_guid(description.name, is_native) for is_native in (False, True))
 
 
 @cache
-def python_guid(name: str) -> str:
+def own_guid(name: str, is_native: bool) -> str:
     """GUID of our FMU of that name; empty if there is none."""
-    from gapsense.fmi import package
-    from gapsense.fmi.components import own
-
     try:
-        return package.guid(own(name))
+        folder = own(name)
     except FileNotFoundError:
         return ""
-
-
-@cache
-def native_guid(name: str) -> str:
-    """GUID of our native FMU of that name; empty if there is none."""
-    from gapsense.fmi.components import own
+    from gapsense.fmi import package  # here, since FMUs of others need none of it
     from gapsense.fmi.native import parts
 
-    try:
-        return parts.gather(own(name), {}).guid
-    except FileNotFoundError:
-        return ""
+    return parts.gather(folder, {}).guid if is_native else package.guid(folder)
 
 
 class Vectors:

@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from gapsense.cosim.elements import Component
 from gapsense.cosim.events.event import Event, resolved
+from gapsense.cosim.master import shape
 from gapsense.cosim.part import Layout
 from gapsense.cosim.signals import ports, texts
 from gapsense.cosim.subject import Subject
+from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.steps import samples_due
+from gapsense.fmi.values import fields
+from gapsense.tables import Value
 from gapsense.vectors import library
 from gapsense.vectors.library import Functions, functions, ints
-from gapsense.vectors.places import Room, places, ranges
+from gapsense.vectors.places import Places, Room, entries_of, places, structure
 
+KNOWN = 256  # sets of values of a component that are remembered
 STAGE = 4  # numbers of a stage that differ between runs
 WATCH = 3
 
 
-class Placed(NamedTuple):
-    """A component of the scenario: where its inputs are in the buffer, and the rest as in `Places`."""
+class Member(NamedTuple):
+    """A component of the scenario, and its places."""
 
     component: Component
-    buffered: int  # first input in the buffer
-    functions: Functions
-    own: int  # first input that it has taken
-    output: int
-    time: int
-    par: list[int]
-    tables: dict[int, int]
-    calls: list[Any]
+    places: Places
 
 
 class Model:
@@ -47,54 +45,46 @@ class Model:
         self.stages = {name: self.room.take(STAGE) for name in self.layout.slots}
         self.conditions = {name: self.room.take(WATCH) for name, e in self.layout.events.items() if e.when}
         self.failed = self.room.take(1)
-        self.parts = [self.placed(self.scenario.components[name]) for name in subject.order.names]
-        self.structures = (library.Part * len(self.parts))(*map(self.part, self.parts))
+        self.members = [self.member(self.scenario.components[name]) for name in subject.order.names]
+        self.structures = (library.Part * len(self.members))(*map(self.part, self.members))
         self.loop = self.whole()
+        self.known = lru_cache(KNOWN)(known_entries)
+
+    def entries(self, member: Member, given: Mapping[str, Value]) -> Sequence[Any]:
+        """Entries of the parameters of a component with some values; those that many runs share are made once."""
+        found = member.places.functions
+        own = tuple(of_parameters(found.component, given).items())
+        return self.known(found, own, repr(own))
 
     def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
         """Events with one target each."""
         return resolved(events, self.scenario.connections)
 
-    def placed(self, component: Component) -> Placed:
-        """Places of a part; with Jacobi what it has taken may differ from what is in the buffer."""
+    def member(self, component: Component) -> Member:
+        """A component with its places; with Jacobi what it has taken may differ from what is in the buffer."""
         found = functions(self.subject.descriptions[component.name].name)
         assert found is not None
         inputs, outputs = (self.layout.of(component.name, causality) for causality in ("input", "output"))
         buffered, output = (self.layout.index[p[0]] if p else 0 for p in (inputs, outputs))
         own = self.room.take(len(inputs)) if self.experiment.method == "jacobi" else buffered
-        return Placed(component, buffered, *places(found, self.room, own, output))
+        return Member(component, places(found, self.room, buffered, own, output))
 
-    def part(self, p: Placed) -> Any:
+    def part(self, member: Member) -> Any:
         """Structure of a part."""
-        component, port_table = p.component, p.functions.component
-        initial, constants, advance = p.calls
+        component = member.component
         links, stages = self.links(component), self.stages_of(component)
-        spans = ranges(port_table, p.own)
         duration, period = component.step * self.experiment.base_step, self.periods[component.name]
-        samples = self.samples(component, duration, period)
         played = {port.component for port in self.scenario.played}
-        return library.Part(
-            constants=constants,
-            initial=initial,
-            advance=advance,
+        return structure(
+            member.places,
+            period or duration,
             links=links,
             link_count=len(links),
             stages=stages,
             stage_count=len(stages),
-            ranges=spans,
-            range_count=len(spans),
-            survives=port_table.survives,
             follows=bool(len(links) or len(stages) or component.name in played),
-            buffered=p.buffered,
-            own=p.own,
-            input_count=len(port_table.of("input")),
-            output=p.output,
-            output_count=len(port_table.of("output")),
-            time=p.time,
-            dt=p.time + 1,
             duration=duration,
-            period=period or duration,
-            samples=samples,
+            samples=self.samples(component, duration, period),
             every=component.step,
             offset=component.offset,
         )
@@ -117,9 +107,8 @@ class Model:
 
     def stages_of(self, component: Component) -> Any:
         """What events do to inputs of a part."""
-        slots, events = self.layout.slots, self.layout.events
-        own = [name for name in slots if events[name].target.component == component.name]
-        found = [library.Stage(*slots[name], *range(self.stages[name], self.stages[name] + STAGE)) for name in own]
+        slots, first = self.layout.slots_of(component.name), self.stages
+        found = [library.Stage(*slot, *range(first[name], first[name] + STAGE)) for name, slot in slots.items()]
         return (library.Stage * len(found))(*found)
 
     def samples(self, component: Component, duration: float, period: float) -> Any:
@@ -144,12 +133,12 @@ class Model:
         ]
         return library.Loop(
             parts=self.structures,
-            part_count=len(self.parts),
+            part_count=len(self.members),
             start=experiment.start,
             base_step=experiment.base_step,
             is_jacobi=experiment.method == "jacobi",
             decimation=decimation,
-            rows=self.rows,
+            rows=shape(self.scenario, columns)[0],
             columns=columns,
             column_count=len(columns),
             places=played,
@@ -159,7 +148,13 @@ class Model:
             failed=self.failed,
         )
 
-    @cached_property
-    def rows(self) -> int:
-        """Rows that a run records."""
-        return self.experiment.count // self.scenario.record.decimation + 1
+
+def of_parameters(component: PortTable, given: Mapping[str, Value]) -> dict[str, Value]:
+    """Those of some values that are of parameters."""
+    named = {port.name for port in component.of("parameter")}
+    return {name: value for name, value in given.items() if name in named}
+
+
+def known_entries(found: Functions, given: tuple[tuple[str, Value], ...], _: object) -> Sequence[Any]:
+    """Entries of parameters, checked, with their tables read; a text tells 1 and true, 0.0 and -0.0 apart."""
+    return entries_of(found, fields(found.component, dict(given), found.folder))

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.emit.lanes import held, is_array
-from gapsense.fmi.ports import Component
 from gapsense.lanes import Code
+from gapsense.lanes.plan import Column
 from gapsense.records import fields, names
 from gapsense.vectors import library
 from gapsense.vectors.library import Functions, ints
@@ -39,7 +39,8 @@ class Places(NamedTuple):
     """Where the numbers of a component are, and the calls of its functions: `initial`, `constants`, `advance`."""
 
     functions: Functions
-    own: int  # first input
+    buffered: int  # first input in the buffer
+    own: int  # first input that it has taken
     output: int  # first output
     time: int  # behind it is the step
     par: list[int]  # of each entry of its parameters
@@ -47,7 +48,7 @@ class Places(NamedTuple):
     calls: list[Any]
 
 
-def places(found: Functions, room: Room, own: int, output: int) -> Places:
+def places(found: Functions, room: Room, buffered: int, own: int, output: int) -> Places:
     """Places of a component whose inputs and outputs have theirs."""
     module, inputs = found.kernel.module, len(found.component.of("input"))
     time = room.take(2)
@@ -55,7 +56,7 @@ def places(found: Functions, room: Room, own: int, output: int) -> Places:
     given = [*(time + ("time", "dt").index(name) for name in clock), *range(own, own + inputs)]
     kinds, entries = fields(module.Parameters), names(module.Parameters)
     is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
-    par = [room.column(0) if table else room.take(1) for table in is_table]
+    par = [room.column(0) if is_one else room.take(1) for is_one in is_table]
     state = [of_state(entry, room) for entry in results(found.codes.initial)[: len(names(module.State))]]
     made = [*state, *range(output, output + len(found.component.of("output")))]
     constants = [*of_constants(found.codes.constants, par, room)]
@@ -65,7 +66,16 @@ def places(found: Functions, room: Room, own: int, output: int) -> Places:
         called(found, 2, [*state, *given, *constants], made),
     ]
     tables = {k: place for k, place in enumerate(par) if is_table[k]}
-    return Places(functions=found, own=own, output=output, time=time, par=par, tables=tables, calls=calls)
+    return Places(
+        functions=found,
+        buffered=buffered,
+        own=own,
+        output=output,
+        time=time,
+        par=par,
+        tables=tables,
+        calls=calls,
+    )
 
 
 def of_state(entry: Any, room: Room) -> int:
@@ -77,20 +87,53 @@ def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
     """Places of what a step needs of the parameters; a table stays where it is."""
     taken = {symbol.id: place for symbol, place in zip(code.symbols, par)}
     for entry in results(code):
-        table = held(entry)
-        yield taken[table.id] if table is not None else room.take(1)
+        array = held(entry)
+        yield taken[array.id] if array is not None else room.take(1)
 
 
-def ranges(component: Component, own: int) -> Any:
+def structure(p: Places, period: float, **more: Any) -> Any:
+    """Structure of a component in C, with `more` of its fields; `period` is that of its samples or steps [s]."""
+    initial, constants, advance = p.calls
+    component, spans = p.functions.component, ranges(p)
+    return library.Part(
+        constants=constants,
+        initial=initial,
+        advance=advance,
+        ranges=spans,
+        range_count=len(spans),
+        survives=component.survives,
+        buffered=p.buffered,
+        own=p.own,
+        input_count=len(component.of("input")),
+        output=p.output,
+        output_count=len(component.of("output")),
+        time=p.time,
+        dt=p.time + 1,
+        period=period,
+        **more,
+    )
+
+
+def ranges(p: Places) -> Any:
     """Inputs that have a range, where the component does not take others."""
-    ports = () if component.survives else component.of("input")
-    found = [(k, port) for k, port in enumerate(ports, own) if (port.min, port.max) != (None, None)]
+    ports = () if p.functions.component.survives else p.functions.component.of("input")
+    found = [(k, port) for k, port in enumerate(ports, p.own) if (port.min, port.max) != (None, None)]
     return (library.Range * len(found))(
         *(
             library.Range(k, -inf if port.min is None else port.min, inf if port.max is None else port.max)
             for k, port in found
         )
     )
+
+
+def columns(arrays: Sequence[npt.NDArray[np.float64]]) -> Any:
+    """Arrays (numbers, runs), for C."""
+    return (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+
+
+def table(entry: Sequence[float], width: int) -> npt.NDArray[np.float64]:
+    """A table that all runs of a vector have: (numbers, runs)."""
+    return np.repeat(np.array(entry, dtype=np.float64)[:, None], width, axis=1)
 
 
 def entries_of(found: Functions, values: Mapping[str, Any]) -> list[Any]:
