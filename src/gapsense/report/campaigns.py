@@ -91,7 +91,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
     words = f"{campaign.rows} runs{'; dark where many lie' if campaign.rows > POINTS else ''}"
     title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
-    made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
+    made, axes = plot.panels(title, *size, (1.0 + 2.0 * size[1], 0.9 + 2.0 * size[0]), sharey="row")
     few = {name: of.levels(campaign, name) for name in factors}
     many = [name for name in factors if few[name] is None]
     clouds = of.clouds(campaign, many, metrics) if campaign.rows > POINTS else {}
@@ -105,7 +105,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
             else:
                 axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
     for axis, name in zip(axes[-1], ("runs", *factors)):
-        axis.set_xlabel(name if name == "runs" else labelled(campaign, name))
+        axis.set_xlabel(name if name == "runs" else labelled(campaign, name), fontsize="small")
     return made
 
 

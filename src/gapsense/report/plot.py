@@ -28,6 +28,7 @@ Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
 SOURCE = "Source"  # chunk of a PNG file that tells what it shows, in ASCII
 GRID = "#d0d7de"
+PAGE = 9.0  # width of a figure for a page [in], on which its text has 10 of the 16 pixels of the page's
 MOST, ROOM = 5, 14  # curves in a panel of an overview, and characters in a line beside it
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
 
@@ -112,7 +113,7 @@ def panels(
     title: str, rows: int, columns: int = 1, size: tuple[float, float] | None = None, **more: Any
 ) -> tuple[Figure, Any]:
     """An empty figure and its axes (rows, columns), with a grid and without a box."""
-    figure = Picture(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
+    figure = Picture(figsize=size or (min(1.0 + 5.0 * columns, PAGE), 5.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **more)
     for axis in axes.flat:
         dress(axis)
@@ -129,7 +130,7 @@ def dress(axis: Any) -> None:
 
 def stack(title: str, labels: list[str], heights: list[float] | None = None) -> tuple[Figure, list[Any]]:
     """An empty figure with one panel per label, sharing the time axis."""
-    size = (9.0, 0.9 + 1.25 * len(labels))
+    size = (PAGE, 0.9 + 1.25 * len(labels))
     figure, axes = panels(title, len(labels), size=size, sharex=True, height_ratios=heights)
     for axis, label in zip(axes[:, 0], labels):
         axis.set_ylabel(label)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gapsense.report.plot import FAINT, FIRST, GRID, SECOND, THIRD, TRUE, panels, suited
+from gapsense.report.plot import FAINT, FIRST, GRID, PAGE, SECOND, THIRD, TRUE, panels, suited
 from gapsense.studies.inspection.facts import Facts
 from gapsense.studies.records.flux import estimate
 from gapsense.studies.records.record import Record, Vector
@@ -28,7 +28,7 @@ MOST = 20  # operations in sight; of more none is marked
 
 def figure_of(records: Sequence[Record], found: Sequence[Facts]) -> Figure:
     """Three rows for each record: voltage, current and flux linkage."""
-    size, title = (10.0, 0.6 + 4.2 * len(records)), records[0].name if len(records) == 1 else ""
+    size, title = (PAGE, 0.6 + 4.2 * len(records)), records[0].name if len(records) == 1 else ""
     figure, axes = panels(title, 3 * len(records), 2, size, sharex=False, width_ratios=[1.0, 1.0])
     for k, (record, facts) in enumerate(zip(records, found)):
         draw(axes[3 * k : 3 * k + 3], record, facts, record.name if len(records) > 1 else "")
