@@ -30,8 +30,8 @@ from wrong_models import filter_parameters
 
 from gapsense.estimators import ekf
 from gapsense.estimators.rts import motions
-from gapsense.kernel import Kernel
-from gapsense.lanes import Code, Row, plan
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Code, Row, plan
 from gapsense.studies.smoother.batch import MOVING, Tuning, Variant, Varied, backward_step, forward_step, open_step
 from gapsense.studies.smoother.comparison import compare
 from gapsense.studies.smoother.models import CHUNK, errors, noise, nominal, perturbed, unvaried

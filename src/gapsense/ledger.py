@@ -11,9 +11,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from gapsense.checked import Entry, append_lines, damage, fingerprint, read_lines
-from gapsense.files import naming, sha256
-from gapsense.locks import lock
+from gapsense._os.checked import Entry, append_lines, damage, fingerprint, read_lines
+from gapsense._os.files import naming, sha256
+from gapsense._os.locks import lock
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
 
 LOG = logging.getLogger(__name__)

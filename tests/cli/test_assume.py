@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import write_columns
+from gapsense._os.files import write_columns
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.transfer import read_sets
 

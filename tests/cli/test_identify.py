@@ -14,8 +14,8 @@ import fmpy
 import numpy as np
 import pytest
 
+from gapsense._os.files import read_columns
 from gapsense.cosim import run
-from gapsense.files import read_columns
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve.model import simulate
 from gapsense.studies.records.checks import read_record

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import read_columns
+from gapsense._os.files import read_columns
 from gapsense.studies.identification.transfer import read_values
 from gapsense.studies.records.checks import read_record
 from gapsense.studies.records.flux import estimate

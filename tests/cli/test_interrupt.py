@@ -126,7 +126,7 @@ LOADED = (
     "gapsense.cli",
     "typing",
     "pathlib",
-    "gapsense.interrupts",
+    "gapsense._os.interrupts",
     "gapsense.studies",
     "typer",
     "numpy",
@@ -269,7 +269,7 @@ def write(_):
 """
 ASKING = """
 import busy
-from gapsense.processes import Process
+from gapsense._os.processes import Process
 
 process = Process(busy.prepare)
 process.prepare(busy.prepare, None)

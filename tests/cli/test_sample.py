@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import read_columns
+from gapsense._os.files import read_columns
 from gapsense.shipped import RECORDS, record
 from gapsense.studies.identification.transfer import read_sets
 from gapsense.studies.identification.valve.file import BY_NAME

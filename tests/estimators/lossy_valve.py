@@ -9,7 +9,7 @@ import numpy as np
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE, driven
 from gapsense.studies.estimators.parameters import VALVE, reduced
 

@@ -10,9 +10,9 @@ import soft_plant
 
 from gapsense.estimators import mhe
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.lanes import stepped
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import stepped
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators.parameters import VALVE, reduced
 

@@ -11,8 +11,8 @@ import pytest
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ekf, ertss
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.sensor import sensor
 from gapsense.studies.devices import RTS_VALVE, driven
 from gapsense.studies.estimators.parameters import VALVE, blind

@@ -19,8 +19,8 @@ from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
 from gapsense.estimators import ekf, readings, ukf
 from gapsense.estimators.watch import stationary
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators.parameters import VALVE, gap_table, tabulated
 

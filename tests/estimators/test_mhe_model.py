@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from gapsense.estimators import mhe, mhe_model
 from gapsense.estimators.gap import bump, gap_law
 from gapsense.estimators.mhe_model import Model, Point, derived, device, model
-from gapsense.linalg import matrix
+from gapsense.kernels.linalg import matrix
 from gapsense.studies.estimators.parameters import VALVE
 
 ALL = tuple(range(START + 1))

@@ -13,7 +13,7 @@ from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ertss, readings
 from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.records import names
+from gapsense.kernels.layout import names
 from gapsense.studies.devices import RTS_VALVE, driven
 from gapsense.studies.estimators.parameters import VALVE, blind
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -97,7 +97,12 @@ def part_of(path: Path) -> str:
     """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
     if path == BUILD or path.name == "command.py":
         return path.stem
-    return path.relative_to(SRC).parts[0].removesuffix(".py")
+    return _part(path.relative_to(SRC).with_suffix("").parts)
+
+
+def _part(names: Sequence[str]) -> str:
+    """A module of the foundations, `kernels` and `_os`, is a part by itself: their order is held too."""
+    return names[1] if names[0] in ("kernels", "_os") and len(names) > 1 else names[0]
 
 
 @cache
@@ -150,7 +155,7 @@ def ours(path: Path) -> Iterator[tuple[str, int]]:
     for name, line in imports(path):
         top, _, rest = name.partition(".")
         if top == "gapsense" and rest:
-            yield rest.partition(".")[0], line
+            yield _part(rest.split(".")), line
 
 
 def others(path: Path) -> Iterator[tuple[str, int]]:

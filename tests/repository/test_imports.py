@@ -18,19 +18,20 @@ from gapsense import cosim
 from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
-    "version", "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random",
+    "version", "units", "layout", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random",
     "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked",
     "ledger",
-    "importable", "interrupts", "processes", "spare", "workers",
+    "importable", "interrupts", "processes", "prestart", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"campaign", "control", "cosim", "embedded", "fmi", "lanes", "vectors"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
+    "__init__": set(),  # of kernels and _os
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "control": FOUNDATIONS | {"control", "estimators"},
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
@@ -52,12 +53,12 @@ MAY_IMPORT = {
 }
 REACHES_UP = {  # in functions
     "src/gapsense/cosim/show.py": {"report"},  # when someone wants to see a result
-    "src/gapsense/cosim/engines.py": {"vectors"},  # when a scenario can do without FMUs
+    "src/gapsense/cosim/run/engines.py": {"vectors"},  # when a scenario can do without FMUs
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
     "fmi": {"pythonfmu", "markdown_it"},
-    "embedded": set(),
+    **{part: set() for part in ("__init__", "embedded")},
     **{part: {"numpy", "tomli"} for part in GENERAL},
     **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
@@ -148,11 +149,11 @@ def test_one_module_alone_says_how_another_python_is_started():
 
 HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"
 STARTS = {  # and what they must not load
-    "import gapsense, gapsense.cosim, gapsense.cosim.ahead": HEAVY | SHOWING | {"numpy"},
+    "import gapsense, gapsense.cosim, gapsense.cosim.run.ahead": HEAVY | SHOWING | {"numpy"},
     "import gapsense.cli": HEAVY | {"numpy"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
-    "import gapsense.cosim.apart_child, gapsense.cosim.worker": HEAVY | SHOWING,
+    "import gapsense.cosim.run.apart_child, gapsense.cosim.run.worker": HEAVY | SHOWING,
 }
 
 

@@ -11,8 +11,8 @@ from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.estimators import mhe
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.studies.commissioning import problem
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.estimators.parameters import VALVE

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.records import flat
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve.device import KERNELS, seen
 from gapsense.studies.records.record import Columns, Record, to_record

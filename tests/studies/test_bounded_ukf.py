@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.estimators import ukf
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.report.table import text
 from gapsense.studies.bounded_ukf import errors as bounded_ukf
 from gapsense.studies.bounded_ukf import show

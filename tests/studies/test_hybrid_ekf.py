@@ -10,8 +10,8 @@ import pytest
 
 from gapsense.estimators import hybrid_ekf as kernel_module
 from gapsense.fmi.components import load_component
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.report import plot as figures
 from gapsense.report.table import text
 from gapsense.studies.devices import POT_MAGNET

@@ -16,10 +16,10 @@ from gapsense.control.mover import make_mover
 from gapsense.control.profile import flux
 from gapsense.control.records import CLOSING, OPENING
 from gapsense.control.tracking import planned
-from gapsense.cosim.load import load
+from gapsense.cosim.scenario.read import load
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import flat, names, record
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names, record
 from gapsense.report.table import text
 from gapsense.studies.run_to_run import converter, forward, late, scenario, searches, show, study
 from gapsense.studies.run_to_run.actuators import WRONG, drawn

@@ -8,7 +8,7 @@ from reluctance_dop853 import Oracle
 from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
 from gapsense.studies.soft_landing.inverse import SoftLandingError

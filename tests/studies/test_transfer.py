@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gapsense._os.files import read_columns
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.files import read_columns
 from gapsense.fmi.components import load_component, own
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE

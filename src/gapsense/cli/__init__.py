@@ -5,7 +5,7 @@ import signal
 from importlib import import_module
 from pathlib import Path
 
-from gapsense.interrupts import ended_like_ctrl_c, handled, leave
+from gapsense._os.interrupts import ended_like_ctrl_c, handled, leave
 
 with ended_like_ctrl_c(), handled(leave):  # loading takes a while
     from gapsense import studies

@@ -13,8 +13,8 @@ from typing import Annotated
 
 import typer
 
+from gapsense._os.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.cli.common import command, show
-from gapsense.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.workers import Progress
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators import ukf
 from gapsense.estimators.valve_model import Filter, Tuned
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.lanes import stepped
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import stepped
 from gapsense.studies.devices import VALVE, driven
-from gapsense.workers import Progress
 
 Array = npt.NDArray[np.float64]
 Factors = Mapping[str, Any]  # by the field of a parameter: numbers or arrays (levels, voltages, runs)

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Model, Point, advance, current, device, model, point
 from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.records import Scalar
-from gapsense.trace import clip
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip
 
 State = Point
 

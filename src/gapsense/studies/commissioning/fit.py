@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.estimators.mhe_model import device
 from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.reduced_model import GapLaw
@@ -23,7 +24,6 @@ from gapsense.studies.identification.noise import rounding
 from gapsense.studies.identification.residual import Residual
 from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.records.record import Record, Vector
-from gapsense.workers import Progress
 
 ELECTRIC = {name for name in DEVIATIONS if name.startswith(("coil", "core")) and name != "core_turnover"}
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.kernel import Kernel
-from gapsense.lanes import is_compiled, stepped
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import is_compiled, stepped
+from gapsense.kernels.layout import flat
 from gapsense.studies.commissioning import device as simulated
 from gapsense.studies.commissioning.drive import ALIKE, ANYWHERE, Drive
 from gapsense.studies.identification.valve.model import Trajectory

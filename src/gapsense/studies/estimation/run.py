@@ -6,9 +6,10 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gapsense.cosim.descriptions import describe
-from gapsense.cosim.feed import feed
-from gapsense.files import write_atomically, write_columns
+from gapsense._os.files import write_atomically, write_columns
+from gapsense._os.workers import Progress
+from gapsense.cosim.fmu.descriptions import describe
+from gapsense.cosim.fmu.feed import feed
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
@@ -16,7 +17,6 @@ from gapsense.studies.identification.assumptions import is_device
 from gapsense.studies.identification.transfer import values_for
 from gapsense.studies.records.record import UNITS, Record, Vector
 from gapsense.tables import Value
-from gapsense.workers import Progress
 
 REMEDY = {
     "mode": "Add a column `mode [1]` with 1: closed, 2: moving, 3: open, from contact sensors on the stops",

@@ -33,7 +33,7 @@ def estimators(
 
     Errors, missed landings, latency, cost per step, and what each needs. It goes on after an interruption.
     """
-    from gapsense.files import write_atomically
+    from gapsense._os.files import write_atomically
     from gapsense.report import plot
     from gapsense.studies.estimators.show import CONDITIONS, HOLD_OUTS, TITLES, conditions, markdown, of, tables
 
@@ -48,7 +48,7 @@ def estimators(
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:
     """The runs of one condition."""
-    from gapsense.cosim.signals import recorded_signals
+    from gapsense.cosim.scenario.signals import recorded_signals
     from gapsense.studies.estimators import measures
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from gapsense.cosim import load, run
 from gapsense.estimators import ukf
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.estimators.parameters import VALVE, Core
 
 Floats = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0
-from gapsense.files import write_atomically, write_columns
 from gapsense.studies.commissioning.file import line
 from gapsense.studies.gap_law.laws import Law, rows
 from gapsense.studies.identification.assumptions import marks

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.files import Sheet, no_numbers, number, read_sheet
+from gapsense._os.files import Sheet, no_numbers, number, read_sheet
 from gapsense.problems import InputError, listing
 from gapsense.studies.gap_law.laws import Vector
 from gapsense.studies.gap_law.possible import Inductances, impossible

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.workers import Progress
 from gapsense.actuators import pot_magnet
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.lanes import stepped
-from gapsense.records import flat, names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import stepped
+from gapsense.kernels.layout import flat, names
 from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED, driven
-from gapsense.workers import Progress
 
 Array = npt.NDArray[np.float64]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gapsense._os.workers import Progress
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.problems import InputError
 from gapsense.studies.identification.coil import fit
@@ -12,7 +13,6 @@ from gapsense.studies.identification.valve import guess
 from gapsense.studies.records.conventions import AUTO
 from gapsense.studies.records.operations import operations
 from gapsense.studies.records.record import Record, until
-from gapsense.workers import Progress
 
 MANY = 5000  # samples from which the first operations are looked at alone
 FAR = 2.0  # times what a coil may leave of them

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapsense._os.files import read_columns, write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0, fringing
-from gapsense.files import read_columns, write_atomically, write_columns
 from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.parameters import ParameterSet, read_set

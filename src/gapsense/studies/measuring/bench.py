@@ -8,7 +8,7 @@ import numpy as np
 
 from gapsense.actuators import solenoid_valve
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import VALVE
 from gapsense.studies.records.record import Columns, Vector
 

@@ -16,7 +16,7 @@ def measuring(
     to: Out = Path("results"),
 ) -> None:
     """How wrong `identify` is over sampling, converters, noise, filters and drives; figures of good and bad records."""
-    from gapsense.files import write_atomically
+    from gapsense._os.files import write_atomically
     from gapsense.report import plot
     from gapsense.studies.inspection.facts import facts
     from gapsense.studies.inspection.figure import figure_of

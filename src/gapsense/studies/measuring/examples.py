@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.studies.devices import VALVE
 from gapsense.studies.identification.valve import fit
 from gapsense.studies.identification.valve.identified import Identified
@@ -14,7 +15,6 @@ from gapsense.studies.measuring.bench import Drive, Instruments, measured
 from gapsense.studies.records.conventions import CONVENTIONS
 from gapsense.studies.records.record import Record, to_record
 from gapsense.studies.records.rest import without_offsets
-from gapsense.workers import Progress
 
 GOOD = Drive(rest=2.513e-3, period=16.0137e-3), Instruments(period=20e-6)  # edges anywhere between two samples
 PWM = {"volts": 48.0, "duty": 0.6, "carrier": 500e-6}

@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.derivative import linearise
+from gapsense._os.workers import Progress
 from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Model, is_moving, observation, transition
 from gapsense.estimators.rts import Floats
+from gapsense.kernels.derivative import linearise
 from gapsense.studies.smoother.models import nominal, unvaried
 from gapsense.studies.smoother.reference import reference_states
 from gapsense.studies.soft_landing.cycle import Samples, reference, sampled
-from gapsense.workers import Progress
 
 TOLERANCE = 1e-12
 OTHERS = (1e-9, 1e-10, 1e-11, 1e-13, 1e-14)  # tolerances to compare with

@@ -38,7 +38,7 @@ def profiles(
 def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to: Path) -> None:
     """One variant: its sweep, then what came out."""
     from gapsense import cosim
-    from gapsense.cosim.signals import recorded_signals
+    from gapsense.cosim.scenario.signals import recorded_signals
     from gapsense.studies.profiles.experiment import require
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)

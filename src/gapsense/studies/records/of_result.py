@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.record import Result
+from gapsense.cosim.result.result import Result
 from gapsense.problems import listing, suggest
 from gapsense.studies.records.record import NEEDED, Columns, Vector
 

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gapsense.cosim.kinds import RECORD, other_kind
-from gapsense.cosim.record import read_result
-from gapsense.cosim.sidecar import read_sidecar
-from gapsense.files import unread
+from gapsense._os.files import unread
+from gapsense._os.plain_files import read_bytes
+from gapsense.cosim.result.result import read_result
+from gapsense.cosim.result.sidecar import read_sidecar
+from gapsense.cosim.scenario.kinds import RECORD, other_kind
 from gapsense.fmi.tables import HEADER
-from gapsense.plain_files import read_bytes
 from gapsense.problems import listing, suggest
 from gapsense.studies.records.heads import Line, from_heads, is_number, other_separator
 from gapsense.studies.records.of_result import columns_of

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 
+from gapsense._os.files import read_columns
+from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING
 from gapsense.estimators.reduced_model import Model, current, gap_law, normalised
 from gapsense.estimators.rts import Floats
-from gapsense.files import read_columns
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.cycle import sampled, soft_landing
-from gapsense.workers import Progress
 
 FEWEST = 10  # samples
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II

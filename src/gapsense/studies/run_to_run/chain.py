@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.kernel import Kernel
-from gapsense.lanes import Array, Plan, over_runs, plan
-from gapsense.lanes.kernels import columns_of
-from gapsense.records import fields, names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Array, Plan, over_runs, plan
+from gapsense.kernels.lanes.kernels import columns_of
+from gapsense.kernels.layout import fields, names
 
 Floats = npt.NDArray[np.float64]
 CLOCK = "clock"  # column: time of every sample, and step

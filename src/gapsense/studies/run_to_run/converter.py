@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.records import Scalar
-from gapsense.trace import where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import where
 
 
 class Parameters(NamedTuple):

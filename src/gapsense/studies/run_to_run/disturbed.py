@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.records import Scalar
+from gapsense.kernels.layout import Scalar
 
 
 class Parameters(NamedTuple):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from gapsense.control import laws, run_to_run
 from gapsense.control.records import CLOSING, OPENING, Inputs, Outputs, State
 from gapsense.control.records import Parameters as Controller
-from gapsense.linalg import vector
-from gapsense.records import Scalar
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.linalg import vector
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

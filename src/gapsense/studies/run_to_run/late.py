@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.linalg import vector
-from gapsense.records import Array, Scalar, Vector
-from gapsense.trace import where
+from gapsense.kernels.layout import Array, Scalar, Vector
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import where
 
 LATEST = 8  # samples
 

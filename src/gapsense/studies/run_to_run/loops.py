@@ -14,8 +14,8 @@ from gapsense.control.records import LawKind, Parameters
 from gapsense.drive import drive_voltage
 from gapsense.estimators import mhe
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.sensor import sensor
 from gapsense.studies.estimators.parameters import VALVE, blind, reduced
 from gapsense.studies.run_to_run import converter, disturbed, given, late

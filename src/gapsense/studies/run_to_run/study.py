@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.problems import suggest
 from gapsense.studies.run_to_run.conditions import CONDITIONS
 from gapsense.studies.run_to_run.cycles import NUMBERS, Outcome, of_task, read
 from gapsense.studies.run_to_run.loops import LAWS, chain_of
 from gapsense.studies.tasks import Facts, compute
-from gapsense.workers import Progress
 
 TUNED_ON = (1, 2, 3, 4)  # seeds that the laws were tuned with
 SEED = 5  # one that nothing was tuned with

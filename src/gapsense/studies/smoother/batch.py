@@ -33,11 +33,11 @@ from gapsense.estimators.reduced_model import (
     rest,
     transition,
 )
-from gapsense.kernel import trace
-from gapsense.lanes import Code, Row
-from gapsense.linalg import ldl, matrix, solve, vector
-from gapsense.records import Array, Covariance, Scalar, Vector, names
-from gapsense.trace import clip, sqrt, square
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.lanes import Code, Row
+from gapsense.kernels.layout import Array, Covariance, Scalar, Vector, names
+from gapsense.kernels.linalg import ldl, matrix, solve, vector
+from gapsense.kernels.trace import clip, sqrt, square
 
 MOVING = 2.0
 

@@ -31,7 +31,7 @@ def monte_carlo(
 
     A run that was interrupted goes on where it was: what is in the folder is not computed again.
     """
-    from gapsense.files import write_atomically, write_columns
+    from gapsense._os.files import write_atomically, write_columns
     from gapsense.report import plot
     from gapsense.studies.smoother.comparison import WIDTHS, compare
     from gapsense.studies.smoother.show import columns, errors, noises, orderings, tables, worst_case

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import Floats, motions
-from gapsense.lanes import Plan, Row, plan
+from gapsense.kernels.lanes import Plan, Row, plan
 from gapsense.studies.smoother import batch
 from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 from gapsense.studies.smoother.models import chunks
@@ -20,7 +21,6 @@ from gapsense.studies.smoother.runs import Estimator, filtered, open_loop, smoot
 from gapsense.studies.smoother.study import OPERATIONS, Study, drawn, noise_of_width, operation_of, study_of, tuning
 from gapsense.studies.soft_landing.cycle import Samples
 from gapsense.studies.tasks import Facts, compute
-from gapsense.workers import Progress
 
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
 VARIANTS = {"ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0), "ERTSS without e_F": Variant(1.0, 0.0)}

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2, norm
 
+from gapsense._os.workers import Progress
 from gapsense.estimators.rts import Floats
-from gapsense.lanes import Plan, Row, plan
+from gapsense.kernels.lanes import Plan, Row, plan
 from gapsense.studies.smoother.batch import Tuning, Variant, Varied, normalised_errors
 from gapsense.studies.smoother.models import chunks
 from gapsense.studies.smoother.reference import reference_state
 from gapsense.studies.smoother.runs import Estimator, filtered, smoothed
 from gapsense.studies.smoother.study import Study, drawn, moving, noise_of_width, operation_of, tuning
 from gapsense.studies.soft_landing.cycle import Samples
-from gapsense.workers import Progress
 
 CONFIDENCE = 0.9
 STATES = ("z_k*", "z_(k-1)*", "lambda_k", "e_i,k", "e_F,k")

@@ -14,9 +14,9 @@ import numpy as np
 
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
 from gapsense.estimators.rts import Floats
-from gapsense.lanes import Code, Plan, Row, plan
-from gapsense.linalg import vector
-from gapsense.records import Array, Scalar, Vector
+from gapsense.kernels.lanes import Code, Plan, Row, plan
+from gapsense.kernels.layout import Array, Scalar, Vector
+from gapsense.kernels.linalg import vector
 from gapsense.studies.smoother.batch import Variant, Varied, compiled, varied_model
 
 BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache

@@ -1,6 +1,6 @@
 """Filter, smoother and open loop of [RTS] over a whole record, for many runs at once.
 
-Currents, parameters and estimates are arrays over the runs, or stand for them in a plan (`gapsense.lanes`).
+Currents, parameters and estimates are arrays over the runs, or stand for them in a plan (`gapsense.kernels.lanes`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gapsense.estimators.reduced_model import Model, is_moving, limit
 from gapsense.estimators.rts import Floats, motions
-from gapsense.lanes import Row
+from gapsense.kernels.lanes import Row
 from gapsense.studies.smoother import batch
 from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 

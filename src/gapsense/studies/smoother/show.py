@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.files import Columns
+from gapsense._os.files import Columns
 from gapsense.report import plot
 from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector
 from gapsense.report.table import table

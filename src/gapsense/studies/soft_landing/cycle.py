@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.soft_landing.inverse import Cycle, SoftLandingError, Vector
 from gapsense.studies.soft_landing.phases import Setup, balancing_voltage, move, rest
 from gapsense.studies.soft_landing.trajectory import FIG_5, Motion, Trajectory
-from gapsense.workers import Progress
 
 PARTS = 7  # of a cycle
 INSTANT = 1e-12  # [s]; times that are closer are the same

@@ -13,7 +13,7 @@ from gapsense.actuators.magnetics import flux_force, smooth_gap_law
 from gapsense.actuators.motion import CLOSED, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State
 from gapsense.actuators.reluctance_steps import Actuator
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.soft_landing.inverse import Cycle, SoftLandingError, Vector, follow, needed_flux
 from gapsense.studies.soft_landing.trajectory import Motion
 

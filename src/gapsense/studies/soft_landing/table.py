@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from gapsense._os.files import write_atomically
+from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters
-from gapsense.files import write_atomically
 from gapsense.studies.soft_landing.inverse import Cycle, Vector
 from gapsense.studies.soft_landing.phases import KERNEL, parts
-from gapsense.workers import Progress
 
 PIECES = 100  # per motion
 TOLD = 1000  # steps between two reports of progress

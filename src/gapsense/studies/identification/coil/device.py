@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.core_losses import Acting, Losses, advanced, lossy
-from gapsense.records import Scalar
-from gapsense.trace import fabs, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import fabs, where
 
 SATURATED = 0.95  # part of saturation from which the reluctance of the core is constant
 FAR = 1e9  # saturation that no flux linkage reaches [Wb]

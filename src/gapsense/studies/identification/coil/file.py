@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.files import write_atomically
+from gapsense._os.files import write_atomically
 from gapsense.studies.identification.assumptions import marks
 from gapsense.studies.identification.coil.fit import POOR, Coil
 from gapsense.studies.identification.noise import noises

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.studies.identification.coil import evidence
 from gapsense.studies.identification.coil.device import Parameters
 from gapsense.studies.identification.coil.forms import FORMS, RICHEST, Form
@@ -18,7 +19,6 @@ from gapsense.studies.identification.valve.model import Trajectory
 from gapsense.studies.identification.valve.prepared import without_causes
 from gapsense.studies.records.flux import mean_resistance
 from gapsense.studies.records.record import Record
-from gapsense.workers import Progress
 
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good
 

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from gapsense.kernel import Kernel
-from gapsense.lanes import is_compiled, stepped
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import is_compiled, stepped
+from gapsense.kernels.layout import flat
 from gapsense.studies.identification.coil import device
 from gapsense.studies.identification.coil.device import Outputs, Parameters
 from gapsense.studies.identification.coil.forms import Form, Scale, ranges, without_parts

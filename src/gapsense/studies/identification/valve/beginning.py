@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gapsense._os.workers import Progress
 from gapsense.studies.identification.valve.course import Course, expected
 from gapsense.studies.identification.valve.drive import Drive, settled, taken, timed
 from gapsense.studies.identification.valve.evidence import Trial
@@ -13,7 +14,6 @@ from gapsense.studies.identification.valve.minimise import Fit, Start
 from gapsense.studies.identification.valve.prepared import Prepared, prepare
 from gapsense.studies.identification.valve.voltage import best_reading
 from gapsense.studies.records.record import Vector
-from gapsense.workers import Progress
 
 
 class Method(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.workers import Progress
+from gapsense._os.workers import Progress
 
 JACOBIANS = 12  # of a fit to the first operations, about
 PARAMETERS = 7

@@ -7,7 +7,7 @@ from operator import itemgetter
 from typing import Any, TypeAlias
 
 from gapsense.actuators import solenoid_valve
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.identification.valve import lossy_valve
 
 Device: TypeAlias = "solenoid_valve.Parameters | lossy_valve.Parameters"

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
-from gapsense.files import write_atomically, write_columns
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.fmi.values import ValuesError, fields

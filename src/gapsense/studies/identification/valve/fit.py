@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.workers import Progress
 from gapsense.studies.identification.assumptions import scale
 from gapsense.studies.identification.residual import residual
 from gapsense.studies.identification.valve import model
@@ -30,7 +31,6 @@ from gapsense.studies.identification.valve.prepared import Prepared, prepare
 from gapsense.studies.identification.valve.scales import BOUNCE, needed
 from gapsense.studies.identification.valve.search import search
 from gapsense.studies.records.record import Record, Vector
-from gapsense.workers import Progress
 
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 AT_REST = 1e-5  # relative change of the resistances

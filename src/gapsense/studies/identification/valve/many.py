@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.kernel import Kernel
-from gapsense.lanes import Array, Plan, over_runs, plan
-from gapsense.lanes.kernels import columns_of
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Array, Plan, over_runs, plan
+from gapsense.kernels.lanes.kernels import columns_of
+from gapsense.kernels.layout import flat
 from gapsense.studies.identification.valve.device import Device, kernel_of
 from gapsense.studies.identification.valve.model import Experiment, Response, jumps, simulated
 from gapsense.studies.records.record import Vector

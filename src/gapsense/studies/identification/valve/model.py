@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.records import flat
+from gapsense.kernels.layout import flat
 from gapsense.studies.identification.valve.device import Device, kernel_of, seen
 from gapsense.studies.identification.valve.form import Form
 from gapsense.studies.records.flux import Flux, estimate, trapezoid

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.solenoid_valve import GapLaw
-from gapsense.files import write_atomically, write_columns
 from gapsense.report.table import quantity, table
 from gapsense.studies.gap_law import choice
 from gapsense.studies.gap_law.laws import rows
