@@ -16,7 +16,7 @@ from functools import wraps
 from importlib.metadata import version
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
 from rich.console import Console
@@ -28,6 +28,9 @@ from gapsense._os.plain_files import refuse_unwritable
 from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
+
+if TYPE_CHECKING:
+    from gapsense.functions import Found
 
 ELSEWHERE = "or choose another folder"
 ADVICE = {
@@ -242,6 +245,20 @@ def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
 def written(*files: Path) -> None:
     """Say which files were written."""
     show(f"{', '.join(map(str, files))} written.")
+
+
+def tell(found: Found) -> NoReturn:
+    """Print what a function has found, and end the command."""
+    for text in found.notes:
+        problem(text, "yellow")
+    show(*found.shown)
+    pictures = [file for file in found.files if file.suffix in (".png", ".pdf", ".svg")]
+    for files in ([file for file in found.files if file not in pictures], pictures):
+        if files:
+            written(*files)
+    for text in found.doubts:
+        problem(text)
+    raise typer.Exit(0 if found.passed else FAILED)
 
 
 @contextmanager

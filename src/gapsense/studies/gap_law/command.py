@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Assume, Column, Picture, SetFile, command, show, written
+from gapsense.cli.common import Assume, Column, Picture, SetFile, command, tell
 
 
 @command("gap-law")
@@ -30,33 +30,16 @@ def gap_law(
     Of several frequencies the lowest is used. The law is linear, has fringes, or is a table, whichever foretells best
     the gaps that are left out; `gapsense identify --parameters gap.toml` goes on from there.
     """
-    from gapsense.report import plot
-    from gapsense.studies.gap_law import file
-    from gapsense.studies.gap_law.choice import best, candidates
-    from gapsense.studies.gap_law.show import figure_of, tables
-    from gapsense.studies.gap_law.table import names_of, read_inductances
-    from gapsense.studies.identification.asked import TABLE_I
-    from gapsense.studies.identification.assumptions import ask, listed, meanings
-    from gapsense.studies.identification.transfer import parameters_of, read_sets
-    from gapsense.studies.identification.valve.file import BY_NAME
+    from gapsense import functions
 
-    if figure is not None:
-        plot.check_file(figure)
-    given, marked = read_sets([parameters] if parameters else [])
-    par = parameters_of("solenoid_valve", parameters)
-    if (is_assumed := turns is None and ("coil.turns" not in given or "coil.turns" in marked)) and not assume:
-        ask(["coil.turns"], BY_NAME, "--turns", TABLE_I, ", or as `--turns`")
-    turns = turns or float(par.coil_turns)
-    measured = read_inductances(data, names_of(column))
-    found = candidates(measured.gap, turns**2 / measured.inductance)
-    upper = float(measured.gap[-1])
-    taken, upper = best(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
-    replaced = ("coil.turns", "core.reluctance", "gap.")
-    assumed = [*["coil.turns"] * is_assumed, *(name for name in marked if not name.startswith(replaced))]
-    files = file.write(to, taken.law, turns, upper, given, f"gapsense gap-law {data.name}", assumed)
-    show(*tables(measured, turns, found, taken))
-    if assumed:
-        show(f"Assumed: {listed({**given, 'coil.turns': turns}, BY_NAME, assumed)}.", *meanings(assumed))
-    written(*files)
-    if figure is not None:
-        written(plot.save(figure_of(measured, turns, taken), figure))
+    tell(
+        functions.gap_law(
+            data,
+            turns=turns,
+            parameters=parameters,
+            assume=assume,
+            column=column or [],
+            out=to,
+            figure=figure,
+        )
+    )
