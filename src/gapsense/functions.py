@@ -115,12 +115,12 @@ def inspect(
     ValueError
         A file cannot be read as a record; all that is wrong is told.
     """
+    from gapsense.identification.inspection.facts import facts
+    from gapsense.identification.inspection.figure import figure_of
+    from gapsense.identification.inspection.show import tables
+    from gapsense.identification.measurements.checks import read_records, reading
+    from gapsense.identification.valve.show import about
     from gapsense.report import plot
-    from gapsense.studies.identification.valve.show import about
-    from gapsense.studies.inspection.facts import facts
-    from gapsense.studies.inspection.figure import figure_of
-    from gapsense.studies.inspection.show import tables
-    from gapsense.studies.records.checks import read_records, reading
 
     picture = checked(figure)
     how = reading(pairs(column), separator=separator, decimal=decimal, may_clip=True)
@@ -217,12 +217,12 @@ def identify(
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.studies.identification import finished
-    from gapsense.studies.identification.asked import Asked, read
-    from gapsense.studies.identification.choice import coil_of
-    from gapsense.studies.identification.options import believed
-    from gapsense.studies.identification.valve import fit, known_gap
-    from gapsense.studies.records.checks import reading
+    from gapsense.identification import finished
+    from gapsense.identification.asked import Asked, read
+    from gapsense.identification.choice import coil_of
+    from gapsense.identification.measurements.checks import reading
+    from gapsense.identification.options import believed
+    from gapsense.identification.valve import fit, known_gap
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
@@ -311,12 +311,12 @@ def commission(
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
+    from gapsense.identification.actuator import file, fit, show, validation
+    from gapsense.identification.actuator.needed import doubts, missing
+    from gapsense.identification.assumptions import ask
+    from gapsense.identification.measurements.checks import read_records, reading
+    from gapsense.identification.transfer import parameters_of, read_sets
     from gapsense.report import plot
-    from gapsense.studies.commissioning import file, fit, show, validation
-    from gapsense.studies.commissioning.needed import doubts, missing
-    from gapsense.studies.identification.assumptions import ask
-    from gapsense.studies.identification.transfer import parameters_of, read_sets
-    from gapsense.studies.records.checks import read_records, reading
 
     picture, believed = checked(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
@@ -381,15 +381,15 @@ def gap_law(
     ValueError
         The file cannot be read, or the turns are missing.
     """
+    from gapsense.identification.asked import TABLE_I
+    from gapsense.identification.assumptions import ask, listed, meanings
+    from gapsense.identification.gap_law import file
+    from gapsense.identification.gap_law.choice import best, candidates
+    from gapsense.identification.gap_law.show import figure_of, tables
+    from gapsense.identification.gap_law.table import names_of, read_inductances
+    from gapsense.identification.transfer import parameters_of, read_sets
+    from gapsense.identification.valve.file import BY_NAME
     from gapsense.report import plot
-    from gapsense.studies.gap_law import file
-    from gapsense.studies.gap_law.choice import best, candidates
-    from gapsense.studies.gap_law.show import figure_of, tables
-    from gapsense.studies.gap_law.table import names_of, read_inductances
-    from gapsense.studies.identification.asked import TABLE_I
-    from gapsense.studies.identification.assumptions import ask, listed, meanings
-    from gapsense.studies.identification.transfer import parameters_of, read_sets
-    from gapsense.studies.identification.valve.file import BY_NAME
 
     picture, source, known = checked(figure), Path(data), path(parameters)
     given, marked = read_sets([known] if known else [])
@@ -470,13 +470,13 @@ def estimate(
     """
     from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
+    from gapsense.identification.estimation import judge, run
+    from gapsense.identification.estimation.show import measured_and_estimated, repeated, tables
+    from gapsense.identification.measurements.checks import read_records, reading
+    from gapsense.identification.measurements.thin import thinned
+    from gapsense.identification.transfer import read_sets, taken
+    from gapsense.identification.valve.show import about
     from gapsense.report import plot
-    from gapsense.studies.estimation import judge, run
-    from gapsense.studies.estimation.show import measured_and_estimated, repeated, tables
-    from gapsense.studies.identification.transfer import read_sets, taken
-    from gapsense.studies.identification.valve.show import about
-    from gapsense.studies.records.checks import read_records, reading
-    from gapsense.studies.records.thin import thinned
 
     picture, every, folder = checked(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
     sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]

@@ -44,7 +44,7 @@ def reference(name):
 
 
 def test_every_component_has_a_class():
-    assert set(gapsense.COMPONENTS) == set(FOLDERS)
+    assert set(FOLDERS) <= set(gapsense.__all__)
     assert set(dir(gapsense)) >= {*FOLDERS, "Scenario", "run"} and "os" not in dir(gapsense)
 
 
