@@ -1,4 +1,4 @@
-"""Pictures of the gallery: a command for each scenario and for each study that draws; made anew where older than the sources."""
+"""Pictures of the gallery: one for each scenario and each study that draws, made anew where older than the sources."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ def entries() -> list[Entry]:
     """All of them, scenarios first."""
     scenarios = [folder.parent for folder in sorted((ROOT / "scenarios").glob("*/scenario.toml"))]
     figures = [Entry(load(f).title, f"figure {f.name}", FOLDER / f"{f.name}.png") for f in scenarios]
-    drawn = [Entry(title, f"study {words}", FOLDER / file) for words, (title, file) in STUDIES.items()]
+    drawn = [Entry(title, f"study {words}", FOLDER / "studies" / file) for words, (title, file) in STUDIES.items()]
     return [*figures, *drawn]
 
 
 def made(entry: Entry) -> Path:
     """Its picture, drawn by the command where there is none as new as the sources and scenarios."""
     if not entry.file.is_file() or entry.file.stat().st_mtime < newest():
-        FOLDER.mkdir(parents=True, exist_ok=True)
+        entry.file.parent.mkdir(parents=True, exist_ok=True)
         words = entry.command.split()
         is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
-        to = entry.file if is_file else FOLDER
+        to = entry.file if is_file else entry.file.parent
         subprocess.run(
             [sys.executable, "-m", "gapsense", *words, "--out", str(to)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL
         )
@@ -69,5 +69,10 @@ def newest() -> float:
 
 def page(pictures: list[Entry]) -> str:
     """The part of the page that has the pictures."""
-    parts = (f"### {e.title}\n\n![{e.title}](gallery/{e.file.name})\n\n`gapsense {e.command}`\n" for e in pictures)
+    parts = (f"## {e.title}\n\n![{e.title}]({place(e)})\n\n`gapsense {e.command}`\n" for e in pictures)
     return "\n".join(parts)
+
+
+def place(entry: Entry) -> str:
+    """Of its picture in the site."""
+    return f"gallery/{entry.file.relative_to(FOLDER).as_posix()}"

@@ -5,7 +5,7 @@
 >>> scenario = Scenario("my valve", stop=20e-3, base_step=25e-6)
 
 A class for each component, `Scenario` and `run` for co-simulations, and a function for each command on records and
-results: `inspect`, `identify`, `commission`, `gap_law`, `estimate`, `compare`. All of it is loaded when it is asked for.
+results: `inspect`, `identify`, `commission`, `gap_law`, `estimate`, `compare`. All of it is loaded when asked for.
 """
 
 from __future__ import annotations
