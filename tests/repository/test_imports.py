@@ -47,7 +47,8 @@ MAY_IMPORT = {
     "pytest_plugin": {"cosim", "report", "tables"},
     "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__", "runnable"},
     "studies": NUMBERS | {"report", "studies"},
-    "command": NUMBERS | {"report", "studies", "cli"},
+    "scenarios": NUMBERS | {"report", "studies", "scenarios"},
+    "command": NUMBERS | {"report", "studies", "scenarios", "cli"},
     "build_fmus": {"__main__"},
     "__main__": {"cli"},
 }
@@ -66,6 +67,7 @@ PACKAGES = {  # beside the standard library
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
+    "scenarios": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
@@ -182,7 +184,7 @@ def folders(folder: Path) -> set[str]:
 
 COMMANDS = typer.main.get_command(app).commands
 FOUND_BY_WALKING = {
-    "studies": folders(SRC / "studies"),
+    "studies": {path.parent.name for path in PYTHON if path.name == "study.py"},
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),

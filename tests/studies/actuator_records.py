@@ -6,6 +6,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
@@ -15,7 +16,6 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
 from gapsense.studies.commissioning import problem
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import VALVE
 from gapsense.studies.records.record import Columns, Record, to_record
 from gapsense.studies.records.rest import without_offsets
 

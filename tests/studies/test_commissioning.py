@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators import commissioned
+from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns, write_columns
@@ -18,8 +20,6 @@ from gapsense.studies.commissioning import file, fit, problem
 from gapsense.studies.commissioning.drive import drive
 from gapsense.studies.commissioning.needed import doubts, missing
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators import commissioned
-from gapsense.studies.estimators.parameters import CORE, blind, wrong
 from gapsense.studies.identification.transfer import parameters_of, read_sets, read_values, taken
 from gapsense.studies.records.record import Columns, to_record
 
