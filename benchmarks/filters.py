@@ -36,9 +36,8 @@ from gapsense.scenarios.soft_landing.batch import (
 )
 from gapsense.scenarios.soft_landing.comparison import compare
 from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
-from gapsense.scenarios.soft_landing.models import CHUNK, errors, noise, nominal, perturbed, unvaried
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered
-from gapsense.scenarios.soft_landing.setting import Study, studied
+from gapsense.scenarios.soft_landing.setting import CHUNK, Study, errors, noise, nominal, perturbed, studied, unvaried
 from kernels import in_c
 from wrong_models import filter_parameters
 

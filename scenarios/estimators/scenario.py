@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from gapsense.tables import Value
 
-from ..soft_landing.models import errors
+from ..soft_landing.setting import errors
 from .contenders import CONTENDERS, NOISES, Contender
 from .parameters import DEVICES, VALVE, Valve, gap_table, plant, wrong
 

@@ -19,9 +19,8 @@ from gapsense.studies.tasks import Facts, compute
 from . import batch
 from .batch import Tuning, Variant, Varied
 from .cycle import Samples
-from .models import chunks
 from .runs import Estimator, filtered, open_loop, smoothed
-from .setting import OPERATIONS, Study, drawn, noise_of_width, operation_of, study_of, tuning
+from .setting import OPERATIONS, Study, chunks, drawn, noise_of_width, operation_of, study_of, tuning
 
 WIDTHS = (0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.3)  # nearly log spaced
 VARIANTS = {"ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0), "ERTSS without e_F": Variant(1.0, 0.0)}

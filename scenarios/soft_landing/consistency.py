@@ -15,10 +15,9 @@ from gapsense.kernels.lanes import Plan, Row, plan
 
 from .batch import Tuning, Variant, Varied, normalised_errors
 from .cycle import Samples
-from .models import chunks
 from .reference import reference_state
 from .runs import Estimator, filtered, smoothed
-from .setting import Study, drawn, moving, noise_of_width, operation_of, tuning
+from .setting import Study, chunks, drawn, moving, noise_of_width, operation_of, tuning
 
 CONFIDENCE = 0.9
 STATES = ("z_k*", "z_(k-1)*", "lambda_k", "e_i,k", "e_F,k")

@@ -107,8 +107,7 @@ def reduced_fit(
     from gapsense.studies.identification.assumptions import ask
     from gapsense.studies.identification.transfer import parameters_of, read_sets
 
-    from .core_fit import of_record, of_reference_cycle
-    from .core_fit_show import cores
+    from .core_fit import cores, of_record, of_reference_cycle
 
     par = parameters_of("ekf", parameters)
     if record is not None:
@@ -130,8 +129,7 @@ def observability_rts(to: FigureFile = Path("results/observability_rts.png")) ->
     """Figure 6 of [RTS]: samples that make the state of the reduced model observable, along the reference cycle."""
     from gapsense.report import plot
 
-    from .observability import along_reference_cycle
-    from .observability_show import counts, figure
+    from .observability import along_reference_cycle, counts, figure
 
     plot.check_file(to)
     with bar("samples") as progress:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gapsense.scenarios.soft_landing import cycle
-from gapsense.scenarios.soft_landing.models import nominal, unvaried
 from gapsense.scenarios.soft_landing.reference import process_noise
+from gapsense.scenarios.soft_landing.setting import nominal, unvaried
 from gapsense.scenarios.soft_landing.show import LABELS, smoothed
 from gapsense.scenarios.soft_landing.table import deviation, voltage_table, write
 from gapsense.scenarios.soft_landing.trajectory import FIG_5

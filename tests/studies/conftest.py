@@ -10,8 +10,7 @@ import pytest
 sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels", "oracles", "estimators", "studies"))
 
 from gapsense.scenarios.soft_landing.cycle import Samples, reference, sampled
-from gapsense.scenarios.soft_landing.models import fitted, nominal
-from gapsense.scenarios.soft_landing.setting import Study
+from gapsense.scenarios.soft_landing.setting import Study, fitted, nominal
 
 
 @pytest.fixture(scope="session")

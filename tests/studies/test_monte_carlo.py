@@ -23,8 +23,18 @@ from gapsense.scenarios.soft_landing.comparison import (
     squared_errors,
     trajectories,
 )
-from gapsense.scenarios.soft_landing.models import CHUNK, chunks, errors, noise, perturbed
-from gapsense.scenarios.soft_landing.setting import drawn, noise_of_width, operation_of, study_of, tuning
+from gapsense.scenarios.soft_landing.setting import (
+    CHUNK,
+    chunks,
+    drawn,
+    errors,
+    noise,
+    noise_of_width,
+    operation_of,
+    perturbed,
+    study_of,
+    tuning,
+)
 from gapsense.scenarios.soft_landing.smoother_show import orderings
 from wrong_models import filter_parameters
 

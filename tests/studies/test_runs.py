@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from gapsense.scenarios.soft_landing.batch import MOVING, Tuning, Variant, uncertain
-from gapsense.scenarios.soft_landing.models import errors, gap_means, noise, perturbed
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered, open_loop, smoothed
+from gapsense.scenarios.soft_landing.setting import errors, gap_means, noise, perturbed
 from wrong_models import Textbook, filter_parameters
 
 from gapsense.estimators.rts import smooth_record
