@@ -53,9 +53,8 @@ def made(entry: Entry) -> Path:
         words = entry.command.split()
         is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
         to = entry.file if is_file else entry.file.parent
-        subprocess.run(
-            [sys.executable, "-m", "gapsense", *words, "--out", str(to)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL
-        )
+        command = [sys.executable, "-m", "gapsense", *words, "--out", str(to)]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         entry.file.touch()
     return entry.file
 

@@ -1,10 +1,9 @@
-"""What the site has beside the pages in this folder: CONTRIBUTING, a page for each component, the gallery, the examples."""
+"""What the site has beside the pages in this folder: CONTRIBUTING, components, the gallery, the examples."""
 
 from __future__ import annotations
 
 import re
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import gallery
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.page import html
+from gapsense.version import __version__
 
 ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")  # a link to a file of the repository that the site has not
@@ -25,6 +25,8 @@ HEADING = re.compile(r'<h2 id="[^"]*">(.*?)</h2>\n?')
 CONTENTS = re.compile(r"<nav.*?</nav>\n?", re.DOTALL)
 EVERY, EXAMPLES = "components/*.md", "examples/*.md"  # stand for the pages of all components, of all examples
 PICTURES = "<!-- pictures: made by docs/gallery.py -->"
+CLASSES = "<!-- classes: made by docs/site.py -->"
+CLASS = "::: gapsense.components.{}\n    options:\n      members: false\n"
 
 
 def components() -> dict[str, str]:
@@ -36,7 +38,7 @@ def components() -> dict[str, str]:
 def page(folder: Path) -> str:
     """The page that is in the FMU too, its headings as those of the site, so that they are in its contents."""
     component = load_component(folder)
-    whole = html(component, (folder / "page.md").read_text(encoding="utf-8"), version("gapsense"))
+    whole = html(component, (folder / "page.md").read_text(encoding="utf-8"), __version__)
     body = CONTENTS.sub("", whole.partition("</h1>")[2].partition("</body>")[0])
     first, *parts = HEADING.split(body)
     chapters = (f"## {title}\n\n<div>{text}</div>\n" for title, text in zip(parts[::2], parts[1::2]))
@@ -91,6 +93,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     )
     markdown = re.sub(r"\]\(examples/(\w+)\.py\)", r"](examples/\1.md)", markdown)
     markdown = markdown.replace(PICTURES, gallery.page(gallery.entries()) if PICTURES in markdown else "")
+    names = [load_component(folder).name for folder in find_components(ROOT / "fmus")]
+    markdown = markdown.replace(CLASSES, "\n".join(map(CLASS.format, sorted(names))))
     return ELSEWHERE.sub(lambda link: link[0] if is_in_site(link[2]) else f"{link[1]} (`{link[2]}`)", markdown)
 
 

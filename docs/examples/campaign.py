@@ -7,7 +7,7 @@
 # %%
 from pathlib import Path
 
-import gapsense
+from gapsense import campaign
 
 STUDY = """
 title = "Tolerances of valve and supply"
@@ -31,7 +31,7 @@ low = 2e-4
 high = 5e-3
 """
 Path("tolerances.toml").write_text(STUDY)
-result = gapsense.campaign("tolerances.toml")
+result = campaign.run("tolerances.toml")
 print(result)
 
 # %% [markdown]
@@ -46,4 +46,6 @@ for name, (low, median, high) in result.quantiles().items():
 # The same command continues a campaign that was interrupted; what is done is not computed again. Each metric over each parameter:
 
 # %%
-result.plot(metrics=["semera_resistance_first", "semera_resistance_after"])
+from gapsense.report.campaigns import figure
+
+figure(result, ["semera_resistance_first", "semera_resistance_after"])

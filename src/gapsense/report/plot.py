@@ -34,7 +34,18 @@ TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#
 
 
 class Picture(Figure):
-    """A figure that notebooks show by themselves."""
+    """A figure that notebooks show by themselves, and `show` in a window of the system, where there is one."""
+
+    def show(self, warn: bool = True) -> None:
+        """Show it in the browser; without a display, say where the file is."""
+        import webbrowser
+        from tempfile import mkstemp
+
+        handle, name = mkstemp(prefix="gapsense_", suffix=".png")
+        os.close(handle)
+        self.savefig(name)
+        if not webbrowser.open(Path(name).as_uri()) and warn:
+            print(f"There is no display here. The figure is in {name}.")
 
     def _repr_png_(self) -> bytes:
         file = BytesIO()
