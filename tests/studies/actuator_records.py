@@ -9,7 +9,7 @@ import numpy as np
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat

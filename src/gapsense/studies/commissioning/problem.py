@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import is_compiled, stepped
 from gapsense.kernels.layout import flat

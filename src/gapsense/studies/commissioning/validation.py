@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.studies.commissioning.drive import drive
 from gapsense.studies.commissioning.minimise import minimised
 from gapsense.studies.commissioning.problem import Problem, simulate
