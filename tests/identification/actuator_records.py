@@ -10,7 +10,7 @@ from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import problem
 from gapsense.identification.measurements.record import Columns, Record, to_record

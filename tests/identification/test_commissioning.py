@@ -14,7 +14,7 @@ from gapsense._os.files import read_columns, write_columns
 from gapsense.actuators.magnetics import fringing
 from gapsense.cli import app
 from gapsense.cosim import run
-from gapsense.estimators.mhe_model import device
+from gapsense.estimators.mhe.model import device
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import file, fit, problem
 from gapsense.identification.actuator.drive import drive

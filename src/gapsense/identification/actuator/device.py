@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.mhe_model import Device, Model, Point, advance, current, device, model, point
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Device, Model, Parameters, Point, advance, current, device, model, point
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip
 

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.estimators.mhe_pass import JUMP
-from gapsense.estimators.mhe_watch import SAME
+from gapsense.estimators.mhe.model import Parameters
+from gapsense.estimators.mhe.watch import SAME
+from gapsense.estimators.mhe.window import JUMP
 from gapsense.identification.measurements.operations import coarse, hidden, starts
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.rest import remaining

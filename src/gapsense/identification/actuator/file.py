@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gapsense._os.files import write_atomically
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.fmi.components import load_component, own
 from gapsense.identification.actuator.fit import Commissioned

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense._os.workers import Progress
-from gapsense.estimators.mhe_model import device
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters, device
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.identification.actuator.drive import LEFT, Drive, drive
 from gapsense.identification.actuator.minimise import minimised

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.identification.actuator.file import PORTS
 from gapsense.identification.assumptions import scale

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.identification.actuator import device as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, Drive
 from gapsense.identification.measurements.record import Vector

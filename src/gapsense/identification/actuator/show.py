@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.fmi.ports import Port
 from gapsense.identification.actuator.drive import SLOWEST
 from gapsense.identification.actuator.file import PORTS

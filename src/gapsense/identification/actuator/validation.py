@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.mhe.model import Parameters
 from gapsense.identification.actuator.drive import drive
 from gapsense.identification.actuator.minimise import minimised
 from gapsense.identification.actuator.problem import Problem, simulate

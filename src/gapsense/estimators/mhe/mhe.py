@@ -1,18 +1,18 @@
 """Moving-horizon estimator: position of a reluctance actuator from its voltage and current only.
 
-The hybrid model of `mhe_model` runs on the measured voltage; its state at the newest sample is the causal estimate, and
+The hybrid model of `model` runs on the measured voltage; its state at the newest sample is the causal estimate, and
 the landing that it predicts is the mode.  A window holds the samples of one operation and ends some time after its
-landing, or with a command.  `mhe_window` corrects the parameters by the currents of the window, spread over the samples
-that follow, and runs the model through it again: the smoothed estimate, and where the causal one goes on.
+landing, or with a command.  `solve` corrects the parameters by the currents of the window, spread over the samples that
+follow, and runs the model through it again: the smoothed estimate, and where the causal one goes on.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.mhe_effort import USUAL
-from gapsense.estimators.mhe_model import (
+from gapsense.estimators.mhe.model import (
     Device,
+    Parameters,
     Point,
     advance,
     current,
@@ -22,34 +22,36 @@ from gapsense.estimators.mhe_model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.estimators.mhe_pass import JUMP, LARGE, drives
-from gapsense.estimators.mhe_records import (
+from gapsense.estimators.mhe.solve import LOGARITHMS, REJECT_MISFIT, USUAL_EFFORT, work_on
+from gapsense.estimators.mhe.watch import (
+    RECENT,
+    Seen,
+    Watch,
+    as_seen,
+    is_strange,
+    is_untold,
+    is_wild,
+    listen,
+    watch_operation,
+    weight,
+)
+from gapsense.estimators.mhe.window import (
+    JUMP,
+    LARGE,
     RING,
     START,
     Learnt,
+    PassStart,
     Samples,
+    Smoothed,
     Work,
+    drives,
     first_work,
     get,
     priors,
     published,
     put,
 )
-from gapsense.estimators.mhe_watch import (
-    RECENT,
-    Seen,
-    Watch,
-    as_seen,
-    first_watch,
-    is_strange,
-    is_untold,
-    is_wild,
-    listened,
-    watched,
-    weight,
-)
-from gapsense.estimators.mhe_window import BAD, LOGARITHMS, work_on
 from gapsense.estimators.readings import (
     INNOVATION,
     LOST,
@@ -64,7 +66,7 @@ from gapsense.estimators.readings import (
 )
 from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
 from gapsense.kernels.linalg import vector
-from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, store, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, store, when, where
 
 FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
@@ -74,13 +76,13 @@ SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft land
 class Held(NamedTuple):
     """A voltage that hardly changes: its mean and that of its current, of late, and what they say of R."""
 
-    held: Scalar  # samples so far
-    held_level: Scalar  # voltage of the first of them
+    held_level: Scalar  # voltage of the first sample
     held_voltage: Scalar
-    held_current: Scalar
-    held_drift: Scalar  # last current less its mean
-    held_resistance: Scalar  # at the end of the last one that was long and large enough; or 0
-    zero: Scalar  # current that was measured at the end of the last one without voltage that was long enough
+    held: Scalar = 0.0  # samples so far
+    held_current: Scalar = 0.0
+    held_drift: Scalar = 0.0  # last current less its mean
+    held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
+    zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
 
 
 class State(NamedTuple):
@@ -93,8 +95,7 @@ class State(NamedTuple):
     watch: Watch
     work: Work
     samples: Samples
-    fluxes: Annotated[Array, Memory(RING)]  # of the last trial
-    positions: Annotated[Array, Memory(RING)]
+    smoothed: Smoothed
 
 
 class Inputs(NamedTuple):
@@ -109,11 +110,22 @@ class Inputs(NamedTuple):
 class Shown(NamedTuple):
     """Smoothed values of `smoothed_time`, or causal ones."""
 
-    smoothed_published: Scalar  # 1: smoothed; 0: there are none
+    smoothed_published: Scalar  # flag: smoothed; 0: there are none
     smoothed_time: Scalar
     smoothed_position: Scalar
     smoothed_velocity: Scalar
     smoothed_flux_linkage: Scalar
+
+
+def _shown(at: Point, time: Scalar) -> Shown:
+    """Nothing smoothed: the causal estimate, now."""
+    return Shown(
+        smoothed_published=0.0,
+        smoothed_time=time,
+        smoothed_position=at.position,
+        smoothed_velocity=at.velocity,
+        smoothed_flux_linkage=at.flux_linkage,
+    )
 
 
 class Found(NamedTuple):
@@ -179,54 +191,56 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     d, has_voltage = device(par), can_be_read(inputs.voltage, par.range_voltage)
     u = where(has_voltage, inputs.voltage, 0.0)
     at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, u, model(par, d))
-    work, samples = (
-        first_work(at, inputs.time, par),
-        Samples(newest=0.0, voltages=zeros(RING), currents=zeros(RING), weights=zeros(RING), commands=zeros(RING)),
+    state = State(
+        last_command=inputs.command,
+        causal=vector(at),
+        believed=zeros(len(d)),
+        held=Held(held_level=u, held_voltage=u),
+        watch=Watch(noise=par.noise_current),
+        work=first_work(at, inputs.time, par),
+        samples=Samples(
+            newest=0.0, voltages=zeros(RING), currents=zeros(RING), weights=zeros(RING), commands=zeros(RING)
+        ),
+        smoothed=Smoothed(fluxes=zeros(RING), positions=zeros(RING)),
     )
-    held, smoothed = (
-        Held(held=0.0, held_level=u, held_voltage=u, held_current=0.0, held_drift=0.0, held_resistance=0.0, zero=0.0),
-        (zeros(RING), zeros(RING)),
-    )
-    learns = (held, first_watch(par), work, samples)
-    state = State(inputs.command, vector(at), zeros(len(d)), *learns, *smoothed)
     fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
-    shown = Shown(
-        smoothed_published=0.0,
-        smoothed_time=inputs.time,
-        smoothed_position=at.position,
-        smoothed_velocity=0.0,
-        smoothed_flux_linkage=0.0,
+    return state, _outputs(
+        at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
     )
-    return state, _outputs(at, d, 0.0, shown, work.learnt, published(priors(par), par), fine, par)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
-    before, can_read = Point(*state.causal), _has_current(inputs, par)
-    has_voltage = can_be_read(inputs.voltage, par.range_voltage)
+    told, before = par, Point(*state.causal)
+    # the reading
+    has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
     u = where(has_voltage, inputs.voltage, before.voltage)
-    zero = where(par.option_zero > 0.0, state.held.zero, 0.0)
+    zero = where(is_set(par.option_zero), state.held.zero, 0.0)
     i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
-    is_edge, heard = drives(u - before.voltage, par), listened(state.watch, state.samples, u, i, par)
-    told, par = par, as_seen(heard, par)
+    is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
+    par = as_seen(watch, told)
     has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
-    samples = _remembered(state.samples, u, i, w, where(inputs.command == state.last_command, 0.0, 1.0))
-    held = _held(_forgotten(state.held, inputs.command == state.last_command, par), u, i + zero, par)
-    smoothed = (state.fluxes, state.positions)
+    is_same_command = inputs.command == state.last_command
+    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
+    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
+    # the window
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     first = model(par, device(par))
-    doubtful = state.work._replace(doubt=where(is_strange(state.watch), 1.0, state.work.doubt))
-    work, smoothed, caught = work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par)
-    is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
+    window, is_first = state.work.window, state.work.pass_start == PassStart.first
+    is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
+    work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
+    work, smoothed, has_caught_up = work_on(work, samples, state.smoothed, before, R, inputs.time, first, par)
+    is_new = has_caught_up & not_(is_set(work.is_followed))
     is_told = _is_told_late(work, state.work.learnt, par)
+    work = work._replace(is_followed=where(has_caught_up, 1.0, work.is_followed))
+    # the causal estimate
     is_other = is_new | is_first | is_told
-    believed = cond(is_other, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
-    work = work._replace(follows=where(caught, 1.0, work.follows))
+    believed = when(is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
     m = with_device(first, Device(*get(believed, START)))
-    before = Point(*cond(is_told, lambda: vector(point(*before[:4], before.voltage, m)), lambda: state.causal))
-    at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
-    now = Point(*at)
+    before = Point(*when(is_told, lambda _: vector(point(*before[:4], before.voltage, m)), state.causal))
+    causal = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+    now = Point(*causal)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
     seen = Seen(
         innovation=innovation,
@@ -235,17 +249,27 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_edge=is_edge,
         change=inputs.command - state.last_command,
     )
-    watch = watched(heard, seen, now, work.learnt, m, par)
-    work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
-    state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
+    watch = watch_operation(watch, seen, now, work.learnt, m, par)
+    # what is published
+    work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
     causes = {
         INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
         LOST: not_(has_voltage & has_current),
         RESTARTED: work.learnt.given_up > 0.0,
-        STILL: watch.is_still > 0.0,
+        STILL: is_set(watch.is_still),
         OTHER: _is_other(work, par),
         UNTOLD: is_untold(watch, told),
     }
+    state = State(
+        last_command=inputs.command,
+        causal=causal,
+        believed=believed,
+        held=held,
+        watch=watch,
+        work=work,
+        samples=samples,
+        smoothed=smoothed,
+    )
     known = get(work.learnt.deviations, START)
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
@@ -253,25 +277,25 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 def _is_other(work: Work, par: Parameters) -> Scalar:
     """Something was learnt that is too far from what was told."""
     is_other: Scalar = False
-    for q, s in zip(get(work.q_prior, START), priors(par)):
+    for q, s in zip(get(work.fit.q_prior, START), priors(par)):
         is_other = (fabs(q) > FAR * s) | is_other
     return is_other
 
 
 def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
     """What a window has told is so late, with `option.further`, that the causal estimate does not wait for the next."""
-    is_told, is_late = work.learnt.windows > before.windows, work.age > USUAL.later
-    return (par.option_further > 0.0) & is_told & is_late & (work.learnt.misfit < BAD)
+    is_told, is_late = work.learnt.windows > before.windows, work.window.age > USUAL_EFFORT.later
+    return is_set(par.option_further) & is_told & is_late & (work.learnt.misfit < REJECT_MISFIT)
 
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
+def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
     newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
     return Samples(
-        newest,
+        newest=newest,
         voltages=store(before.voltages, newest, u),
         currents=store(before.currents, newest, i),
         weights=store(before.weights, newest, w),
@@ -279,12 +303,12 @@ def _remembered(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: S
     )
 
 
-def _forgotten(held: Held, goes_on: Scalar, par: Parameters) -> Held:
+def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
     """With a command the resistance of a voltage that was held in the operation before is an old one."""
-    return held._replace(held_resistance=where(goes_on | not_(par.option_command > 0.0), held.held_resistance, 0.0))
+    return held._replace(held_resistance=where(goes_on | not_(is_set(par.option_command)), held.held_resistance, 0.0))
 
 
-def _held(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
+def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
     R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
@@ -304,53 +328,34 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     """Voltage over current, if both are held and large enough; else 0."""
     is_long = held.held >= par.window_tail / par.sample_time
     is_large = (fabs(held.held_current) > LARGE * par.noise_current) & (fabs(held.held_voltage) > par.edge)
-    settled = where(par.option_further > 0.0, SETTLED_WELL, SETTLED)
+    settled = where(is_set(par.option_further), SETTLED_WELL, SETTLED)
     is_settled = fabs(held.held_drift) < settled * fabs(held.held_current)
-    through = held.held_current - where(par.option_zero > 0.0, held.zero, 0.0)
+    through = held.held_current - where(is_set(par.option_zero), held.zero, 0.0)
     ratio = held.held_voltage / where(is_large, through, 1.0)
     return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
 
 
-def _published(
-    work: Work, newest: Scalar, smoothed: tuple[Array, Array], now: Point, time: Scalar, par: Parameters
+def _publish(
+    work: Work, newest: Scalar, smoothed: Smoothed, now: Point, time: Scalar, par: Parameters
 ) -> tuple[Work, Shown]:
     """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
-    fluxes, positions = smoothed
 
-    def ready() -> tuple[Scalar, Scalar, Shown]:
+    def publish() -> tuple[Scalar, Scalar, Shown]:
         oldest = where(work.shown >= newest, newest + RING - work.shown, newest - work.shown) - 1.0
         late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
         skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
         before, spot = (_behind(work.shown + skipped + k) for k in (0.0, 1.0))
-        z = load(positions, spot)
-        v = (z - load(positions, before)) / par.sample_time
-        age = oldest - skipped
-        return (
-            spot,
-            work.ready - 1.0 - skipped,
-            Shown(
-                smoothed_published=1.0,
-                smoothed_time=time - age * par.sample_time,
-                smoothed_position=z,
-                smoothed_velocity=v,
-                smoothed_flux_linkage=load(fluxes, spot),
-            ),
+        z, age = load(smoothed.positions, spot), oldest - skipped
+        shown = Shown(
+            smoothed_published=1.0,
+            smoothed_time=time - age * par.sample_time,
+            smoothed_position=z,
+            smoothed_velocity=(z - load(smoothed.positions, before)) / par.sample_time,
+            smoothed_flux_linkage=load(smoothed.fluxes, spot),
         )
+        return spot, work.ready - 1.0 - skipped, shown
 
-    def none() -> tuple[Scalar, Scalar, Shown]:
-        return (
-            work.shown,
-            0.0,
-            Shown(
-                smoothed_published=0.0,
-                smoothed_time=time,
-                smoothed_position=now.position,
-                smoothed_velocity=now.velocity,
-                smoothed_flux_linkage=now.flux_linkage,
-            ),
-        )
-
-    spot, left, shown = cond(work.ready > 0.0, ready, none)
+    spot, left, shown = cond(work.ready > 0.0, publish, lambda: (work.shown, 0.0, _shown(now, time)))
     return work._replace(shown=spot, ready=left), shown
 
 
@@ -373,5 +378,15 @@ def _outputs(
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
     sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
     stds = Certainty(*(size * std for size, std in zip(sizes, known)))
-    motion = (at.position, at.velocity, at.flux_linkage, mode, innovation)
-    return Outputs(*motion, fine, shown, Operation(*learnt[:6]), Found(*d), stds)
+    return Outputs(
+        position=at.position,
+        velocity=at.velocity,
+        flux_linkage=at.flux_linkage,
+        mode=mode,
+        innovation=innovation,
+        health=fine,
+        shown=shown,
+        operation=Operation(*(getattr(learnt, name) for name in Operation._fields)),
+        found=Found(*d),
+        certainty=stds,
+    )

@@ -1,22 +1,22 @@
 """Hybrid model with core losses that `Mhe` runs on the measured voltage, and its derivatives by what it learns.
 
-State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis over N, position, velocity.  Current
+State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis over N, position, velocity.  Current (1)
 
     i = (g_e u + f) / (1 + R g_e),    f = R_g(z) lambda + R_c lambda + b S(m) + h (1 + m^2),    m = lambda / lambda_sat,
 
-with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis
-dh/dlambda = (I_h - s h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover, m_z dv/dt = k (z_sp - z) - c v -
-R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
+with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis (2)
+dh/dlambda = (I_h - s h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover (3), m_z dv/dt = k (z_sp - z) -
+c v - R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
-from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.estimators.reduced_model import GapLaw
+from gapsense.kernels.layout import Array, Scalar, Table
 from gapsense.kernels.linalg import matrix, vector
 from gapsense.kernels.trace import clip, cond, exp, fabs, not_, square, where
 
@@ -26,6 +26,62 @@ SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
 # R_c0 lambda_sat and lambda_sat: least squares of the relative error from 2 to 90 % of saturation; at most 10 % stay
 CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
+
+
+class Parameters(NamedTuple):
+    """The actuator as a user knows it, how well, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K: b = K lambda_sat / N^2 [1/H]; 0: the core is that of Froehlich and Kennelly
+    core_eddy: Scalar  # g_e [S]
+    core_hysteresis: Scalar  # I_h [A]
+    core_turnover: Scalar  # l_h [Wb]
+    gap_law: Annotated[Scalar, GapLaw]
+    gap_reluctance: Scalar  # R_g0 [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
+    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
+    gap_factor: Scalar  # of R_g [1]
+    gap_bend: Scalar  # added to it between the stops [1]
+    option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
+    option_command: Scalar  # 1: a window ends when the input `command` changes
+    option_zero: Scalar  # 1: the current that is left after a long time without voltage is the sensor's offset
+    option_mean: Scalar  # 1: the voltage is the mean since the last sample
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    model_error: Scalar  # of the current, the same over `SAME` samples [A]
+    edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
+    window_tail: Scalar  # at rest after a landing until the window ends [s]
+    window_longest: Scalar  # [s]
+    window_pace: Scalar  # pieces of a pass that a step may take; 0: as many as the sample time allows
+    publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
+    prior_resistance: Scalar  # relative standard deviations before the first window
+    prior_eddy: Scalar
+    prior_gap: Scalar
+    prior_knee: Scalar
+    prior_saturation: Scalar
+    prior_hysteresis: Scalar
+    prior_mass: Scalar
+    prior_rest: Scalar
+    prior_damping: Scalar  # with `option_further`
+    prior_core: Scalar  # the same; standard deviation [1/H]
+    prior_bend: Scalar  # the same [1]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # [A]
+    health_limit: Scalar  # largest misfit [1]
 
 
 class Device(NamedTuple):
@@ -48,7 +104,7 @@ NOTHING = Device(*[0.0] * len(Device._fields))
 
 
 class Model(NamedTuple):
-    """A device, with all that its model needs."""
+    """A device, with everything that its model needs."""
 
     d: Device
     T_s: Scalar
@@ -123,7 +179,7 @@ def device(par: Parameters) -> Device:
     )
 
 
-def corrected(d: Device, q: Array) -> Device:
+def apply_corrections(d: Device, q: Array) -> Device:
     """The device with corrections q (11,): logarithms of factors, but of core and bend what is added."""
     factors = Device(*(value * exp(change) for value, change in zip(d, q)))
     return factors._replace(core=d.core + q[-2], bend=d.bend + q[-1])
@@ -176,7 +232,7 @@ def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
 
 
 def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, Scalar]:
-    """The force f [A] and df/dlambda [1/H]."""
+    """The force f (1) [A] and df/dlambda [1/H]."""
     share, S, slope = core(lam, m.d)
     f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
     return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
@@ -188,7 +244,7 @@ def mean_of(before: Scalar, voltage: Scalar, m: Model) -> Scalar:
 
 
 def current(p: Point, mean: Scalar, m: Model) -> Scalar:
-    """The current i at a point, for the mean voltage of the sampling period."""
+    """The current i (1) at a point, for the mean voltage of the sampling period."""
     return (m.d.eddy * mean + p.mmf) * m.through
 
 
@@ -233,7 +289,7 @@ def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
 
 
 def advance(p: Point, voltage: Scalar, m: Model) -> Point:
-    """The next sample, whose voltage is given; the motion by Verlet's method."""
+    """The next sample, whose voltage is given: (2) exactly, (3) by Verlet's method."""
     mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
     e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)
     free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
@@ -264,7 +320,7 @@ def advance(p: Point, voltage: Scalar, m: Model) -> Point:
 # derivatives
 
 
-def derived(
+def differentiate(
     T: Any, which: Sequence[int], p: Point, mean: Scalar, samples: Scalar, is_still: Scalar, m: Model
 ) -> tuple[Any, Any]:
     """Derivatives T (k, 4) of the state by some corrections, `samples` later, at p, and those of the current (k,).

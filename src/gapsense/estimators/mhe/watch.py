@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.mhe_model import Model, Point
-from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.estimators.mhe_pass import JUMP, drives
-from gapsense.estimators.mhe_records import Learnt, Samples, place
+from gapsense.estimators.mhe.model import Model, Parameters, Point
+from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, drives, place
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import clip, fabs, load, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, where
 
 SAME = 30.0  # samples over which the model's error of the current is the same
 RECENT = 1.0 / 16.0  # weight of a sample in the mean of the innovations, and in those of a held voltage and its current
@@ -29,25 +27,25 @@ STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no heal
 class Edge(NamedTuple):
     """The last edge of the voltage: it was somewhere between two samples, and the model has it in one place."""
 
-    place: Scalar  # from where the model has it [sampling periods]
-    variance: Scalar  # of that
-    faded: Scalar  # flux linkage by which the model is off now if it is a whole period off [Wb]
+    place: Scalar = 0.0  # from where the model has it [sampling periods]
+    variance: Scalar = 0.0  # of that
+    faded: Scalar = 0.0  # flux linkage by which the model is off now if it is a whole period off [Wb]
 
 
 class Watch(NamedTuple):
     """What is noticed."""
 
     noise: Scalar  # standard deviation of the current, as it is seen; at least what was told [A]
-    switching: Scalar  # share of samples at an edge, among those with a voltage or an edge
-    edge: Edge
-    spread: Scalar  # variance of the places of edges, of late
-    surprise: Scalar  # mean of the innovations, of late [A]
-    is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
-    is_moving: Scalar  # 1: there was a motion in this operation
-    is_suspect: Scalar  # 1: an operation was strange, and none since then was not
-    was_commanded: Scalar  # 1: the command has changed
-    has_moved: Scalar  # 1: there was a motion since then
-    is_still: Scalar  # 1: there was none between the two changes before
+    switching: Scalar = 0.0  # share of samples at an edge, among those with a voltage or an edge
+    edge: Edge = Edge()
+    spread: Scalar = ANYWHERE  # variance of the places of edges, of late
+    surprise: Scalar = 0.0  # mean of the innovations, of late [A]
+    is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
+    is_moving: Scalar = 0.0  # flag: there was a motion in this operation
+    is_suspect: Scalar = 0.0  # flag: an operation was strange, and none since then was not
+    was_commanded: Scalar = 0.0  # flag: the command has changed
+    has_moved: Scalar = 0.0  # flag: there was a motion since then
+    is_still: Scalar = 0.0  # flag: there was none between the two changes before
 
 
 class Seen(NamedTuple):
@@ -56,13 +54,8 @@ class Seen(NamedTuple):
     innovation: Scalar
     has_current: Scalar
     jump: Scalar  # of the voltage
-    is_edge: Scalar  # 1: that is an edge
+    is_edge: Scalar  # whether that is an edge
     change: Scalar  # of the command
-
-
-def first_watch(par: Parameters) -> Watch:
-    """Nothing was noticed yet."""
-    return Watch(par.noise_current, 0.0, Edge(0.0, 0.0, 0.0), ANYWHERE, *[0.0] * 7)
 
 
 def weight(par: Parameters) -> Scalar:
@@ -80,10 +73,10 @@ def is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
     return is_far & _is_held(before, u, par.edge + JUMP * par.noise_voltage)
 
 
-def listened(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
+def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
     """The noise of the current and the share of edges with a new sample."""
     is_edge = drives(u - load(samples.voltages, samples.newest), par)
-    step = where(is_edge | drives(u, par), OFTEN * (where(is_edge, 1.0, 0.0) - before.switching), 0.0)
+    step = where(is_edge | drives(u, par), OFTEN * (flag(is_edge) - before.switching), 0.0)
     return before._replace(noise=_noise(before.noise, samples, u, i, par), switching=before.switching + step)
 
 
@@ -117,7 +110,7 @@ def _is_pulsed(watch: Watch) -> Scalar:
 def as_seen(watch: Watch, par: Parameters) -> Parameters:
     """The noise that is seen where it is larger than what was told; under PWM the error of the model that it makes."""
     noise, minor = watch.noise, MINOR * par.core_hysteresis
-    has_loops = _is_pulsed(watch) & (par.option_mean > 0.0) & (minor > par.model_error)
+    has_loops = _is_pulsed(watch) & is_set(par.option_mean) & (minor > par.model_error)
     return par._replace(
         noise_current=where(noise > TOLD_TOO_LOW * par.noise_current, noise, par.noise_current),
         model_error=where(has_loops, minor, par.model_error),
@@ -126,29 +119,29 @@ def as_seen(watch: Watch, par: Parameters) -> Parameters:
 
 def is_untold(watch: Watch, told: Parameters) -> Scalar:
     """Much more noise than was told, or PWM that is sampled."""
-    return (watch.noise > TOO_NOISY * told.noise_current) | (_is_pulsed(watch) & not_(told.option_mean > 0.0))
+    return (watch.noise > TOO_NOISY * told.noise_current) | (_is_pulsed(watch) & not_(is_set(told.option_mean)))
 
 
 # operations
 
 
-def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
+def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
     """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
     is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
     counts = seen.has_current & not_(is_edge)
-    learns = is_edge & is_known & (before.is_strange < 1.0)
+    learns = is_edge & is_known & not_(is_set(before.is_strange))
     placed = PLACED * (square(before.edge.place) + before.edge.variance - before.spread)
     spread = before.spread + where(learns, placed, 0.0)
-    edge = _placed(before.edge, spread, seen, counts & not_(between), now, m, par)
+    edge = _place_edge(before.edge, spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
-    most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
+    most = where(is_set(par.option_further), STRANGE_SOFT, STRANGE)
     young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
     limit = (1.0 + young) * most * usual
-    is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
-    is_other = (par.option_command > 0.0) & (fabs(seen.change) > 0.0)
+    is_over = is_edge & (is_set(before.is_strange) | is_set(before.is_moving))
+    is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return before._replace(
         edge=edge,
         spread=spread,
@@ -158,11 +151,11 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
         is_suspect=where(is_over, before.is_strange, before.is_suspect),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
-        is_still=where(is_other, before.was_commanded * (1.0 - before.has_moved), before.is_still),
+        is_still=where(is_other, flag(is_set(before.was_commanded) & not_(is_set(before.has_moved))), before.is_still),
     )
 
 
-def _placed(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Point, m: Model, par: Parameters) -> Edge:
+def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Point, m: Model, par: Parameters) -> Edge:
     """Kalman filter of the place of an edge, by the innovations at rest after it."""
     is_edge = seen.is_edge
     faded = where(is_edge, par.sample_time * seen.jump, before.faded * (1.0 - par.sample_time * m.load * now.mmf_slope))
@@ -176,4 +169,4 @@ def _placed(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Point,
 
 def is_strange(watch: Watch) -> Scalar:
     """Whether this operation is, or one was, and none since then was not."""
-    return (watch.is_strange > 0.0) | (watch.is_suspect > 0.0)
+    return is_set(watch.is_strange) | is_set(watch.is_suspect)
