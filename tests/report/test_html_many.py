@@ -30,11 +30,11 @@ from gapsense.cosim import read_result
 from gapsense.cosim.provenance import kind
 from gapsense.cosim.scenario.changes import changed
 from gapsense.problems import InputError
+from gapsense.report import distributions
 from gapsense.report.html import many_plots
 from gapsense.report.html.many import read_many
-from gapsense.report.html.many_sections import goes_with
+from gapsense.report.html.many_chapter import goes_with, repeated
 from gapsense.report.html.page import write_report
-from gapsense.report.html.repeat import repeated
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 MAKERS = pytest.mark.parametrize("make", [made_sweep, made_campaign])
@@ -209,7 +209,7 @@ def test_texts_of_others_are_texts_and_nothing_else(tmp_path, make, monkeypatch)
 
 
 def test_many_runs_are_counted_and_many_plots_are_chosen(tmp_path, monkeypatch):
-    monkeypatch.setattr(many_plots, "POINTS", 20)
+    monkeypatch.setattr(distributions, "POINTS", 20)
     monkeypatch.setattr(many_plots, "PANELS", 6)
     many = read_many(made_campaign(tmp_path / "out", 200))
     found = many_plots.panels(many)
@@ -220,9 +220,9 @@ def test_many_runs_are_counted_and_many_plots_are_chosen(tmp_path, monkeypatch):
     (only,) = many_plots.panels(many).chosen
     assert only == "miss"  # it leaves its bounds
     drawer = many_plots.Drawer(read_many(many.file), {"miss": ["valve.r"]})
-    (image,) = drawer.over("miss", "valve.r").figure.renderers
+    (image,) = drawer.over("miss", "valve.r", "key").figure.renderers
     shown = image.data_source.data["image"][0].view(np.uint8).reshape(-1, 4)[:, 3]
-    assert (shown > 0).sum() == (drawer.clouds["valve.r", "miss"].counts > 0).sum() > 4
+    assert (shown > 0).sum() == (drawer.found.clouds["valve.r", "miss"].counts > 0).sum() > 4
 
 
 def test_color_is_stronger_where_more_runs_lie():

@@ -66,13 +66,13 @@ PACKAGES = {  # beside the standard library
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
-    "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
+    "report": {"bokeh", "jinja2", "markupsafe", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
     "build_fmus": set(),
     "__main__": set(),
 }
-HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed", "bokeh", "lxml"}
+HEAVY = {"scipy", "matplotlib", "pythonfmu", "fmpy", "pandas", "pyarrow", "distributed", "bokeh", "jinja2", "lxml"}
 SHOWING = {"rich", "typer"}
 LOADED = "\nimport sys\nprint(*{name.partition('.')[0] for name in sys.modules})"
 OWN = "failing life ports sentences slave state steps tables values variables"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import bokeh.models
@@ -10,15 +9,13 @@ import numpy as np
 from bokeh.plotting import figure
 
 from gapsense.campaign import summary
+from gapsense.report.distributions import Bars, Distributions, Points
 from gapsense.report.html import style
-from gapsense.report.html.axes import dress
-from gapsense.report.html.elements import Markup, element, joined
-from gapsense.report.html.figures import Drawn, Entry, fitting
+from gapsense.report.html.figures import Drawn, Entry, dress, fitting
 from gapsense.report.html.many import Many
-from gapsense.report.html.plots import Plots
 
 bk: Any = bokeh.models
-POINTS = 2000  # runs that are drawn as points; more are counted
+FEW = 500  # points, which are drawn strongly
 PANELS = 64  # on a page
 METRICS = 16  # that are drawn
 HEIGHT = 230  # [pixels]
@@ -58,78 +55,79 @@ class Drawer:
     """Draws the panels of many runs, with what they have in common."""
 
     def __init__(self, many: Many, chosen: dict[str, list[str]]) -> None:
-        self.many, self.few = many, many.levels
-        self.is_counted = many.campaign.rows > POINTS
-        factors = list(dict.fromkeys(f for own in chosen.values() for f in own if self.few[f] is None))
+        self.many, self.found = many, Distributions(many.campaign, chosen, many.levels)
         self.scales = {name: fitting(many.unit(name), np.array(of[1:6])) for name, of in many.spreads.items()}
-        self.clouds = summary.clouds(many.campaign, factors, list(chosen)) if self.is_counted else {}
-        self.source = None if self.is_counted else self.points([*factors, *chosen])
-
-    def points(self, names: list[str]) -> Any:
-        """Runs as points, which all plots share: those that are selected in one are so in all."""
-        columns = {name: self.many.campaign.column(name).astype(np.float64) * self.scales[name][0] for name in names}
-        data = {f"c{k}": columns[name].astype(np.float32) for k, name in enumerate(names)}
+        names = [] if self.found.is_counted else [*self.found.continuous, *chosen]
         self.keys = {name: f"c{k}" for k, name in enumerate(names)}
-        return bk.ColumnDataSource({"run": self.many.campaign.column("run").astype(np.int32), **data})
+        self.source = None if self.found.is_counted else self.points()
 
-    def alone(self, metric: str) -> Drawn:
+    def points(self) -> Any:
+        """Runs as points, which all plots share: those that are selected in one are so in all."""
+        column = self.many.campaign.column
+        data = {
+            key: (column(name).astype(np.float64) * self.scales[name][0]).astype(np.float32)
+            for name, key in self.keys.items()
+        }
+        return bk.ColumnDataSource({"run": column("run").astype(np.int32), **data})
+
+    def alone(self, metric: str, key: str) -> Drawn:
         """Histogram of a metric, with its median and bounds."""
-        bins, counts = summary.histogram(self.many.campaign, metric)
+        bins, counts = self.found.alone(metric)
         (scale, unit), made = self.scales[metric], bare()
-        edges, of = bins * scale, self.many.spreads[metric]
+        edges = bins * scale
         fill = {"fill_color": style.CURVES[0], "fill_alpha": 0.55, "line_color": None}
         made.quad(left=edges[:-1], right=edges[1:], top=counts, bottom=0.0, **fill)
-        line(made, of.median * scale, MEDIAN)
-        ends = [b for b in self.many.bounds(metric) or () if np.isfinite(b)]
-        for bound in ends:
-            line(made, bound * scale, BOUNDS)
+        line(made, self.many.spreads[metric].median * scale, MEDIAN)
+        ends = self.bounds(metric)
+        for end in ends:
+            line(made, end, BOUNDS)
         made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
-        low, high = span(edges[0], edges[-1], [b * scale for b in ends])
-        made.x_range = bk.Range1d(low, high)
-        return Drawn(
-            figure=made, label="how many runs", unit="", legend=(MEDIAN, BOUNDS) if ends else (MEDIAN,), points=(0, 0)
-        )
+        made.x_range = bk.Range1d(*span(edges[0], edges[-1], ends))
+        legend = (MEDIAN, BOUNDS) if ends else (MEDIAN,)
+        return Drawn(figure=made, key=key, label="how many runs", legend=legend)
 
-    def over(self, metric: str, factor: str) -> Drawn:
-        """A metric over a parameter."""
-        made = bare()
-        if self.few[factor] is not None:
-            self.bars(made, metric, factor)
-        elif self.is_counted:
-            self.density(made, metric, factor)
-        else:
+    def bounds(self, metric: str) -> list[float]:
+        """Bounds of a metric that are finite, as they are drawn."""
+        return [end * self.scales[metric][0] for end in self.many.bounds(metric) or () if np.isfinite(end)]
+
+    def over(self, metric: str, factor: str, key: str) -> Drawn:
+        """A metric over a parameter: bars, points, or where no run lies nothing and more colour where many do."""
+        made, found, scale = bare(), self.found.over(metric, factor), self.scales[metric][0]
+        unit = self.many.unit(factor)
+        if isinstance(found, Bars):
+            bars(made, found.names, found.quantiles * scale)
+        elif isinstance(found, Points):
             x, y = self.keys[factor], self.keys[metric]
             made.scatter(x, y, source=self.source, size=5, **dots(self.many.campaign.rows))
             told = [("run", "@run"), ("parameter", f"@{x}"), ("metric", f"@{y}")]
             made.add_tools(bk.HoverTool(tooltips=told), bk.BoxSelectTool())
-        for bound in self.many.bounds(metric) or ():
-            if np.isfinite(bound):
-                line(made, bound * self.scales[metric][0], BOUNDS, "width")
-        unit = self.scales[factor][1] if self.few[factor] is None and factor in self.scales else self.many.unit(factor)
+        else:
+            density(made, found.x * self.scales[factor][0], found.y * scale, found.counts)
+        if not isinstance(found, Bars) and factor in self.scales:
+            unit = self.scales[factor][1]
+        for end in self.bounds(metric):
+            line(made, end, BOUNDS, "width")
         made.xaxis.axis_label = labelled(factor, unit)
         label = labelled(self.many.label(metric), self.scales[metric][1])
-        return Drawn(figure=made, label=f"{label} over {factor}", unit="", legend=(), points=(0, 0))
+        return Drawn(figure=made, key=key, label=f"{label} over {factor}")
 
-    def bars(self, made: Any, metric: str, factor: str) -> None:
-        """Median and 5 to 95 % range at each value of a parameter."""
-        groups = summary.grouped(self.many.campaign, factor, metric, self.few[factor] or ())
-        numbers = np.array([group.quantiles for group in groups]).reshape(-1, 3) * self.scales[metric][0]
-        places = np.arange(len(groups))
-        bar = {"line_color": style.CURVES[0], "line_width": 5, "line_alpha": 0.5}
-        made.segment(places, numbers[:, 0], places, numbers[:, 2], **bar)
-        made.scatter(places, numbers[:, 1], size=8, color=style.CURVES[0])
-        names = [f"{g.value:.6g}" if isinstance(g.value, float) else str(g.value) for g in groups]
-        made.xaxis.ticker = bk.FixedTicker(ticks=places.tolist())
-        made.xaxis.major_label_overrides = dict(zip(places.tolist(), names))
-        made.x_range = bk.Range1d(-0.6, len(groups) - 0.4)
 
-    def density(self, made: Any, metric: str, factor: str) -> None:
-        """How many runs lie where; where none does there is nothing."""
-        cloud = self.clouds[factor, metric]
-        x, y = cloud.x * self.scales[factor][0], cloud.y * self.scales[metric][0]
-        box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
-        made.image_rgba(image=[coloured(cloud.counts.T)], **box)
-        made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
+def bars(made: Any, names: list[str], quantiles: Any) -> None:
+    """Median and 5 to 95 % range at each value of a parameter."""
+    places = np.arange(len(names))
+    bar = {"line_color": style.CURVES[0], "line_width": 5, "line_alpha": 0.5}
+    made.segment(places, quantiles[:, 0], places, quantiles[:, 2], **bar)
+    made.scatter(places, quantiles[:, 1], size=8, color=style.CURVES[0])
+    made.xaxis.ticker = bk.FixedTicker(ticks=places.tolist())
+    made.xaxis.major_label_overrides = dict(zip(places.tolist(), names))
+    made.x_range = bk.Range1d(-0.6, len(names) - 0.4)
+
+
+def density(made: Any, x: Any, y: Any, counts: Any) -> None:
+    """How many runs lie where; where none does there is nothing."""
+    box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
+    made.image_rgba(image=[coloured(counts.T)], **box)
+    made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
 
 
 def bare() -> Any:
@@ -155,7 +153,7 @@ def bare() -> Any:
 
 def dots(rows: int) -> dict[str, Any]:
     """Look of points; those that are not selected are faint once some are."""
-    alpha = 0.8 if rows < POINTS // 4 else 0.45
+    alpha = 0.8 if rows < FEW else 0.45
     return {"color": style.CURVES[0], "alpha": alpha, "nonselection_alpha": 0.08, "selection_alpha": 1.0}
 
 
@@ -188,23 +186,26 @@ def labelled(name: str, unit: str) -> str:
     return f"{name} / {unit}" if unit not in ("", "1") else name
 
 
-def drawn(many: Many, plots: Plots, key: str) -> Iterator[Markup]:
-    """All plots, a row of them for each metric."""
+def drawn(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
+    """All plots, a row of them for each metric, and how they are read."""
     chosen, note = panels(many)
     if not chosen:
-        return
+        return {}, ""
     drawer = Drawer(many, chosen)
-    yield element("p", element("small", note + hint(drawer)), of="hint")
-    for k, (metric, factors) in enumerate(chosen.items()):
-        parts = [plots.placed(drawer.alone(metric), f"{key}-m{k}")]
-        parts += [plots.placed(drawer.over(metric, f), f"{key}-m{k}-{j}") for j, f in enumerate(factors)]
-        yield joined((element("h4", many.label(metric)), element("div", *parts, of="grid")))
+    rows = {
+        metric: [
+            drawer.alone(metric, f"{key}-m{k}"),
+            *(drawer.over(metric, factor, f"{key}-m{k}-{j}") for j, factor in enumerate(factors)),
+        ]
+        for k, (metric, factors) in enumerate(chosen.items())
+    }
+    return rows, note + hint(drawer.found.is_counted)
 
 
-def hint(drawer: Drawer) -> str:
+def hint(is_counted: bool) -> str:
     """What the plots show and how they are read."""
     bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
     axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost thousandths; tables do not."
-    if drawer.is_counted:
+    if is_counted:
         return f"Stronger where more runs lie. {bars}{axes}"
     return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
