@@ -13,13 +13,13 @@ import numpy as np
 
 from gapsense.cosim import Result, load, run
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.commissioning import file
-from gapsense.studies.commissioning.fit import Commissioned, commission
+from gapsense.identification.actuator import file
+from gapsense.identification.actuator.fit import Commissioned, commission
+from gapsense.identification.measurements.record import Columns, Record, to_record
 from gapsense.studies.estimators.contenders import COMMISSIONED, MHE
 from gapsense.studies.estimators.core import SEED
 from gapsense.studies.estimators.parameters import DEVICES
 from gapsense.studies.estimators.scenario import set_file
-from gapsense.studies.records.record import Columns, Record, to_record
 
 ORIGIN = "python -m gapsense.studies.estimators.commissioned"
 
