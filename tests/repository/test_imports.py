@@ -155,7 +155,7 @@ STARTS = {  # and what they must not load
     "import gapsense.cli": HEAVY | {"numpy"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
-    "import gapsense.cosim.run.apart_child, gapsense.cosim.run.worker": HEAVY | SHOWING,
+    "import gapsense.cosim.run.apart, gapsense.cosim.run.worker": HEAVY | SHOWING,
 }
 
 

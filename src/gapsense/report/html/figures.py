@@ -11,7 +11,7 @@ import numpy as np
 from bokeh.document import Document
 from bokeh.plotting import figure
 
-from gapsense.cosim.result.difference import Difference
+from gapsense.cosim.result.compare import Difference
 from gapsense.report.html import style
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector, kept
 from gapsense.report.html.subject import Event, Shown

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim import Result, Scenario, read_result
-from gapsense.cosim.result.compare import compare
-from gapsense.cosim.result.difference import Difference
+from gapsense.cosim.result.compare import Difference, compare
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.run.subject import Subject
 from gapsense.cosim.scenario.kinds import REPORTED, other_kind
