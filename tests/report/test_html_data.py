@@ -17,8 +17,7 @@ from gapsense.cosim.result.metrics import rms
 from gapsense.cosim.result.result import Signal
 from gapsense.cosim.scenario.elements import Port
 from gapsense.report.html import curves
-from gapsense.report.html.panels import pairs, panels, strips
-from gapsense.report.html.run import consistency
+from gapsense.report.html.run import consistency, pairs, panels, strips
 from gapsense.report.html.subject import Shown, events, read_all, regression
 from gapsense.report.html.wiring import Wire, arranged
 

@@ -323,6 +323,9 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
     return f"{path}: `{head}` added, so that `gapsense test` misses the baseline when it is gone."
 
 
+# JUnit XML, which every CI system reads: one suite per scenario, one case per check.
+
+
 def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
     """Write outcomes as a JUnit file, complete or not at all."""
     path = Path(path)

@@ -93,6 +93,9 @@ def parameter(name: str, descriptions: Descriptions) -> Variable | None:
     return variable if variable and variable.is_parameter and variable.type in ("Real", "Integer") else None
 
 
+# Whether the window of a metric has samples: recorded rows at which the component of its signal has just stepped.
+
+
 def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
     """Problem of a metric that would have no samples, whatever its signals are."""
     component = scenario.components.get(metric.signal.partition(".")[0])

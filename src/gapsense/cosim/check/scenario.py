@@ -305,6 +305,9 @@ class Checker:
             yield f"connections: {error}"
 
 
+# Signals that inputs follow against the variables of these inputs and the time of the run.
+
+
 def check_signal(played: Played, variable: Variable) -> Iterator[str]:
     """Problems of a signal with the input that is to follow it."""
     if variable.type == "String":
@@ -336,6 +339,9 @@ def check_span(played: Played, experiment: Experiment) -> Iterator[str]:
     if begin > experiment.start + slack or end < experiment.time(experiment.count) - slack:
         span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
         yield f"it has values from {begin:.9g} s to {end:.9g} s, the run is from {span}. Add what is missing."
+
+
+# Both ends of a connection: whether one can follow the other.
 
 
 def check_types(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:

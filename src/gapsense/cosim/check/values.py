@@ -189,6 +189,9 @@ def limits(variable: Variable) -> str:
     return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
 
 
+# Parameters of the FMUs that lie beside those of a scenario: what a parameter set may have for other components.
+
+
 def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
     """Names of the parameters of all FMUs in the folders of some; one that cannot be read has none."""
     files = {file for folder in {fmu.parent for fmu in fmus} for file in folder.glob("*.fmu")}

@@ -174,6 +174,9 @@ def effect(event: Event, share: float, track: Track) -> Effect:
     return Effect(1.0, number * share)
 
 
+# Random numbers of events: each belongs to an event, a seed and a base step, whoever asks for it, and how often.
+
+
 @lru_cache(maxsize=64)
 def noise(name: str, seed: int, k: int) -> float:
     """Number of standard normal distribution for an event at a base step; the same bits everywhere."""

@@ -140,6 +140,9 @@ def varied(events: Events, values: Mapping[Port, Value], problems: list[str]) ->
     return read_events(table, changes)
 
 
+# Events of a scenario against its FMUs and its time grid.
+
+
 def check_events(
     scenario: Scenario, descriptions: Descriptions, events: Mapping[str, Event], place: str, knows_times: bool
 ) -> Iterator[str]:

@@ -215,6 +215,9 @@ def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, froz
     return {v.name: direct(v) for v in variables.values() if v.causality == "output"}
 
 
+# Model descriptions as XML: small mistakes of exporters are mended, references to nothing are refused.
+
+
 def mended(data: bytes) -> tuple[Element, bytes]:
     """A model description, and its text with the variability that some exporters leave out where FMI asks for it.
 

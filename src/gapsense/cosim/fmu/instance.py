@@ -87,7 +87,7 @@ def process_kept() -> Iterator[None]:
 class Instance:
     """An FMU of FMI 2.0, loaded as `name` from its unpacked `folder`. After `fmi2Fatal` it is never touched again.
 
-    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates, see `instance3.py`.
+    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates.
     """
 
     is_near = True  # in this process, so that C may call it
@@ -339,6 +339,9 @@ def summary(text: str) -> str:
     start = next((i for i, line in enumerate(lines) if line.startswith("Traceback (")), None)
     words = " ".join(lines if start is None else [*lines[:start], lines[-1]])
     return words[:LONGEST] or "(empty message)"
+
+
+# FMI 3.0: what differs from 2.0.
 
 
 def instance_of(name: str, description: Description, folder: Path) -> Instance:

@@ -184,6 +184,9 @@ class RemoteInstance(Instance):
         self.process.close()
 
 
+# The process of one FMU instance, seen from inside.
+
+
 class Memory(NamedTuple):
     """Inputs and outputs that two processes share, as arrays of ctypes."""
 

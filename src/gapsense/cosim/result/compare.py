@@ -120,6 +120,9 @@ def step_of(name: str, run: Run) -> float:
     return run.base_step * int(component.get("step", 1))
 
 
+# How one signal differs from its reference, and what comparing all signals of a run has shown.
+
+
 @dataclass(frozen=True)
 class Difference:
     """A signal and its reference at the same times [s]; `rows` is how many an edge may come earlier or later."""
@@ -251,6 +254,9 @@ class Comparison:
         return "; ".join(parts) + "."
 
 
+# Edges of recorded signals, which may come a step earlier or later in another run.
+
+
 def edges(values: Vector) -> Rows:
     """Whether there is an edge between each row and the next: much more than a row usually changes."""
     changes = np.abs(np.diff(values))
@@ -306,6 +312,9 @@ def between(values: Vector, low: Vector, high: Vector, allowed: float) -> Rows:
     """Rows at which a signal lies between two others, but for what is allowed; nothing lies between NaN."""
     inside: Rows = (values >= low - allowed) & (values <= high + allowed)
     return inside
+
+
+# Two time grids: the rows that are compared, and the value of a signal between its rows.
 
 
 def slack(*grids: Vector) -> float:

@@ -184,6 +184,9 @@ def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArr
     return opened(file, size)
 
 
+# The process in which a run is done apart, seen from inside.
+
+
 class Plan(NamedTuple):
     """All that the other process needs to know."""
 

@@ -322,6 +322,9 @@ def refuse(part: Part, failed: str, experiment: Experiment) -> None:
         raise part.failure(failed, experiment.time(part.component.offset), 0)
 
 
+# What comes between base steps: waiting for a pace, and what is told and saved now and then.
+
+
 def pacer(experiment: Experiment, recording: Recording, done: int) -> Callable[[int], None]:
     """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
     period = experiment.base_step / (experiment.pace or 1.0)

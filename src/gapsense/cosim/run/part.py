@@ -256,6 +256,9 @@ class Part:
         return FmuError(self.component.name, cause, time=time, step=index, log=self.instance.log())
 
 
+# A component inside the master that has more than Real variables: moved by Python, type by type.
+
+
 def part_of(component: Component, instance: Instance, buffer: array[float], places: Layout, texts: Texts) -> Part:
     """The component as a part of a run."""
     if instance.has_only_reals:
@@ -404,6 +407,12 @@ class MixedPart(Part):
         return FmuError(self.component.name, cause, time=time, step=index, log=self.instance.log())
 
 
+# Where events act on the values that go to inputs: places behind those of the ports in the common buffer.
+#
+# The value for an input with n events goes through n stages, in the order of the file. A stage has the place from which
+# it takes the value, a place for a value that it holds instead, and the place of the next stage or of the input.
+
+
 class Slot(NamedTuple):
     """Places of a stage."""
 
@@ -428,6 +437,9 @@ def inlets(events: Mapping[str, Event], index: Mapping[Port, int], places: Mappi
     """Where the value for each port goes: to its first stage, or where the port itself is."""
     first = {events[name].target: slot.before for name, slot in reversed([*places.items()])}
     return {**index, **first}
+
+
+# What inputs get that no output drives: constants, and signals of the scenario.
 
 
 def constants(scenario: Scenario, descriptions: Descriptions, swept: Mapping[Port, Value]) -> dict[Port, Value]:

@@ -133,6 +133,9 @@ def versions() -> dict[str, str]:
     return {"gapsense": __version__, **packages, "python": platform.python_version(), "platform": platform.platform()}
 
 
+# From a recording to a result with its metrics.
+
+
 def finished(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording with its metrics; raises FmuError with the partial result if a component has failed."""
     result = to_result(subject, take, recording)

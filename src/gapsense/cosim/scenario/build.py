@@ -27,6 +27,9 @@ Self = TypeVar("Self", bound="Content")
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
+# The content of a scenario, put together by a program.
+
+
 class Content:
     """What a scenario file says, in `data` as TOML is read; whatever has no method of its own is changed there.
 

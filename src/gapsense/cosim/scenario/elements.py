@@ -79,6 +79,9 @@ class Connection:
         return f"{self.source} -> {self.target}"
 
 
+# Times of events on the grid of base steps.
+
+
 def nearest(steps: float) -> int:
     """The whole number of base steps nearest to another one."""
     return round(max(-FAR, min(steps, FAR)))

@@ -252,6 +252,9 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     return None
 
 
+# Read `[inputs]`: constants, and signals that inputs follow, from a CSV file or a table.
+
+
 def read_inputs(table: Table, folder: Path, files: list[Path]) -> tuple[dict[Port, Value], dict[Port, Played]]:
     """Constants, `"drive.enable" = 1.0` or `[inputs.drive] enable = 1.0`, and signals; notes the files of these."""
     inputs = table.table("inputs")

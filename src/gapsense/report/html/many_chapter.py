@@ -7,19 +7,33 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import bokeh.models
+import numpy as np
+from bokeh.plotting import figure
+
+from gapsense.campaign import summary
 from gapsense.cosim.provenance import EVENTS
 from gapsense.problems import number_of
-from gapsense.report.distributions import named
+from gapsense.report.distributions import Bars, Distributions, Points, named
+from gapsense.report.html import style
 from gapsense.report.html.chapter import Chapter, Verdict, limits
+from gapsense.report.html.figures import Drawn, Entry, dress, fitting
 from gapsense.report.html.many import Many
-from gapsense.report.html.many_plots import drawn
 from gapsense.tables import parsed_value
 
 if TYPE_CHECKING:
     from gapsense.campaign.worst import Extremes, Worst
 
+bk: Any = bokeh.models
+FEW = 500  # points, which are drawn strongly
+PANELS = 64  # on a page
+METRICS = 16  # that are drawn
+HEIGHT = 230  # [pixels]
+MEDIAN, BOUNDS, RANGE = Entry("", "median", style.INK), Entry("", "bounds", style.FAIL), "median and 5 to 95 %"
+BLUE = (58, 143, 208)  # seen on light and on dark ground
+FAINTEST = 60  # of 255, where a single run lies
 BENT = 0.2  # share of a metric that must go with a parameter, if it does not so in one direction
 
 
@@ -154,3 +168,193 @@ def in_python(many: Many, run: int, shift: int, values: Mapping[str, Any]) -> st
     own = [f"{about['variant']!r}"] if about.get("variant") else []
     point = [f"point={run % about['points']}"] if is_sweep else []
     return f"run({', '.join([scenario, *own, f'seed_shift={shift}', *point])})"
+
+
+# Plots of many runs: how each metric is distributed, and how it goes with each parameter.
+
+
+class Panels(NamedTuple):
+    """What is drawn: for each metric the parameters that it is drawn over."""
+
+    chosen: dict[str, list[str]]
+    note: str
+
+
+def panels(many: Many) -> Panels:
+    """Metrics that leave their bounds first, each over the parameters that it goes with most."""
+    known = [name for name in many.extremes if many.campaign.rows - many.spreads[name].missing > 0]
+    metrics = sorted(known, key=lambda name: not many.extremes[name].outside)[:METRICS]
+    factors = [f for f in many.campaign.factors if f in many.spreads or many.levels[f] is not None]
+    room = max(1, PANELS // max(len(metrics), 1) - 1)
+    chosen = {name: ordered(many, name, factors)[:room] for name in known if name in metrics}
+    words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
+    if len(factors) > room:
+        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it goes with most. ")
+    return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
+
+
+def ordered(many: Many, metric: str, factors: list[str]) -> list[str]:
+    """Parameters, those first that are no numbers, then by how much of the metric goes with them."""
+    known = sorted(many.correlations.get(metric, ()), key=lambda one: -one.share)
+    numbers = [one.factor for one in known if one.factor in factors]
+    return [*(name for name in factors if name not in numbers), *numbers]
+
+
+class Drawer:
+    """Draws the panels of many runs, with what they have in common."""
+
+    def __init__(self, many: Many, chosen: dict[str, list[str]]) -> None:
+        self.many, self.found = many, Distributions(many.campaign, chosen, many.levels)
+        self.scales = {name: fitting(many.unit(name), np.array(of[1:6])) for name, of in many.spreads.items()}
+        names = [] if self.found.is_counted else [*self.found.continuous, *chosen]
+        self.keys = {name: f"c{k}" for k, name in enumerate(names)}
+        self.source = None if self.found.is_counted else self.points()
+
+    def points(self) -> Any:
+        """Runs as points, which all plots share: those that are selected in one are so in all."""
+        column = self.many.campaign.column
+        data = {
+            key: (column(name).astype(np.float64) * self.scales[name][0]).astype(np.float32)
+            for name, key in self.keys.items()
+        }
+        return bk.ColumnDataSource({"run": column("run").astype(np.int32), **data})
+
+    def alone(self, metric: str, key: str) -> Drawn:
+        """Histogram of a metric, with its median and bounds."""
+        bins, counts = self.found.alone(metric)
+        (scale, unit), made = self.scales[metric], bare()
+        edges = bins * scale
+        fill = {"fill_color": style.CURVES[0], "fill_alpha": 0.55, "line_color": None}
+        made.quad(left=edges[:-1], right=edges[1:], top=counts, bottom=0.0, **fill)
+        line(made, self.many.spreads[metric].median * scale, MEDIAN)
+        ends = self.bounds(metric)
+        for end in ends:
+            line(made, end, BOUNDS)
+        made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
+        made.x_range = bk.Range1d(*span(edges[0], edges[-1], ends))
+        legend = (MEDIAN, BOUNDS) if ends else (MEDIAN,)
+        return Drawn(figure=made, key=key, label="how many runs", legend=legend)
+
+    def bounds(self, metric: str) -> list[float]:
+        """Bounds of a metric that are finite, as they are drawn."""
+        return [end * self.scales[metric][0] for end in self.many.bounds(metric) or () if np.isfinite(end)]
+
+    def over(self, metric: str, factor: str, key: str) -> Drawn:
+        """A metric over a parameter: bars, points, or where no run lies nothing and more colour where many do."""
+        made, found, scale = bare(), self.found.over(metric, factor), self.scales[metric][0]
+        unit = self.many.unit(factor)
+        if isinstance(found, Bars):
+            bars(made, found.names, found.quantiles * scale)
+        elif isinstance(found, Points):
+            x, y = self.keys[factor], self.keys[metric]
+            made.scatter(x, y, source=self.source, size=5, **dots(self.many.campaign.rows))
+            told = [("run", "@run"), ("parameter", f"@{x}"), ("metric", f"@{y}")]
+            made.add_tools(bk.HoverTool(tooltips=told), bk.BoxSelectTool())
+        else:
+            density(made, found.x * self.scales[factor][0], found.y * scale, found.counts)
+        if not isinstance(found, Bars) and factor in self.scales:
+            unit = self.scales[factor][1]
+        for end in self.bounds(metric):
+            line(made, end, BOUNDS, "width")
+        made.xaxis.axis_label = labelled(factor, unit)
+        label = labelled(self.many.label(metric), self.scales[metric][1])
+        return Drawn(figure=made, key=key, label=f"{label} over {factor}")
+
+
+def bars(made: Any, names: list[str], quantiles: Any) -> None:
+    """Median and 5 to 95 % range at each value of a parameter."""
+    places = np.arange(len(names))
+    bar = {"line_color": style.CURVES[0], "line_width": 5, "line_alpha": 0.5}
+    made.segment(places, quantiles[:, 0], places, quantiles[:, 2], **bar)
+    made.scatter(places, quantiles[:, 1], size=8, color=style.CURVES[0])
+    made.xaxis.ticker = bk.FixedTicker(ticks=places.tolist())
+    made.xaxis.major_label_overrides = dict(zip(places.tolist(), names))
+    made.x_range = bk.Range1d(-0.6, len(names) - 0.4)
+
+
+def density(made: Any, x: Any, y: Any, counts: Any) -> None:
+    """How many runs lie where; where none does there is nothing."""
+    box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
+    made.image_rgba(image=[coloured(counts.T)], **box)
+    made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
+
+
+def bare() -> Any:
+    """An empty figure."""
+    zoom = bk.BoxZoomTool()
+    made: Any = figure(
+        height=HEIGHT,
+        sizing_mode="stretch_width",
+        tools=[zoom, bk.PanTool(), bk.WheelZoomTool(), bk.ResetTool(), bk.SaveTool()],
+        active_drag=zoom,
+        active_scroll=None,
+        toolbar_location="above",
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        output_backend="canvas",
+    )
+    made.toolbar.logo, made.toolbar.autohide = None, True
+    dress(made, "")
+    made.xaxis.ticker.desired_num_ticks = 4
+    return made
+
+
+def dots(rows: int) -> dict[str, Any]:
+    """Look of points; those that are not selected are faint once some are."""
+    alpha = 0.8 if rows < FEW else 0.45
+    return {"color": style.CURVES[0], "alpha": alpha, "nonselection_alpha": 0.08, "selection_alpha": 1.0}
+
+
+def line(made: Any, at: float, entry: Entry, dimension: str = "height") -> None:
+    """A straight line across a figure."""
+    dash = "dashed" if entry is BOUNDS else "solid"
+    made.add_layout(bk.Span(location=at, dimension=dimension, line_color=entry.colour, line_width=1.5, line_dash=dash))
+
+
+def span(low: float, high: float, ends: list[float]) -> tuple[float, float]:
+    """Part of an axis that has all bins, and bounds if they are not far away."""
+    room = high - low
+    near = [end for end in ends if low - 2.0 * room < end < high + 2.0 * room]
+    low, high = min([low, *near]), max([high, *near])
+    return low - 0.04 * (high - low), high + 0.04 * (high - low)
+
+
+def coloured(counts: Any) -> Any:
+    """Colours of an image, stronger where more runs lie."""
+    image = np.zeros((*counts.shape, 4), dtype=np.uint8)
+    most = max(float(counts.max()), 2.0)
+    strength = np.log1p(counts) / np.log1p(most)
+    image[..., :3] = BLUE
+    image[..., 3] = np.where(counts > 0, FAINTEST + (255 - FAINTEST) * strength, 0)
+    return image.view(np.uint32).reshape(counts.shape)
+
+
+def labelled(name: str, unit: str) -> str:
+    """Label of an axis."""
+    return f"{name} / {unit}" if unit not in ("", "1") else name
+
+
+def drawn(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
+    """All plots, a row of them for each metric, and how they are read."""
+    chosen, note = panels(many)
+    if not chosen:
+        return {}, ""
+    drawer = Drawer(many, chosen)
+    rows = {
+        metric: [
+            drawer.alone(metric, f"{key}-m{k}"),
+            *(drawer.over(metric, factor, f"{key}-m{k}-{j}") for j, factor in enumerate(factors)),
+        ]
+        for k, (metric, factors) in enumerate(chosen.items())
+    }
+    return rows, note + hint(drawer.found.is_counted)
+
+
+def hint(is_counted: bool) -> str:
+    """What the plots show and how they are read."""
+    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
+    axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost thousandths; tables do not."
+    if is_counted:
+        return f"Stronger where more runs lie. {bars}{axes}"
+    return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
