@@ -110,7 +110,7 @@ def _add_structure(structure: Element, variables: Sequence[Variable]) -> None:
 
 # terminalsAndIcons.xml of FMI 3.0: signals that are wired together, and the picture.
 #
-# A terminal for inputs has the name and the members of what drives them as a rule, `source` of the port; one for outputs
+# A terminal for inputs has the name and the members of what drives them as a rule, `source` of a port; one for outputs
 # is named after what the component is. Where the names of members are equal, a tool may connect two terminals as a
 # bundle.
 
