@@ -154,7 +154,8 @@ def test_one_module_alone_says_how_another_python_is_started():
 HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"
 STARTS = {  # and what they must not load
     "import gapsense, gapsense.cosim, gapsense.cosim.run.ahead": HEAVY | SHOWING | {"numpy"},
-    "import gapsense.cli": HEAVY | {"numpy"},
+    "from gapsense.cli import app": HEAVY | {"numpy"},
+    "from gapsense.cli import loaded; loaded('run')": HEAVY | {"numpy", "email", "argparse"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
     "import gapsense.cosim.run.apart, gapsense.cosim.run.worker": HEAVY | SHOWING,
