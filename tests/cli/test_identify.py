@@ -16,7 +16,7 @@ import pytest
 
 from gapsense._os.files import read_columns
 from gapsense.cosim import run
-from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.valve.model import simulate
 from gapsense.studies.devices import VALVE
 

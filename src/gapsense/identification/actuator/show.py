@@ -1,27 +1,142 @@
-"""Table of a commissioning: what was found, how certain it is, how well the model explains the currents."""
+"""A commissioned actuator for the user: its parameter set, tables and a figure.
+
+For the gap law by formula the factor of its reluctance goes into the law, which all estimators know.
+"""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from gapsense._os.files import write_atomically
 from gapsense.estimators.mhe_parameters import Parameters
+from gapsense.estimators.reduced_model import GapLaw
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.identification.actuator.drive import SLOWEST
-from gapsense.identification.actuator.file import PORTS
-from gapsense.identification.actuator.fit import Commissioned, bent, position_error
-from gapsense.identification.actuator.problem import DEVIATIONS
-from gapsense.identification.actuator.verdict import CAUSES
-from gapsense.identification.assumptions import listed, meanings
-from gapsense.identification.residual import verdict
-from gapsense.identification.valve.show import about, measured_and_model, validation
-from gapsense.identification.valve.validation import Validation
+from gapsense.identification.actuator.fit import CAUSES, DEVIATIONS, Commissioned, position_error, with_bend
+from gapsense.identification.assumptions import list_values, marks, meanings, scale
+from gapsense.identification.least_squares import Matrix
+from gapsense.identification.residual import LEAST as LEAST_NOISE
+from gapsense.identification.residual import noises, verdict
+from gapsense.identification.valve.show import Validation, about, measured_and_model, validation
+from gapsense.parameters import is_file
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
+
+PORTS = {port.field: port for port in load_component(own("mhe")).of("parameter")}
+LEARNT = {  # deviations before the first window of `Mhe`, by the fields that they are about
+    "prior.eddy": "core_eddy",
+    "prior.gap": "gap_factor",
+    "prior.knee": "core_bend",
+    "prior.saturation": "core_saturation",
+    "prior.hysteresis": "core_hysteresis",
+    "prior.mass": "mover_mass",
+    "prior.rest": "spring_rest",
+}
+NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
+LEAST = 3e-3  # of these: the device is another one tomorrow
+
+
+def found_values(result: Commissioned) -> dict[str, float]:
+    """What was found, by parameter; the coil is warmer tomorrow, so that its resistance stays as uncertain as it is."""
+    par, law = result.parameters, []
+    if par.gap_law == GapLaw.fringing:
+        law, factor = ["gap_reluctance", "gap_slope"], par.gap_factor
+        par = par._replace(**{name: getattr(par, name) * factor for name in law}, gap_factor=1.0)
+    fields = [*law, "gap_factor", *result.names]
+    return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
+
+
+def noise(result: Commissioned) -> dict[str, float]:
+    """That of the records, as `identify` writes it."""
+    currents = [max(d.noise, LEAST_NOISE * float(np.abs(d.current).max())) for d in result.drives]
+    return {**noises([d.record for d in result.drives]), "noise.current": float(f"{max(currents):.3g}")}
+
+
+def priors(result: Commissioned) -> dict[str, float]:
+    """Standard errors of what `Mhe` learns, all else as it was found."""
+    fields = [field for field in ("coil_resistance", *LEARNT.values()) if field in result.names]
+    at = [result.names.index(field) for field in fields]
+    to_knee = np.eye(len(fields))
+    to_knee[fields.index("core_bend"), fields.index("core_saturation")] = -1.0  # `Mhe` learns b = K lambda_sat / N^2
+    H: Matrix = to_knee.T @ np.linalg.inv(result.covariance)[np.ix_(at, at)] @ to_knee
+    stds = dict(zip(fields, np.sqrt(np.diag(np.linalg.inv(H))).tolist()))
+    return {name: max(stds[field], LEAST) for name, field in LEARNT.items() if field in stds}
+
+
+def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
+    """What was given, with what was found; without a sampling period of the estimators that of the records."""
+    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found_values(result)}
+
+
+def device(par: Parameters) -> dict[str, Value]:
+    """All that is known of the device, for the other estimators have other defaults."""
+    law = GapLaw(int(par.gap_law))
+    groups = ("coil_", "mover_", "spring_", "damping", "stop_", "core_", *(("gap_",) if law == GapLaw.fringing else ()))
+    fields = [field for field in PORTS if field and field.startswith(groups) and field not in NOT_NUMBERS]
+    values: dict[str, Value] = {PORTS[field].name: float(getattr(par, field)) for field in fields}
+    return {**values, "gap.law": law.name}
+
+
+def write_actuator(
+    file: Path, result: Commissioned, given: Mapping[str, Value], origin: str, assumed: Sequence[str] = ()
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
+    names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
+    errors = {PORTS[names.get(field, field)].name: error for field, error in result.errors.items()}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    values = complete(result, given)
+    lines = [
+        'description = "Reluctance actuator, commissioned"',
+        f"source = {json.dumps(origin)}",
+        *marks([name for name in assumed if name in values]),
+        "",
+        "[values]",
+        *(line(name, value, file, errors.get(name)) for name, value in values.items()),
+    ]
+    write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
+    return file
+
+
+def line(name: str, value: Value, file: Path, error: float | None) -> str:
+    """A value, with its standard error if it was fitted."""
+    if is_file(name, value):
+        value = Path(os.path.relpath(str(value), file.resolve().parent)).as_posix()
+    elif isinstance(value, float):
+        value = float(f"{value:.8g}")
+    return f"{json.dumps(name)} = {json.dumps(value)}" + ("" if error is None else f"  # +- {100.0 * error:.2g} %")
+
+
+STOPS, MOVER = ("stop.lower", "stop.upper"), ("mover.mass", "spring.stiffness", "spring.rest", "damping")
+COIL = ("coil.resistance", "coil.turns", "core.reluctance", "core.saturation")  # losses need no more than a guess
+GAPS = {GapLaw.fringing: ("gap.slope", "gap.fringing", "gap.window"), GapLaw.table: ("gap.file",)}
+LEAST_DOUBT = 0.5  # of a logarithm
+FITTED_AS = {
+    "gap.slope": ("gap_factor",),
+    "gap.file": ("gap_factor",),
+    "core.reluctance": ("core_reluctance", "core_bend"),
+    "core.saturation": ("core_saturation", "core_bend"),
+}
+
+
+def missing(known: Parameters, given: Collection[str]) -> list[str]:
+    """Names of what is needed and was not given."""
+    return [n for n in (*STOPS, *COIL, *MOVER, *GAPS[GapLaw(int(known.gap_law))]) if n not in given]
+
+
+def doubts(names: Sequence[str]) -> dict[str, float]:
+    """Deviations of the fields that go with assumed parameters; a factor also where nothing but a part is known."""
+    fields = {port.name: (field,) for field, port in PORTS.items()} | FITTED_AS
+    return {field: max(scale(name).doubt, LEAST_DOUBT) for name in names for field in fields[name]}
+
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
 FAR = 3.0  # of the same deviations from what was believed
@@ -29,11 +144,11 @@ MOVES = 0.01  # of the stroke
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
-def tables(
+def actuator_tables(
     result: Commissioned, known: Parameters, checks: Sequence[Validation] = (), assumed: Sequence[str] = ()
 ) -> list[Table | str]:
     """Values and standard errors, then what the residuals and the misfit say."""
-    before, rows = bent(known), []
+    before, rows = with_bend(known), []
     for field, error in result.errors.items():
         port, note = PORTS[field], "as it was believed" if error >= BELIEVED * result.believed[field] else ""
         note = "assumed" if port.name in assumed else note
@@ -53,7 +168,7 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
     """What nobody has given, and what that means."""
     ports = {port.name: port for port in PORTS.values()}
     values = {name: known_value(known, ports[name]) for name in names}
-    return [f"Assumed, and not given: {listed(values, ports, names)}.", *meanings(names)] if names else []
+    return [f"Assumed, and not given: {list_values(values, ports, names)}.", *meanings(names)] if names else []
 
 
 def known_value(known: Parameters, port: Port) -> Value:
@@ -90,7 +205,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     return said
 
 
-def figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
+def actuator_figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
     """Measured currents and those of the model, and its positions."""
     runs = [(drive.record, model, drive.first, "fit") for drive, model in zip(result.drives, result.models)]
     return measured_and_model("Measured and commissioned", runs, checks)

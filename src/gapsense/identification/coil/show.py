@@ -1,25 +1,104 @@
-"""Tables and a figure of a coil: which form the evidence is for, what was found, how well it explains the records."""
+"""A coil for the user: its parameter set, tables and a figure, what was found and how well it explains the records."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.identification.coil.file import PORTS, values
+from gapsense._os.files import write_atomically
+from gapsense.identification.assumptions import marks
 from gapsense.identification.coil.fit import POOR, Coil
-from gapsense.identification.measurements.flux import mean_resistance
-from gapsense.identification.measurements.operations import operations
+from gapsense.identification.measurements.operations import mean_resistance, operations
 from gapsense.identification.measurements.record import Record
-from gapsense.identification.residual import verdict
+from gapsense.identification.residual import noises, verdict
 from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.show import TWO_SIDED, about, validation
-from gapsense.identification.valve.validation import Validation
+from gapsense.identification.valve.show import TWO_SIDED, Validation, about, validation
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
+
+EDGE = 0.25  # of the largest voltage: more begins an operation
+RANGE = 2.0  # times the largest reading: more counts as lost
+CERTAIN = {"resistance": 0.01, "inductance": 0.05}  # deviations that estimators begin with, at least
+
+
+class Port(NamedTuple):
+    """How components call a field of the device."""
+
+    name: str
+    unit: str
+    power: int = 0  # of the turns by which it is multiplied
+
+
+PORTS = {
+    "resistance": Port("coil.resistance", "Ohm"),
+    "air": Port("gap.reluctance", "1/H", 2),
+    "core": Port("core.reluctance", "1/H", 2),
+    "saturation": Port("core.saturation", "Wb"),
+    "eddy": Port("core.eddy", "S"),
+    "hysteresis": Port("core.hysteresis", "A"),
+    "turnover": Port("core.turnover", "Wb"),
+}
+
+
+def write_coil(file: Path, result: Coil, turns: float, sources: Sequence[Path]) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`; 0 turns are not known."""
+    note = "" if turns else "  # not known: reluctances are over the turns squared"
+    unknown = [] if turns else ["coil.turns"]
+    lines = [
+        'description = "Coil without motion, identified"',
+        f"source = {json.dumps('gapsense identify ' + ' '.join(source.name for source in sources))}",
+        *marks(unknown),
+        "",
+        "[values]",
+        *(value_line(PORTS[name].name, value, notes(result, name)) for name, value in values(result, turns).items()),
+        value_line("coil.turns", turns or 1.0, note),
+        value_line("prior.inductance", result.inductance, f"  # +- {100.0 * result.inductance_error:.2g} %"),
+        *(value_line(name, value, "") for name, value in tuning(result).items()),
+    ]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
+    return file
+
+
+def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
+    """What was found, by field."""
+    names = result.form.names
+    return {name: float(getattr(result.parameters, name)) * (turns or 1.0) ** PORTS[name].power for name in names}
+
+
+def notes(result: Coil, name: str) -> str:
+    """Comment on a value."""
+    if name in result.held:
+        return "  # held: at a limit of the search"
+    error = result.errors[name]
+    return f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
+
+
+def value_line(name: str, value: float, note: str) -> str:
+    """A value with a comment."""
+    return f"{json.dumps(name)} = {float(f'{value:.8g}')!r}{note}"
+
+
+def tuning(result: Coil) -> dict[str, float]:
+    """What estimators know of the coil and of the measurement; the first deviations are for the coil of another day."""
+    volts, amperes = ([getattr(record, name) for record in result.records] for name in ("voltage", "current"))
+    R, R_error = result.balanced or float(result.parameters.resistance), result.errors.get("resistance", 1.0)
+    return {
+        **({"prior.resistance": R} if result.balanced else {}),
+        "prior.resistance_std": R * max(CERTAIN["resistance"], 0.0 if result.balanced else R_error),
+        "prior.inductance_std": result.inductance * max(CERTAIN["inductance"], result.inductance_error),
+        **noises(result.records),
+        "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),
+        "range.current": RANGE * max(float(np.abs(x).max()) for x in amperes),
+        "edge.voltage": EDGE * min(float(np.abs(x).max()) for x in volts),
+    }
+
 
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
 HIDES = 0.05  # of the largest current: in noise of 6 % the valve of 30 V moves unseen
@@ -29,7 +108,7 @@ ONE_TURN = (
 SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
 
-def tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Table | str]:
+def coil_tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     told = [text for record in (*result.records, *(c.record for c in checks)) for text in about(record)]
     after: list[Table | str] = [validation(checks), *warmth(result, checks)] if checks else []
@@ -133,7 +212,7 @@ def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
     return said
 
 
-def measured_and_identified(result: Coil, checks: Sequence[Validation]) -> Figure:
+def coil_figure(result: Coil, checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
     runs = [(r, m, "fit") for r, m in zip(result.records, result.models)]
     runs += [(c.record, c.model, "validation") for c in checks]

@@ -44,7 +44,7 @@ class Trial(NamedTuple):
     scale: float = 1.0  # of the law, where only its form is known
 
 
-def scaled(samples: Samples, turns: float, known: Law) -> Trial:
+def scale_law(samples: Samples, turns: float, known: Law) -> Trial:
     """A law whose form is known, and its scale alone is not."""
     found = _summed(samples, turns, total(known, samples.gap)[:, None], False)
     return Trial(

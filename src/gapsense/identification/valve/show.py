@@ -1,27 +1,214 @@
-"""Tables and figures of an identification: what was found, how certain it is, how well the model fits."""
+"""A valve for the user: its parameter set, tables and figures, what was found, how certain it is, how well it fits."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.identification.assumptions import meanings, stated
+from gapsense._os.files import write_atomically, write_columns
+from gapsense.actuators.solenoid_valve import GapLaw, Parameters
+from gapsense.fmi.components import load_component, own
+from gapsense.fmi.ports import Port
+from gapsense.fmi.values import ValuesError, fields
+from gapsense.identification.assumptions import describe_doubt, marks, meanings
 from gapsense.identification.causes import CAUSES
+from gapsense.identification.measurements.operations import starts
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.parameter_set import GAPS, TABLE_UNITS, parameters_of, read_sets
 from gapsense.identification.residual import verdict
-from gapsense.identification.valve.drive import TAKEN
-from gapsense.identification.valve.file import PORTS, found
-from gapsense.identification.valve.form import FACTOR
-from gapsense.identification.valve.identified import Identified
-from gapsense.identification.valve.misfit import likely
-from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.validation import Validation
+from gapsense.identification.temperature import Coefficient
+from gapsense.identification.valve import lossy_valve
+from gapsense.identification.valve.driver import TAKEN
+from gapsense.identification.valve.errors import likely_causes
+from gapsense.identification.valve.fit import Identified
+from gapsense.identification.valve.form import (
+    FACTOR,
+    LOSSES,
+    TABLE_FIELDS,
+    Device,
+    guess_similar,
+    replace_values,
+    value_of,
+)
+from gapsense.identification.valve.model import Trajectory, simulate, take_out_causes
+from gapsense.problems import InputError
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
+from gapsense.tables import Value
+
+PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
+PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
+PORTS[TABLE_FIELDS[0]] = Port("gap.file", "parameter", "1", "Factor on the table of the gap law")
+BY_NAME = {port.name: port for port in PORTS.values()}
+
+
+class Known(NamedTuple):
+    """Known parameters and first guesses; `table` is the file of the gap table, where the law needs one."""
+
+    parameters: Parameters
+    table: Path | None = None
+    losses: Mapping[str, float] = {}
+    resistance: float | None = None  # of the coil, where the file has it [Ohm]
+    given: frozenset[str] = frozenset()  # fields whose values are known, or were guessed by the user
+
+
+def read_known(file: Path | None) -> Known:
+    """Known parameters and first guesses from a parameter-set file.
+
+    What it leaves out is that of a valve that is electrically like the one of [SEMERA] Table I.
+    """
+    values, assumed = read_sets([file] if file else [])
+    law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
+    if law == "table" and table is None:
+        raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
+    defaults: dict[str, Value] = {}
+    if isinstance(lower := values.get("stop.lower"), float):
+        defaults = {"stop.upper": lower + PORTS["stop_upper"].start}
+    fields_of = {port.name: field for field, port in PORTS.items()}
+    there, known = ({fields_of[n] for n in names if n in fields_of} for names in (values, {*values} - {*assumed}))
+    return Known(
+        parameters=guess_similar(parameters_of("solenoid_valve", file, defaults), there),
+        table=Path(str(table)) if law == "table" else None,
+        losses=_losses(values, file),
+        resistance=_R(values),
+        given=frozenset(known),
+    )
+
+
+def _R(values: Mapping[str, Value]) -> float | None:
+    return float(values["coil.resistance"]) if "coil.resistance" in values else None
+
+
+def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:
+    """Losses of the core that a set has, as estimators take them."""
+    given = {PORTS[name].name: values[PORTS[name].name] for name in LOSSES if PORTS[name].name in values}
+    try:
+        found = fields(load_component(own("ekf")), given, own("ekf"))
+    except ValuesError as error:
+        raise InputError([f"{file and file.name}: {problem}" for problem in error.problems]) from None
+    return {name: float(found[name]) for name in LOSSES if PORTS[name].name in given}
+
+
+def write_valve(
+    file: Path,
+    result: Identified,
+    known: Known,
+    sources: Sequence[Path],
+    noises: Mapping[str, float],
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
+    names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
+    lines = [
+        'description = "Solenoid valve, identified"',
+        f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
+        *marks([PORTS[name].name for name in result.assumed]),
+        *(f"# {note}" for note in notes),
+        "",
+        "[values]",
+        *(_line(name, result) for name in [*names, *_lost(result)]),
+        *_gap(file, result, known),
+        *(f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()),
+    ]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
+    return file
+
+
+def _lost(result: Identified) -> list[str]:
+    """Parameters of the losses that the device has."""
+    if not isinstance(result.parameters, lossy_valve.Parameters):
+        return []
+    par = result.parameters
+    return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
+
+
+def _gap(file: Path, result: Identified, known: Known) -> list[str]:
+    """The gap law; a table that was multiplied by a factor is written beside the file."""
+    law, table = GapLaw(value_of(result.parameters, "gap_law")).name, known.table
+    if table is None:
+        return [
+            f'"gap.law" = "{law}"',
+            *(_line(name, result) for name, port in PORTS.items() if port.name in GAPS[law]),
+        ]
+    if TABLE_FIELDS[0] in result.form.fitted:
+        table = file.with_name(f"{file.stem}-gap.csv")
+        columns = {name: np.array(value_of(result.parameters, f"gap_file_{name}")) for name in TABLE_UNITS}
+        table.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(table, lambda text: write_columns(text, columns, TABLE_UNITS))
+    relative = Path(os.path.relpath(table.resolve(), file.resolve().parent)).as_posix()
+    return ['"gap.law" = "table"', f'"gap.file" = "{relative}"']
+
+
+def found(result: Identified, name: str) -> float:
+    """Value of a parameter; of the table of a gap law, the factor on it."""
+    if name != TABLE_FIELDS[0]:
+        return float(value_of(result.parameters, name))
+    now, before = (value_of(par, name) for par in (result.parameters, result.form.known))
+    return float(now[-1] / before[-1])
+
+
+def _line(name: str, result: Identified) -> str:
+    """A parameter, with its standard error if it was fitted."""
+    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative)).get(name)
+    note = (
+        "" if error is None else f"  # +- {100.0 * error:.2g} %" + (", not identified" if name in result.poor else "")
+    )
+    if name in result.assumed:
+        note = f"  # assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
+    note = "  # not identified, held" if name in result.held else note
+    key = f'"{port.name}"' if "." in port.name else port.name
+    return f"{key} = {found(result, name)!r}{note}"
+
+
+class Validation(NamedTuple):
+    """Model against measurement."""
+
+    record: Record
+    model: Trajectory  # from sample `first` on
+    first: int  # the last sample at rest
+    rms: float  # of the error of the model's current [A]
+    largest: float  # the same
+    largest_current: float  # [A]
+
+
+def validate_valve(par: Device, records: Sequence[Record], coefficient: Coefficient | None) -> list[Validation]:
+    """The model beside each of the records, with the resistance at its temperature, if that is known."""
+    found = []
+    for record in records:
+        T = record.temperature
+        R = value_of(par, "coil_resistance") if coefficient is None or T is None else coefficient.at(T)
+        found.append(validate(replace_values(par, coil_resistance=R), record))
+    return found
+
+
+def validate(par: Device, record: Record) -> Validation:
+    """The model, with its own resistance, beside a record that begins at rest."""
+    first = starts(record)[0]
+    halves = take_out_causes(record).halves[first:]
+    model = simulate(par, halves, record.dt, np.full(len(halves), value_of(par, "coil_resistance")))
+    return compare_currents(record, model, first)
+
+
+def compare_currents(record: Record, model: Trajectory, first: int) -> Validation:
+    """The current of a model, which begins at sample `first`, beside that of a record."""
+    error = np.abs(record.current[first:] - model.current)
+    rms = float(np.sqrt(np.mean(error**2)))
+    return Validation(
+        record=record,
+        model=model,
+        first=first,
+        rms=rms,
+        largest=float(error.max()),
+        largest_current=float(np.abs(record.current).max()),
+    )
+
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
@@ -29,20 +216,20 @@ WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
-def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
+def valve_tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
     told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
-    return [*shown, *assumed(result), *([validation(checks)] if checks else []), *remarks(result), *told]
+    return [*shown, *assumed_table(result), *([validation(checks)] if checks else []), *remarks(result), *told]
 
 
-def assumed(result: Identified) -> list[Table | str]:
+def assumed_table(result: Identified) -> list[Table | str]:
     """What was neither given nor found, how far its values may be off, and what that means."""
     names = {PORTS[name].name: name for name in result.assumed}
     if not names:
         return []
     rows = [
-        (name, quantity(found(result, field), PORTS[field].unit), stated(name, result.assumed[field]))
+        (name, quantity(found(result, field), PORTS[field].unit), describe_doubt(name, result.assumed[field]))
         for name, field in names.items()
     ]
     heads = ("parameter", "assumed", "standard error")
@@ -171,14 +358,14 @@ def explanations(result: Identified) -> list[str]:
     shares = result.uncertainty.shares
     found = [
         f"{CAUSES[n].sentence} {quantity(shares[n].value, CAUSES[n].unit)} ({100.0 * shares[n].part:.0f} %)"
-        for n in likely(shares)
+        for n in likely_causes(shares)
     ]
     if result.is_explained or not found:
         return []
     return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
 
 
-def measured_and_identified(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
+def valve_figure(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
     firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
     runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]

@@ -34,9 +34,9 @@ def reduced_fit(
     """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
     from gapsense.estimators.reduced_model import GapLaw
     from gapsense.fmi.components import load_component, own
-    from gapsense.identification.actuator.needed import GAPS
+    from gapsense.identification.actuator.show import GAPS
     from gapsense.identification.assumptions import ask
-    from gapsense.identification.transfer import parameters_of, read_sets
+    from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.studies.reduced_fit.fit import of_record, of_reference_cycle
     from gapsense.studies.reduced_fit.show import cores
 

@@ -30,7 +30,7 @@ def soft_landing(
 
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
-    from gapsense.identification.transfer import parameters_of
+    from gapsense.identification.parameter_set import parameters_of
     from gapsense.studies.soft_landing import cycle, table
     from gapsense.studies.soft_landing.show import phases
 
@@ -54,7 +54,7 @@ def soft_landing(
 @study("reference-cycle")
 def reference_cycle(parameters: File = None, to: FigureFile = Path("results/reference_cycle.png")) -> None:
     """Figure 5 of [RTS]: the cycle with soft landing that its analyses take as the truth."""
-    from gapsense.identification.transfer import parameters_of
+    from gapsense.identification.parameter_set import parameters_of
     from gapsense.report import plot
     from gapsense.studies.soft_landing.cycle import soft_landing
     from gapsense.studies.soft_landing.show import figure, phases

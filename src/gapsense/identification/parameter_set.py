@@ -52,7 +52,9 @@ def read_sets(files: Sequence[Path]) -> ParameterSet:
     return ParameterSet(values, tuple(assumed))
 
 
-def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()) -> dict[Path, dict[str, Value]]:
+def take_values(
+    folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()
+) -> dict[Path, dict[str, Value]]:
     """What the components of some folders take of parameter sets, which describe a device.
 
     Each takes the parameters that it has.  A name that none of them has, nor those in the folders `known`, is refused
@@ -105,7 +107,7 @@ def parameter_names(folders: Iterable[Path]) -> set[str]:
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
     if "gap.factor" not in names:
-        values = scaled(values)
+        values = without_factor(values)
     expects = "prior.inductance" in names  # for others `prior.resistance` is how uncertain it is
     given = {name: value for name, value in values.items() if not (expects and is_deviation(name, values))}
     known = {**start(values), **(priors(values) if expects else {}), **given}
@@ -122,7 +124,7 @@ def is_deviation(name: str, values: Mapping[str, Value]) -> bool:
     return name == "prior.resistance" and "prior.eddy" in values
 
 
-def scaled(values: Mapping[str, Value]) -> dict[str, Value]:
+def without_factor(values: Mapping[str, Value]) -> dict[str, Value]:
     """The same device without a factor of the gap reluctance, which only `Mhe` has."""
     factor, rest = float(values.get("gap.factor", 1.0)), {**values}
     rest.pop("gap.factor", None)
