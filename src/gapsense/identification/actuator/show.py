@@ -5,9 +5,7 @@ For the gap law by formula the factor of its reluctance goes into the law, which
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -15,19 +13,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense._os.files import write_atomically
 from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.identification.actuator.drive import SLOWEST
 from gapsense.identification.actuator.fit import CAUSES, DEVIATIONS, Commissioned, position_error, with_bend
-from gapsense.identification.assumptions import list_values, marks, meanings, scale
+from gapsense.identification.assumptions import list_values, meanings, scale
 from gapsense.identification.least_squares import Matrix
+from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.valve.show import Validation, about, measured_and_model, validation
-from gapsense.parameters import is_file
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -92,27 +89,14 @@ def write_actuator(
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
     names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
     errors = {PORTS[names.get(field, field)].name: error for field, error in result.errors.items()}
-    file.parent.mkdir(parents=True, exist_ok=True)
     values = complete(result, given)
-    lines = [
-        'description = "Reluctance actuator, commissioned"',
-        f"source = {json.dumps(origin)}",
-        *marks([name for name in assumed if name in values]),
-        "",
-        "[values]",
-        *(line(name, value, file, errors.get(name)) for name, value in values.items()),
-    ]
-    write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
-    return file
-
-
-def line(name: str, value: Value, file: Path, error: float | None) -> str:
-    """A value, with its standard error if it was fitted."""
-    if is_file(name, value):
-        value = Path(os.path.relpath(str(value), file.resolve().parent)).as_posix()
-    elif isinstance(value, float):
-        value = float(f"{value:.8g}")
-    return f"{json.dumps(name)} = {json.dumps(value)}" + ("" if error is None else f"  # +- {100.0 * error:.2g} %")
+    return write_set(
+        file,
+        "Reluctance actuator, commissioned",
+        origin,
+        [Entry(name, rounded(value), error_note(errors.get(name))) for name, value in values.items()],
+        assumed=[name for name in assumed if name in values],
+    )
 
 
 STOPS, MOVER = ("stop.lower", "stop.upper"), ("mover.mass", "spring.stiffness", "spring.rest", "damping")

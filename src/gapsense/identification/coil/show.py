@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,11 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense._os.files import write_atomically
-from gapsense.identification.assumptions import marks
 from gapsense.identification.coil.fit import POOR, Coil
 from gapsense.identification.measurements.operations import mean_resistance, operations
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.valve.model import Trajectory
 from gapsense.identification.valve.show import TWO_SIDED, Validation, about, validation
@@ -48,22 +46,21 @@ PORTS = {
 
 def write_coil(file: Path, result: Coil, turns: float, sources: Sequence[Path]) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`; 0 turns are not known."""
-    note = "" if turns else "  # not known: reluctances are over the turns squared"
-    unknown = [] if turns else ["coil.turns"]
-    lines = [
-        'description = "Coil without motion, identified"',
-        f"source = {json.dumps('gapsense identify ' + ' '.join(source.name for source in sources))}",
-        *marks(unknown),
-        "",
-        "[values]",
-        *(value_line(PORTS[name].name, value, notes(result, name)) for name, value in values(result, turns).items()),
-        value_line("coil.turns", turns or 1.0, note),
-        value_line("prior.inductance", result.inductance, f"  # +- {100.0 * result.inductance_error:.2g} %"),
-        *(value_line(name, value, "") for name, value in tuning(result).items()),
+    note = "" if turns else "not known: reluctances are over the turns squared"
+    found = [Entry(PORTS[name].name, value, notes(result, name)) for name, value in values(result, turns).items()]
+    entries = [
+        *found,
+        Entry("coil.turns", turns or 1.0, note),
+        Entry("prior.inductance", result.inductance, error_note(result.inductance_error)),
+        *(Entry(name, value) for name, value in tuning(result).items()),
     ]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
-    return file
+    return write_set(
+        file,
+        "Coil without motion, identified",
+        f"gapsense identify {' '.join(source.name for source in sources)}",
+        [entry._replace(value=rounded(entry.value)) for entry in entries],
+        assumed=[] if turns else ["coil.turns"],
+    )
 
 
 def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
@@ -75,14 +72,8 @@ def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
 def notes(result: Coil, name: str) -> str:
     """Comment on a value."""
     if name in result.held:
-        return "  # held: at a limit of the search"
-    error = result.errors[name]
-    return f"  # +- {100.0 * error:.2g} %" + ("" if error < POOR else ", not identified")
-
-
-def value_line(name: str, value: float, note: str) -> str:
-    """A value with a comment."""
-    return f"{json.dumps(name)} = {float(f'{value:.8g}')!r}{note}"
+        return "held: at a limit of the search"
+    return error_note(result.errors[name], not result.errors[name] < POOR)
 
 
 def tuning(result: Coil) -> dict[str, float]:

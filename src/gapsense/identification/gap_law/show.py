@@ -12,13 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0
-from gapsense.identification.actuator.show import line
-from gapsense.identification.assumptions import marks
 from gapsense.identification.gap_law.laws import Candidate, Law, Vector, jackknife, reluctance, rows, total
 from gapsense.identification.gap_law.table import Inductances, remarks
-from gapsense.identification.parameter_set import GAPS, TABLE_UNITS
+from gapsense.identification.parameter_set import GAPS, Entry, rounded, write_set, write_table
 from gapsense.report.plot import SECOND, TRUE, legend, stack
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -52,23 +49,19 @@ def write_gap_law(
 ) -> list[Path]:
     """Write a parameter set, what was given and the law in its place, and the table that it needs; the files."""
     found, table = values(law, turns), file.with_name(f"{file.stem}_law.csv")
-    file.parent.mkdir(parents=True, exist_ok=True)
     if found["gap.law"] == "table":
-        write_atomically(table, lambda out: write_columns(out, rows(law._replace(offset=0.0), upper), TABLE_UNITS))
-        found["gap.file"] = str(table.resolve())
+        found["gap.file"] = str(write_table(table, rows(law._replace(offset=0.0), upper)).resolve())
     laws = {name for names in GAPS.values() for name in names}
     kept = {name: value for name, value in given.items() if name not in laws}
     if "coil.turns" in assumed:  # the law rests on them
         assumed = [*assumed, *(name for name in found if name in laws)]
-    lines = [
-        'description = "Gap law from measured inductances"',
-        f'source = "{origin}"',
-        *marks([*dict.fromkeys(assumed)]),
-        "",
-        "[values]",
-        *(line(name, value, file, None) for name, value in {**kept, **found}.items()),
-    ]
-    write_atomically(file, lambda out: out.writelines(f"{text}\n" for text in lines))
+    write_set(
+        file,
+        "Gap law from measured inductances",
+        origin,
+        [Entry(name, rounded(value)) for name, value in {**kept, **found}.items()],
+        assumed=[*dict.fromkeys(assumed)],
+    )
     return [file, *([table] if "gap.file" in found else [])]
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.identification.gap_law import motion
@@ -23,7 +22,7 @@ from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
 from gapsense.identification.measurements.operations import estimate, hidden, noise, operations
 from gapsense.identification.measurements.record import Record, between
-from gapsense.identification.parameter_set import TABLE_UNITS
+from gapsense.identification.parameter_set import write_table
 from gapsense.identification.residual import EXPLAINED
 from gapsense.identification.valve.fit import Identified
 from gapsense.identification.valve.form import LAWS, Sought, shape, value_of
@@ -237,10 +236,7 @@ def keep_law(known: Known, result: Identified, to: Path) -> Known:
     if result.form.law is None:
         return known._replace(table=known.table if law == "table" else None)
     made = rows(result.form.law_at(result.ratios), float(value_of(result.parameters, "stop_upper")))
-    file = to.with_name(f"{to.stem}_law.csv")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, lambda out: write_columns(out, made, TABLE_UNITS))
-    return known._replace(table=file)
+    return known._replace(table=write_table(to.with_name(f"{to.stem}_law.csv"), made))
 
 
 def describe_gap(result: Identified, records: Sequence[Record]) -> list[Table | str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,16 +10,24 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense._os.files import write_atomically, write_columns
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.fmi.values import ValuesError, fields
-from gapsense.identification.assumptions import describe_doubt, marks, meanings
+from gapsense.identification.assumptions import describe_doubt, meanings
 from gapsense.identification.causes import CAUSES
 from gapsense.identification.measurements.operations import starts
 from gapsense.identification.measurements.record import Record
-from gapsense.identification.parameter_set import GAPS, TABLE_UNITS, parameters_of, read_sets
+from gapsense.identification.parameter_set import (
+    GAPS,
+    TABLE_UNITS,
+    Entry,
+    error_note,
+    parameters_of,
+    read_sets,
+    write_set,
+    write_table,
+)
 from gapsense.identification.residual import verdict
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
@@ -105,20 +112,19 @@ def write_valve(
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
-    lines = [
-        'description = "Solenoid valve, identified"',
-        f'source = "gapsense identify {" ".join(source.name for source in sources)}"',
-        *marks([PORTS[name].name for name in result.assumed]),
-        *(f"# {note}" for note in notes),
-        "",
-        "[values]",
-        *(_line(name, result) for name in [*names, *_lost(result)]),
+    entries = [
+        *(_entry(name, result) for name in [*names, *_lost(result)]),
         *_gap(file, result, known),
-        *(f'"{name}" = {value!r}  # of the records, for estimators' for name, value in noises.items()),
+        *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
     ]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
-    return file
+    return write_set(
+        file,
+        "Solenoid valve, identified",
+        f"gapsense identify {' '.join(source.name for source in sources)}",
+        entries,
+        assumed=[PORTS[name].name for name in result.assumed],
+        notes=notes,
+    )
 
 
 def _lost(result: Identified) -> list[str]:
@@ -129,21 +135,16 @@ def _lost(result: Identified) -> list[str]:
     return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
 
 
-def _gap(file: Path, result: Identified, known: Known) -> list[str]:
+def _gap(file: Path, result: Identified, known: Known) -> list[Entry]:
     """The gap law; a table that was multiplied by a factor is written beside the file."""
     law, table = GapLaw(value_of(result.parameters, "gap_law")).name, known.table
     if table is None:
-        return [
-            f'"gap.law" = "{law}"',
-            *(_line(name, result) for name, port in PORTS.items() if port.name in GAPS[law]),
-        ]
+        named = [_entry(name, result) for name, port in PORTS.items() if port.name in GAPS[law]]
+        return [Entry("gap.law", law), *named]
     if TABLE_FIELDS[0] in result.form.fitted:
-        table = file.with_name(f"{file.stem}-gap.csv")
         columns = {name: np.array(value_of(result.parameters, f"gap_file_{name}")) for name in TABLE_UNITS}
-        table.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(table, lambda text: write_columns(text, columns, TABLE_UNITS))
-    relative = Path(os.path.relpath(table.resolve(), file.resolve().parent)).as_posix()
-    return ['"gap.law" = "table"', f'"gap.file" = "{relative}"']
+        table = write_table(file.with_name(f"{file.stem}-gap.csv"), columns)
+    return [Entry("gap.law", "table"), Entry("gap.file", str(table))]
 
 
 def found(result: Identified, name: str) -> float:
@@ -154,17 +155,13 @@ def found(result: Identified, name: str) -> float:
     return float(now[-1] / before[-1])
 
 
-def _line(name: str, result: Identified) -> str:
+def _entry(name: str, result: Identified) -> Entry:
     """A parameter, with its standard error if it was fitted."""
-    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative)).get(name)
-    note = (
-        "" if error is None else f"  # +- {100.0 * error:.2g} %" + (", not identified" if name in result.poor else "")
-    )
+    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative.tolist())).get(name)
+    note = error_note(error, name in result.poor)
     if name in result.assumed:
-        note = f"  # assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
-    note = "  # not identified, held" if name in result.held else note
-    key = f'"{port.name}"' if "." in port.name else port.name
-    return f"{key} = {found(result, name)!r}{note}"
+        note = f"assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
+    return Entry(port.name, found(result, name), "not identified, held" if name in result.held else note)
 
 
 class Validation(NamedTuple):
