@@ -75,7 +75,7 @@ def _line(entry: Entry, file: Path) -> str:
     name, value, note = entry
     if is_file(name, value):
         value = Path(os.path.relpath(Path(str(value)).resolve(), file.resolve().parent)).as_posix()
-    return f"{json.dumps(name) if '.' in name else name} = {json.dumps(value)}" + (f"  # {note}" if note else "")
+    return f"{json.dumps(name)} = {json.dumps(value)}" + (f"  # {note}" if note else "")
 
 
 def rounded(value: Value) -> Value:
