@@ -6,6 +6,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
@@ -17,7 +18,6 @@ from gapsense.identification.measurements.record import Columns, Record, to_reco
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import VALVE
 
 FINE = 5e-6  # s; step of the device, and where edges may lie
 KERNEL = Kernel(reluctance_actuator)

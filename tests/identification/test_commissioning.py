@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators import commissioned
+from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns, write_columns
@@ -22,8 +24,6 @@ from gapsense.identification.actuator.show import doubts, missing
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.parameter_set import parameters_of, read_sets, read_values, take_values
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators import commissioned
-from gapsense.studies.estimators.parameters import CORE, blind, wrong
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"

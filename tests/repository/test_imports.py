@@ -48,7 +48,8 @@ MAY_IMPORT = {
     "pytest_plugin": {"cosim", "report", "tables"},
     "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "runnable"},
     "studies": NUMBERS | {"identification", "report", "studies"},
-    "command": NUMBERS | {"identification", "report", "studies", "cli"},
+    "scenarios": NUMBERS | {"identification", "report", "studies", "scenarios"},
+    "command": NUMBERS | {"identification", "report", "studies", "scenarios", "cli"},
     "build_fmus": {"__main__"},
     "__main__": {"cli"},
 }
@@ -68,6 +69,7 @@ PACKAGES = {  # beside the standard library
     "pytest_plugin": {"pytest"},
     "identification": {"numpy", "scipy", "matplotlib", "rich"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
+    "scenarios": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
@@ -184,7 +186,7 @@ def folders(folder: Path) -> set[str]:
 
 COMMANDS = typer.main.get_command(app).commands
 FOUND_BY_WALKING = {
-    "studies": folders(SRC / "studies"),
+    "studies": {path.parent.name for path in PYTHON if path.name == "study.py"},
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gapsense.shipped import PACKAGE
+
 # First a process of ours forgets the working folder, which Python puts first. Both modules are built into Python:
 # nothing is looked for in a folder yet.
 ALONE = "import sys, _signal; sys.path[:] = filter(None, sys.path); "
@@ -49,6 +51,8 @@ def facts(function: Callable[..., Any]) -> list[str]:
 
 def root(function: Callable[..., Any]) -> Path:
     """Folder from which the module of a function is imported."""
+    if function.__module__.partition(".")[0] == PACKAGE.name:  # whose studies stand in scenarios/
+        return PACKAGE.parent
     file = source_file(function)
     return file.parents[function.__module__.count(".") + (file.name == "__init__.py")]
 
