@@ -21,6 +21,7 @@ from gapsense.identification.actuator import fit as problem
 from gapsense.identification.actuator import show as file
 from gapsense.identification.actuator.drive import read_excitation
 from gapsense.identification.actuator.show import doubts, missing
+from gapsense.identification.least_squares import Minimum
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.parameter_set import parameters_of, read_sets, read_values, take_values
 from gapsense.studies.devices import RTS_VALVE
@@ -70,6 +71,24 @@ def test_a_record_of_the_model_gives_its_parameters_back(found):
     true, believed = (simulated(par, voltage)[first:, 2] for par in (TRUE, BELIEVED))
     assert np.sqrt(np.mean((found.model.position - true) ** 2)) < 6e-6
     assert np.sqrt(np.mean((found.model.position - believed) ** 2)) > 30e-6
+
+
+def test_a_value_that_ends_at_a_limit_is_told_and_no_position_is_called_certain(found):
+    """True eddy currents are 74 times the guess; the search goes as far as ten times."""
+    lossy = TRUE._replace(core_eddy=7.4e-3)
+    result = fit.commission([record(par=lossy)], BELIEVED._replace(core_eddy=1e-4))
+    said = " ".join(file.remarks(result, fit.with_bend(BELIEVED)))
+    assert "core_eddy" in result.at_limit and "`core.eddy` ends at a limit of the search: 1 mS" in said
+    assert not result.is_explained and "the model is another one" in said and "certain to" not in said
+    sound = " ".join(file.remarks(found, fit.with_bend(BELIEVED)))
+    assert not found.at_limit and "certain to" in sound and "ends" not in sound
+
+
+def test_a_search_that_ends_where_no_minimum_is_says_so(monkeypatch):
+    monkeypatch.setattr(fit, "minimise", lambda p, x, *_: Minimum(x, p.residuals([x])[0], 0, np.zeros(x.size, bool)))
+    result = fit.commission([record(samples=1100)], BELIEVED)
+    (said,) = [text for text in file.remarks(result, fit.with_bend(BELIEVED)) if "The search ends" in text]
+    assert "without one step from what was believed" in said and not result.is_minimum
 
 
 def test_derivatives_of_the_cost_are_its_slopes():

@@ -83,7 +83,7 @@ def estimate(
     from gapsense.identification.measurements.prepare import thin
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import read_sets, take_values
-    from gapsense.identification.valve.show import about
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"

@@ -26,7 +26,7 @@ def inspect(
     from gapsense.identification.inspection.facts import facts
     from gapsense.identification.inspection.show import inspection_figure, inspection_tables
     from gapsense.identification.measurements.reading import read_records, reading
-    from gapsense.identification.valve.show import about
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     if figure is not None:

@@ -24,7 +24,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
 from gapsense.identification.assumptions import is_device, list_values, meanings
 from gapsense.identification.measurements.checks import begins_at_rest
-from gapsense.identification.measurements.operations import Flux, operations
+from gapsense.identification.measurements.operations import Flux, operations, starts
 from gapsense.identification.measurements.operations import estimate as integral
 from gapsense.identification.measurements.record import UNITS, Record, Vector
 from gapsense.identification.parameter_set import values_for
@@ -211,6 +211,11 @@ class Truth(NamedTuple):
 
 def doubts(record: Record, estimates: Sequence[Estimate]) -> list[str]:
     """Sentences on the estimators whose outputs cannot be right."""
+    if not starts(record):
+        return [
+            f"{record.name}: no current stands out of its noise, so that nothing tells whether an estimate is right."
+            " Record at least one operation, from rest on."
+        ]
     told = truth(record)
     if told.resistance is not None and told.resistance <= 0.0:
         return [

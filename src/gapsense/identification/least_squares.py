@@ -97,6 +97,13 @@ def _lower(p: Problem, x: Vector, r: Vector) -> tuple[Vector, Vector] | None:
     return None
 
 
+def promise(p: Problem, x: Vector, J: Matrix, r: Vector) -> float:
+    """Part by which the cost would fall with the next step, if the residuals were straight; 0 at a minimum."""
+    (after,) = candidates(p, x, J, r, (0.0,))
+    left, cost = r + J @ (after - x), float(r @ r)
+    return 1.0 - float(left @ left) / cost if cost else 0.0
+
+
 def candidates(p: Problem, x: Vector, J: Matrix, r: Vector, dampings: Sequence[float]) -> list[Vector]:
     """Where Gauss-Newton steps with different dampings lead; what is at a limit and pushed against it stays there."""
     (low, high), g = p.limits, J.T @ r

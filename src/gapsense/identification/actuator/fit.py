@@ -20,12 +20,12 @@ from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
-from gapsense.identification.least_squares import STEP, Matrix, Vector, finite, minimise
+from gapsense.identification.least_squares import STEP, Matrix, Vector, finite, minimise, promise
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.residual import EXPLAINED, Residual, rounding
 from gapsense.identification.residual import residual as of_all
+from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.show import Validation, compare_currents
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import is_compiled, stepped
 from gapsense.kernels.layout import flat
@@ -161,6 +161,8 @@ def run(par: Parameters, volts: list[float]) -> Matrix:
 
 LONGEST, ENOUGH = 25, 1e-5  # steps, and relative fall of the cost with which they end
 FURTHEST = math.log(10.0)  # of a logarithm; 1 for places and offsets
+NEAR = 0.999  # part of it that is at the limit
+PROMISES = 0.1  # part of the cost, by which a minimum is none
 
 
 CAUSES = {
@@ -205,6 +207,9 @@ class Commissioned(NamedTuple):
     models: Sequence[Trajectory]
     residuals: Sequence[Residual]  # of the currents that count
     believed: Mapping[str, float]  # how wrong what was believed may have been, by field
+    steps: int  # of the search
+    promise: float  # part by which its next step would lower the cost, if that were a parabola
+    at_limit: Sequence[str]  # fields that end where the search does, `FURTHEST` from what was believed
 
     @property
     def errors(self) -> dict[str, float]:
@@ -215,6 +220,11 @@ class Commissioned(NamedTuple):
     def is_explained(self) -> bool:
         """Whether the model explains all records, and these tell when the voltage switched."""
         return all(r.is_explained for r in self.residuals) and not any(d.is_too_fast for d in self.drives)
+
+    @property
+    def is_minimum(self) -> bool:
+        """Whether the search came to rest."""
+        return self.is_explained or self.promise < PROMISES
 
     @property
     def model(self) -> Trajectory:
@@ -237,15 +247,16 @@ def commission(
     par, doubts = with_bend(known), doubts or {}
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
-    x = np.zeros(every.deviations.size)
+    x, steps = np.zeros(every.deviations.size), 0
     for k, share in enumerate(SHARES):
         progress(k, len(SHARES) + 1)
         free = [j for j, name in enumerate(names) if k or name in ELECTRIC]
         part = every._replace(names=[names[j] for j in free], drives=[d.shortened(share) for d in drives])
         at = np.array([*free, *places_sought(drives, part.drives, len(names))])
-        x[at] = minimise(part, x[at], LONGEST, ENOUGH).point
+        found = minimise(part, x[at], LONGEST, ENOUGH)
+        x[at], steps = found.point, steps + found.steps
     progress(len(SHARES), len(SHARES) + 1)
-    return conclude(*in_step(every, x))
+    return conclude(*in_step(every, x), steps)
 
 
 def in_step(p: Problem, x: Vector) -> tuple[Problem, Vector]:
@@ -277,7 +288,7 @@ def places_sought(drives: Sequence[Excitation], parts: Sequence[Excitation], fir
     return found
 
 
-def conclude(p: Problem, x: Vector) -> Commissioned:
+def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     """What a minimum says."""
     J, (r,) = p.jacobian(x), p.residuals([x])
     n, places, found = len(p.names), p.places(x), parameters_at(p, x)
@@ -296,6 +307,9 @@ def conclude(p: Problem, x: Vector) -> Commissioned:
         models=models,
         residuals=residuals,
         believed=p.believed,
+        steps=steps,
+        promise=promise(p, x, J, r),
+        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * FURTHEST],
     )
 
 
@@ -350,4 +364,4 @@ def validate(par: Parameters, record: Record) -> Validation:
     driven = read_excitation(record, par)
     p = Problem(par, [], [driven])
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point
-    return compare_currents(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0]), driven.first)
+    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0]), driven.first)

@@ -24,7 +24,7 @@ from gapsense.identification.least_squares import Matrix
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.valve.show import Validation, about, measured_and_model, validation
+from gapsense.identification.show import Validation, about, measured_and_model, validation
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -169,11 +169,26 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         for d in result.drives
         if d.is_too_fast
     ]
-    well = "" if result.misfit < before.health_limit else ", of which less than 1 is usual: the model is another one"
+    is_usual = result.misfit < before.health_limit
+    well = "" if is_usual else ", of which less than 1 is usual: the model is another one"
     said.append(f"Misfit {result.misfit:.2g}{well}.")
-    said.append(
-        f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
-    )
+    if not result.is_minimum:
+        after = f"after {result.steps} steps" if result.steps else "without one step from what was believed"
+        said.append(
+            f"The search ends {after}, at no minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
+            " step keeps that. Begin with other values, those of the core above all."
+        )
+    if is_usual and result.is_explained:
+        said.append(
+            f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
+        )
+    for name in result.at_limit:
+        port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
+        at, believed = (quantity(value, port.unit) for value in values)
+        said.append(
+            f"`{port.name}` ends at a limit of the search: {at}, where {believed} was believed. Begin with a value near"
+            " it."
+        )
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
         said.append("The mover does not leave its stop: mass, spring and damping stay as they were believed.")
@@ -191,5 +206,5 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
 
 def actuator_figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
     """Measured currents and those of the model, and its positions."""
-    runs = [(drive.record, model, drive.first, "fit") for drive, model in zip(result.drives, result.models)]
+    runs = [(drive.record, model) for drive, model in zip(result.drives, result.models)]
     return measured_and_model("Measured and commissioned", runs, checks)

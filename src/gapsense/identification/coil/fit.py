@@ -36,8 +36,8 @@ from gapsense.identification.measurements.operations import (
 )
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.residual import FLOOR, REST, Residual, noise_of, residual
+from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory, take_out_causes
-from gapsense.identification.valve.show import Validation
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import is_compiled, stepped
 
@@ -469,14 +469,4 @@ def validate_coil(result: Coil, record: Record) -> Validation:
     """The coil beside a record that begins at rest, with what the instruments hid in the records used."""
     first = starts(record)[0]
     voltage, current = np.mean(result.offsets, axis=0).tolist()
-    model = trajectory(result.parameters, record, first, voltage, current)
-    error = np.abs(record.current[first:] - model.current)
-    rms = float(np.sqrt(np.mean(error**2)))
-    return Validation(
-        record=record,
-        model=model,
-        first=first,
-        rms=rms,
-        largest=float(error.max()),
-        largest_current=float(np.abs(record.current).max()),
-    )
+    return compare(record, trajectory(result.parameters, record, first, voltage, current), first)

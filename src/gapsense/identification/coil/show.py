@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,12 +12,9 @@ from rich.table import Table
 
 from gapsense.identification.coil.fit import POOR, Coil
 from gapsense.identification.measurements.operations import mean_resistance, operations
-from gapsense.identification.measurements.record import Record
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.show import TWO_SIDED, Validation, about, validation
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
+from gapsense.identification.show import TWO_SIDED, Validation, about, measured_and_model, validation
 from gapsense.report.table import quantity, table
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
@@ -205,27 +202,5 @@ def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
 
 def coil_figure(result: Coil, checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
-    runs = [(r, m, "fit") for r, m in zip(result.records, result.models)]
-    runs += [(c.record, c.model, "validation") for c in checks]
-    scales = [
-        suited("current", "A", *(record.current for record, *_ in runs)),
-        suited("error", "A", *(record.current[-m.current.size :] - m.current for record, m, _ in runs)),
-        suited("flux\nlinkage", "Wb", *(m.flux_linkage for _, m, _ in runs)),
-    ]
-    labels = ["voltage / V", *(label for label, _ in scales)]
-    figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
-    for k, run in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], *run, [factor for _, factor in scales])
-    return figure
-
-
-def _panels(axes: Sequence[Any], record: Record, model: Trajectory, kind: str, scales: Sequence[float]) -> None:
-    first = record.times.size - model.current.size
-    t = record.times[first:]
-    axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
-    line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, scales[0] * record.current, TRUE, "measured")
-    line(axes[1], t, scales[0] * model.current, SECOND, "model")
-    line(axes[2], t, scales[1] * (record.current[first:] - model.current), SECOND)
-    line(axes[3], t, scales[2] * model.flux_linkage, FIRST, "model")
-    legend(axes[1])
+    runs = [*zip(result.records, result.models)]
+    return measured_and_model("Measured and identified", runs, checks, shows_flux=True)

@@ -18,7 +18,7 @@ from gapsense.identification.measurements.operations import (
     starts,
     true_runs,
 )
-from gapsense.identification.measurements.record import SHOWN, Columns, Record, Vector
+from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative
@@ -26,6 +26,7 @@ MANY = 50  # steps, whose mean is not rounded much
 DIGITS = 12  # after the point, or in all, that times may have
 FEWEST_DIGITS = 4  # in all, of rounded times
 COARSEST = 5e-3  # rounding of times relative to the length of a record
+LARGEST = 1e6  # V and A
 CLIPPED = 5  # equal samples at the end of the range
 STEEP = 1e-3  # change before a flat end of the range that no settling current has, relative to the range
 
@@ -102,6 +103,17 @@ def significant(t: Vector) -> Vector:
         if np.all(np.abs(t - np.round(t / unit) * unit) <= 1e-3 * unit):
             return np.asarray(unit)
     return np.zeros(t.size)
+
+
+def size_problems(columns: Columns, name: str) -> Iterator[str]:
+    """Values that no coil has."""
+    x, unit = columns.values[name], UNITS[name]
+    k = int(np.argmax(np.abs(x))) if x.size else 0
+    if x.size and abs(x[k]) > LARGEST:
+        yield (
+            f"{columns.file}, row {columns.rows[k]}: `{name}` is {x[k]:.4g} {unit}, at most {LARGEST:g} {unit} are"
+            " expected. Correct the value, or the unit in the head of the column."
+        )
 
 
 def clipping(columns: Columns, name: str) -> Iterator[str]:

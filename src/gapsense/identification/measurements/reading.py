@@ -23,6 +23,7 @@ from gapsense.identification.measurements.checks import (
     even_out,
     operation_problems,
     rest_problems,
+    size_problems,
     time_problems,
 )
 from gapsense.identification.measurements.prepare import shorten, subtract_offsets, thin, turn_upright, unipolar
@@ -349,5 +350,7 @@ def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
     if "time" in sound:
         yield from time_problems(columns)
     for name in ("voltage", "current"):
-        if name in sound and not how.may_clip:
+        wrong = [*size_problems(columns, name)] if name in sound else []
+        yield from wrong
+        if name in sound and not wrong and not how.may_clip:
             yield from clipping(columns, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -29,6 +29,7 @@ from gapsense.identification.parameter_set import (
     write_table,
 )
 from gapsense.identification.residual import verdict
+from gapsense.identification.show import TWO_SIDED, Validation, about, compare, measured_and_model, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.driver import TAKEN
@@ -43,9 +44,8 @@ from gapsense.identification.valve.form import (
     replace_values,
     value_of,
 )
-from gapsense.identification.valve.model import Trajectory, simulate, take_out_causes
+from gapsense.identification.valve.model import simulate, take_out_causes
 from gapsense.problems import InputError
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -164,17 +164,6 @@ def _entry(name: str, result: Identified) -> Entry:
     return Entry(port.name, found(result, name), "not identified, held" if name in result.held else note)
 
 
-class Validation(NamedTuple):
-    """Model against measurement."""
-
-    record: Record
-    model: Trajectory  # from sample `first` on
-    first: int  # the last sample at rest
-    rms: float  # of the error of the model's current [A]
-    largest: float  # the same
-    largest_current: float  # [A]
-
-
 def validate_valve(par: Device, records: Sequence[Record], coefficient: Coefficient | None) -> list[Validation]:
     """The model beside each of the records, with the resistance at its temperature, if that is known."""
     found = []
@@ -190,25 +179,10 @@ def validate(par: Device, record: Record) -> Validation:
     first = starts(record)[0]
     halves = take_out_causes(record).halves[first:]
     model = simulate(par, halves, record.dt, np.full(len(halves), value_of(par, "coil_resistance")))
-    return compare_currents(record, model, first)
-
-
-def compare_currents(record: Record, model: Trajectory, first: int) -> Validation:
-    """The current of a model, which begins at sample `first`, beside that of a record."""
-    error = np.abs(record.current[first:] - model.current)
-    rms = float(np.sqrt(np.mean(error**2)))
-    return Validation(
-        record=record,
-        model=model,
-        first=first,
-        rms=rms,
-        largest=float(error.max()),
-        largest_current=float(np.abs(record.current).max()),
-    )
+    return compare(record, model, first)
 
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
-TWO_SIDED = 1.96  # standard errors of a 95 % interval
 WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
@@ -231,17 +205,6 @@ def assumed_table(result: Identified) -> list[Table | str]:
     ]
     heads = ("parameter", "assumed", "standard error")
     return [table("Assumed, neither given nor told by the records", heads, rows), *meanings(names)]
-
-
-def about(record: Record) -> list[str]:
-    """Sentences on what was done to a record, and on what is odd about it."""
-    units = {"voltage": "V", "current": "A"}
-    told = [
-        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
-        " before the first operation; this offset is subtracted."
-        for name, o in record.offsets.items()
-    ]
-    return told + [f"{record.name}: {text}" for text in record.remarks]
 
 
 def parameters(result: Identified) -> Table:
@@ -306,16 +269,6 @@ def resistances(result: Identified, records: Sequence[Record]) -> Table:
     return table("Resistance per period, (23)", ("record", "from", "to", "resistance"), rows)
 
 
-def validation(checks: Sequence[Validation]) -> Table:
-    """How well the model predicts records that were not used for the fit."""
-    rows = (
-        (c.record.name, quantity(c.rms, "A"), quantity(c.largest, "A"), f"{100.0 * c.rms / c.largest_current:.2g} %")
-        for c in checks
-    )
-    heads = ("record", "RMS error", "largest", "of the largest current")
-    return table("Validation, not used for the fit", heads, rows)
-
-
 def remarks(result: Identified) -> list[str]:
     """Sentences: how the minimum was found, what the records do not tell."""
     said = [f"J = {result.cost:.4g} after {result.evaluations} simulations."]
@@ -364,36 +317,4 @@ def explanations(result: Identified) -> list[str]:
 
 def valve_figure(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
-    firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
-    runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
-    return measured_and_model("Measured and identified", runs, checks)
-
-
-def measured_and_model(
-    title: str, fitted: Sequence[tuple[Record, Trajectory, int, str]], checks: Sequence[Validation]
-) -> Figure:
-    """Records, models that begin at a sample, what they were for; then the validation."""
-    runs = [*fitted, *((c.record, c.model, c.first, "validation") for c in checks)]
-    scale = suited("current", "A", *(record.current for record, *_ in runs))
-    errors = suited("error", "A", *(record.current[first:] - model.current for record, model, first, _ in runs))
-    labels = ["voltage / V", scale[0], errors[0], "position\n/ mm"]
-    figure, axes = stack(title, labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
-    for k, run in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], *run, scale[1], errors[1])
-    return figure
-
-
-def _panels(
-    axes: Sequence[Any], record: Record, model: Trajectory, first: int, kind: str, scale: float, errors: float
-) -> None:
-    t = record.times[first:]
-    axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
-    line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, scale * record.current, TRUE, "measured")
-    line(axes[1], t, scale * model.current, SECOND, "model")
-    line(axes[2], t, errors * (record.current[first:] - model.current), SECOND)
-    if record.position is not None:
-        line(axes[3], record.times, 1e3 * record.position, TRUE, "recorded")
-    line(axes[3], t, 1e3 * model.position, FIRST, "model")
-    legend(axes[1])
-    legend(axes[3])
+    return measured_and_model("Measured and identified", [*zip(records, result.models)], checks)
