@@ -9,7 +9,7 @@ import pytest
 from valve_records import GUESS, record
 
 from gapsense.identification.gap_law.laws import Law, reluctance, total
-from gapsense.identification.gap_law.motion import Samples, best, trials
+from gapsense.identification.gap_law.motion import Measured, best, trials
 from gapsense.identification.valve.fit import fit_valve
 from gapsense.identification.valve.form import Form, Sought, shape, value_of
 from gapsense.identification.valve.gap import describe_gap, find_gap
@@ -68,7 +68,7 @@ def test_law_follows_from_current_flux_linkage_and_gap_of_any_core():
     h, lam = rng.uniform(0.0, UPPER, 600), rng.uniform(1e-3, 0.022, 600)
     for law, kind in ((lambda x: 2.7e10 * x, "linear"), (leaky, "6 slopes")):
         current = lam / TURNS**2 * (law(h) + 3.25e6 / (1.0 - lam / 0.024)) + 2e-4 * rng.standard_normal(h.size)
-        taken = best(trials(Samples(current, lam, h), TURNS, UPPER))
+        taken = best(trials(Measured(current, lam, h), TURNS, UPPER))
         assert taken.law.name == kind
         assert taken.core_saturation == pytest.approx(0.024, rel=5e-3)
         at = np.linspace(0.05e-3, 0.85e-3, 9)

@@ -226,7 +226,7 @@ class Problem(NamedTuple):
         return differences(self.residuals, point, self.limits[1])
 
 
-class Minimum(NamedTuple):
+class Fitted(NamedTuple):
     """Where a form fits best."""
 
     problem: Problem
@@ -255,10 +255,10 @@ class Minimum(NamedTuple):
         return np.split(self.residuals, np.cumsum([run.current.size for run in self.problem.runs])[:-1])
 
 
-def minimum(problem: Problem, start: Vector | None = None) -> Minimum:
+def minimum(problem: Problem, start: Vector | None = None) -> Fitted:
     """The minimum next to the usual start, or to a point."""
     found = minimise(problem, problem.start if start is None else start, LONGEST)
-    return Minimum(problem, found.point, found.residuals)
+    return Fitted(problem, found.point, found.residuals)
 
 
 def currents(pars: Sequence[Parameters], voltages: Matrix) -> Matrix:
@@ -278,7 +278,7 @@ DIGITS, PERCENT = 1, 2  # of the criterion, and of what is left, that count; whe
 SMALLEST = 1e-12  # what is left of a record that the model has made
 
 
-def best(found: Sequence[Minimum]) -> tuple[int, list[float]]:
+def best(found: Sequence[Fitted]) -> tuple[int, list[float]]:
     """Which of several forms is taken, and what speaks against each; 0 for the one that is taken."""
     least = min(found, key=lambda m: m.power)
     sizes = [effective(part) for part in least.parts()]
@@ -288,7 +288,7 @@ def best(found: Sequence[Minimum]) -> tuple[int, list[float]]:
     return chosen, [value - against[chosen] for value in against]
 
 
-def criterion(found: Minimum, sizes: Sequence[float]) -> float:
+def criterion(found: Fitted, sizes: Sequence[float]) -> float:
     """The penalised residual, for so many samples of each run that count."""
     misfit = sum(n * np.log(max(1.0, float(np.mean(part**2)))) for n, part in zip(sizes, found.parts()))
     return float(misfit + len(found.problem.form.names) * np.log(sum(sizes)))
@@ -400,7 +400,7 @@ class Candidate(NamedTuple):
     """A form with one reading of the voltage between samples."""
 
     convention: str
-    minimum: Minimum
+    minimum: Fitted
 
 
 def problem(records: Sequence[Record], period: float | None, convention: str) -> tuple[str, Problem]:
@@ -440,7 +440,7 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
     )
 
 
-def covariance(m: Minimum) -> Matrix:
+def covariance(m: Fitted) -> Matrix:
     """Covariance of the logarithms that are not at a limit, with the misfit in it."""
     is_free = ~m.held
     A = np.linalg.pinv(m.problem.jacobian(m.point)[:, is_free], rcond=1e-9).astype(np.float64)
@@ -451,7 +451,7 @@ def covariance(m: Minimum) -> Matrix:
     return np.asarray(cov[:count, :count])
 
 
-def balance_variance(m: Minimum, balanced: float | None) -> Matrix:
+def balance_variance(m: Fitted, balanced: float | None) -> Matrix:
     """What hidden offsets add to the variance of the resistance, which (23) takes in another way than the fit."""
     free = [name for name, is_held in zip(m.problem.form.names, m.held) if not is_held]
     R = m.problem.parameters(m.point, m.problem.runs[0]).resistance

@@ -41,7 +41,7 @@ ALIKE: Mapping[str, Mapping[str, float]] = {  # powers by which fitted values go
 }
 
 
-class Minimum(NamedTuple):
+class Ended(NamedTuple):
     """Where the fit ended."""
 
     form: Form
@@ -65,7 +65,7 @@ def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> De
     return replace_values(known, **old, initial_position=stops.get(start, start))
 
 
-def add_doubts(at: Minimum, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
+def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
     """The uncertainty with what doubts about held fields add, each by itself; see `shift`."""
     effects = [
         largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
@@ -73,7 +73,7 @@ def add_doubts(at: Minimum, found: Uncertainty, doubts: Mapping[str, float], tie
     return widen(found, at.form, sum(effects[1:], effects[0])) if effects else found
 
 
-def move_by_doubt(at: Minimum, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
+def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
     """What becomes of the logarithms of what is fitted, if a held value is off to either side."""
     form, one_sided = at.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
 
@@ -100,7 +100,7 @@ def bound(left: Vector, r: Vector) -> float:
     return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
 
 
-def refit(at: Minimum, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
+def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
     """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
     for _ in range(TRIALS):
         form = at.form._replace(known=change(by))

@@ -18,7 +18,7 @@ from gapsense.identification.assumptions import scale
 from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.residual import Residual, residual
-from gapsense.identification.valve.doubt import Minimum, add_doubts
+from gapsense.identification.valve.doubt import Ended, add_doubts
 from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_delay, correction, last_taken, settle
 from gapsense.identification.valve.errors import Uncertainty, doubts, uncertainty
 from gapsense.identification.valve.form import (
@@ -224,7 +224,7 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     doubts = {name: scale(name.replace("_", ".")).doubt for name in assumed}
     doubts |= {name: error for name, error in sought.accuracy.items() if name in known}
     tied = {"spring_rest"} & {*assumed}
-    found = add_doubts(Minimum(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
+    found = add_doubts(Ended(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 

@@ -17,7 +17,7 @@ from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.identification.gap_law import motion
 from gapsense.identification.gap_law.laws import Law, Vector, best_law, candidates, rms, rows
-from gapsense.identification.gap_law.motion import KNOWN, Samples, Trial, evidence, scale_law, square, trials
+from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evidence, scale_law, square, trials
 from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
 from gapsense.identification.measurements.operations import estimate, hidden, noise, operations
@@ -185,7 +185,7 @@ def _laws(par: Parameters, records: Sequence[Record], is_known: bool, period: fl
             first = flux.operations[0].start
             parts.append((record.current[first:], flux.flux_linkage[first:], record.position[first:]))
     columns: list[Vector] = [np.concatenate(part) for part in zip(*parts)]
-    samples, turns = Samples(*columns), float(par.coil_turns)
+    samples, turns = Measured(*columns), float(par.coil_turns)
     known = [scale_law(samples, turns, _law(par))] if is_known else []
     return [*known, *trials(samples, turns, float(par.stop_upper))]
 
