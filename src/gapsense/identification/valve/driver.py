@@ -13,12 +13,10 @@ import numpy as np
 
 from gapsense.identification.assumptions import SCALES
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.valve.evidence import ENOUGH, Trial, chosen, evidence, is_quiet, relative
-from gapsense.identification.valve.forms import Sought
-from gapsense.identification.valve.linear import left_at, linear, scales
-from gapsense.identification.valve.minimise import Fit
-from gapsense.identification.valve.model import Experiment
-from gapsense.identification.valve.prepared import Prepared
+from gapsense.identification.valve.errors import left_at, linearise, scales
+from gapsense.identification.valve.form import Sought
+from gapsense.identification.valve.minimise import ENOUGH, Fit, Trial, choose_form, evidence, is_quiet, relative
+from gapsense.identification.valve.model import Experiment, Prepared
 from gapsense.report.table import quantity
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
@@ -31,7 +29,7 @@ DOUBTFUL = 3.0  # standard errors, by white residuals, from which a delay is tri
 FIT = "fit"
 
 
-class Drive(NamedTuple):
+class Driver(NamedTuple):
     """What is known of the causes, and which are fitted, from these values or from none on."""
 
     values: Mapping[str, float] = {}
@@ -50,16 +48,16 @@ class Drive(NamedTuple):
         return "delay" in (*self.values, *self.fitted)
 
 
-UNKNOWN = Drive()
+UNKNOWN = Driver()
 
 
-def drive_of(driver: str | None, accuracy: str | None = None) -> Drive:
+def read_driver(driver: str | None, accuracy: str | None = None) -> Driver:
     """From the values of `--driver`, as `series=2,drop=0.8`, and `--accuracy`; a ValueError tells what is wrong."""
     texts = {name: text for part in _parts(driver) for name, text in _named(part, TAKEN, "--driver").items()}
     values = {name: float(text) for name, text in texts.items() if text != FIT}
     scales = {name: text for part in _parts(accuracy) for name, text in _named(part, PERCENT, "--accuracy").items()}
     errors = {name: 0.01 * float(text) for name, text in scales.items()}
-    return Drive(values, tuple(name for name in TAKEN if texts.get(name) == FIT), errors)
+    return Driver(values, tuple(name for name in TAKEN if texts.get(name) == FIT), errors)
 
 
 def _parts(text: str | None) -> list[str]:
@@ -85,13 +83,13 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def notes(values: Mapping[str, float]) -> list[str]:
+def driver_notes(values: Mapping[str, float]) -> list[str]:
     """A sentence on what was taken out of the records, if anything was."""
     found = ", ".join(f"{name} {quantity(value, TAKEN[name])}" for name, value in values.items())
     return [f"Taken out of the recorded voltage and current: {found}."] if found else []
 
 
-def doubtful(resistance: float, believed: float | None) -> list[str]:
+def doubt_resistance(resistance: float, believed: float | None) -> list[str]:
     """A sentence, if the resistance of (23) is another one than a coil of copper can have.
 
     A voltage that is too large by a factor is explained by other values of the parameters: no residual tells it.
@@ -114,7 +112,7 @@ class Settled(NamedTuple):
     prepared: Prepared
 
 
-def settled(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> Settled:
+def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> Settled:
     """The minimum for the first operations, next to a point at which the parameters fit best."""
     for _ in range(ROUNDS if names else 0):
         step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names)
@@ -136,7 +134,7 @@ class Step(NamedTuple):
 
 def correction(fit: Fit, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Step:
     """One Gauss-Newton step, not too far; its errors are those of white residuals."""
-    at, r = linear(fit.form, ratios, experiments, names, ()), left_at(fit.form, ratios, experiments)[0]
+    at, r = linearise(fit.form, ratios, experiments, names, ()), left_at(fit.form, ratios, experiments)[0]
     found, k, sizes = -at.inverse @ r, ratios.size, scales(experiments)
     error = np.sqrt((at.inverse[k:] ** 2).sum(axis=1) * float(r @ r) / r.size)
     wanted, most = found[k:], np.array([FARTHEST[name] for name in names])
@@ -158,28 +156,28 @@ class Timed(NamedTuple):
     causes: tuple[str, ...]  # that are fitted
 
 
-def timed(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Drive) -> Timed:
+def choose_delay(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
     """The forms of the model, and a delay if the evidence is for it: it looks much like eddy currents.
 
     It is tried where the form that is taken has some, or leaves something that a delay explains; never where eddy
     currents must not be sought, for they would be taken for a delay.
     """
-    without = Timed(prepared, chosen(fit, ratios, prepared.firsts, sought), drive.fitted)
-    best, firsts = taken(without.trials), prepared.firsts
+    without = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), drive.fitted)
+    best, firsts = last_taken(without.trials), prepared.firsts
     if drive.is_timed or "eddy" not in sought.forms or is_quiet(best, firsts):
         return without
     other, at = Fit(best.form), [first.experiment for first in firsts]
     if not best.form.added and correction(other, best.ratios, at, ["delay"]).is_doubtful:
         return without
     causes = (*drive.fitted, "delay")
-    ratios, prepared = settled(fit, ratios, prepared, causes)
-    delayed = Timed(prepared, chosen(fit, ratios, prepared.firsts, sought), causes)
-    late = taken(delayed.trials)
+    ratios, prepared = settle(fit, ratios, prepared, causes)
+    delayed = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), causes)
+    late = last_taken(delayed.trials)
     more = 1 + len(late.form.fitted) - len(best.form.fitted)
     left, now = relative(best.errors, firsts), relative(late.errors, prepared.firsts)
     return delayed if evidence(left, now, more) > ENOUGH else without
 
 
-def taken(trials: Sequence[Trial]) -> Trial:
+def last_taken(trials: Sequence[Trial]) -> Trial:
     """The last form that was taken."""
     return [trial for trial in trials if trial.is_taken][-1]

@@ -8,11 +8,13 @@ resistance start from priors.
 from __future__ import annotations
 
 import hashlib
+import json
 import math
+import os
 import tempfile
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,8 @@ from gapsense._os.files import read_columns, write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.values import ValuesError, fields, unknown
-from gapsense.parameters import ParameterSet, read_set
+from gapsense.identification.assumptions import marks
+from gapsense.parameters import ParameterSet, is_file, read_set
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
@@ -31,6 +34,65 @@ ROWS, BEYOND = 61, 1.2  # of a table made from a law, and how far it goes, in up
 TABLE_UNITS = {"gap": "m", "reluctance": "1/H", "slope": "1/(H.m)"}
 SLOPES = ("gap.reluctance", "gap.slope")  # of a law by formula
 AMBIGUOUS = ("gap.law", "gap.slope", "gap.window", "gap.file")  # of the valve and of [RTS]; not always the same
+
+
+DIGITS = 8  # of what was found: more mean nothing
+
+
+class Entry(NamedTuple):
+    """A value in a parameter set, with what is to be said of it."""
+
+    name: str
+    value: Value
+    note: str = ""
+
+
+def write_set(
+    file: Path,
+    description: str,
+    source: str,
+    entries: Iterable[Entry],
+    *,
+    assumed: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
+    lines = [
+        f"description = {json.dumps(description)}",
+        f"source = {json.dumps(source)}",
+        *marks(assumed),
+        *(f"# {note}" for note in notes),
+        "",
+        "[values]",
+        *(_line(entry, file) for entry in entries),
+    ]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, lambda out: out.writelines(f"{line}\n" for line in lines))
+    return file
+
+
+def _line(entry: Entry, file: Path) -> str:
+    name, value, note = entry
+    if is_file(name, value):
+        value = Path(os.path.relpath(Path(str(value)).resolve(), file.resolve().parent)).as_posix()
+    return f"{json.dumps(name)} = {json.dumps(value)}" + (f"  # {note}" if note else "")
+
+
+def rounded(value: Value) -> Value:
+    """A number with as many digits as mean something; all else as it is."""
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def error_note(error: float | None, is_poor: bool = False) -> str:
+    """What is said of a value with a standard error."""
+    return "" if error is None else f"+- {100.0 * error:.2g} %" + ", not identified" * is_poor
+
+
+def write_table(file: Path, columns: Mapping[str, NDArray[np.float64]]) -> Path:
+    """Write a gap law as a table."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, lambda out: write_columns(out, columns, TABLE_UNITS))
+    return file
 
 
 def read_values(files: Sequence[Path]) -> dict[str, Value]:
@@ -52,7 +114,9 @@ def read_sets(files: Sequence[Path]) -> ParameterSet:
     return ParameterSet(values, tuple(assumed))
 
 
-def taken(folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()) -> dict[Path, dict[str, Value]]:
+def take_values(
+    folders: Sequence[Path], files: Sequence[Path], known: Sequence[Path] = ()
+) -> dict[Path, dict[str, Value]]:
     """What the components of some folders take of parameter sets, which describe a device.
 
     Each takes the parameters that it has.  A name that none of them has, nor those in the folders `known`, is refused
@@ -105,7 +169,7 @@ def parameter_names(folders: Iterable[Path]) -> set[str]:
 def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str, Value]:
     """Values for a component with the parameters `names`; what else `values` has is left out."""
     if "gap.factor" not in names:
-        values = scaled(values)
+        values = without_factor(values)
     expects = "prior.inductance" in names  # for others `prior.resistance` is how uncertain it is
     given = {name: value for name, value in values.items() if not (expects and is_deviation(name, values))}
     known = {**start(values), **(priors(values) if expects else {}), **given}
@@ -122,7 +186,7 @@ def is_deviation(name: str, values: Mapping[str, Value]) -> bool:
     return name == "prior.resistance" and "prior.eddy" in values
 
 
-def scaled(values: Mapping[str, Value]) -> dict[str, Value]:
+def without_factor(values: Mapping[str, Value]) -> dict[str, Value]:
     """The same device without a factor of the gap reluctance, which only `Mhe` has."""
     factor, rest = float(values.get("gap.factor", 1.0)), {**values}
     rest.pop("gap.factor", None)
@@ -151,9 +215,7 @@ def table_of(values: Mapping[str, Value]) -> Path:
 def table_file(columns: Mapping[str, NDArray[np.float64]]) -> Path:
     """A file with a gap law, in the folder for temporary files, under a name that its numbers give."""
     digest = hashlib.sha256(repr([list(column) for column in columns.values()]).encode()).hexdigest()[:12]
-    file = Path(tempfile.gettempdir()) / f"gap_{digest}.csv"
-    write_atomically(file, lambda text: write_columns(text, columns, TABLE_UNITS))
-    return file
+    return write_table(Path(tempfile.gettempdir()) / f"gap_{digest}.csv", columns)
 
 
 def reduced_gap(values: Mapping[str, Value]) -> dict[str, Value]:

@@ -15,7 +15,7 @@ from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import fabs, where
 
 SATURATED = 0.95  # part of saturation from which the reluctance of the core is constant
-FAR = 1e9  # saturation that no flux linkage reaches [Wb]
+NO_SATURATION = 1e9  # saturation that no flux linkage reaches [Wb]
 
 
 class Parameters(NamedTuple):
@@ -86,4 +86,4 @@ def _current(lam: Scalar, held: Acting, par: Parameters) -> Scalar:
 
 
 def _core(par: Parameters) -> Losses:
-    return Losses(R=par.resistance, lam_sat=FAR, eddy=par.eddy, amplitude=par.hysteresis, length=par.turnover)
+    return Losses(R=par.resistance, lam_sat=NO_SATURATION, eddy=par.eddy, amplitude=par.hysteresis, length=par.turnover)
