@@ -12,7 +12,7 @@ import numpy as np
 from gapsense.control import run_to_run
 from gapsense.control.records import LawKind, Parameters
 from gapsense.drive import drive_voltage
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names

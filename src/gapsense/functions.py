@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from gapsense.cosim.result.difference import Comparison
+    from gapsense.cosim.result.compare import Comparison
     from gapsense.cosim.scenario.records import Baseline
 
 File: TypeAlias = "str | Path"
@@ -116,10 +116,9 @@ def inspect(
         A file cannot be read as a record; all that is wrong is told.
     """
     from gapsense.identification.inspection.facts import facts
-    from gapsense.identification.inspection.figure import figure_of
-    from gapsense.identification.inspection.show import tables
-    from gapsense.identification.measurements.checks import read_records, reading
-    from gapsense.identification.valve.show import about
+    from gapsense.identification.inspection.show import inspection_figure, inspection_tables
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     picture = checked(figure)
@@ -127,10 +126,10 @@ def inspect(
     with files(data) as paths:
         records = read_records(paths, how, needs="samples")
     found = [facts(record, period, clipped) for record in records]
-    shown = [part for r, f in zip(records, found) for part in (*tables(r, f, resistance), *about(r))]
+    shown = [part for r, f in zip(records, found) for part in (*inspection_tables(r, f, resistance), *about(r))]
 
     def draw() -> Figure:
-        return figure_of(records, found)
+        return inspection_figure(records, found)
 
     written = [plot.save(draw(), picture)] if picture else []
     return Found(shown, drawn=draw, files=written)
@@ -217,12 +216,10 @@ def identify(
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.identification import finished
-    from gapsense.identification.asked import Asked, read
-    from gapsense.identification.choice import coil_of
-    from gapsense.identification.measurements.checks import reading
-    from gapsense.identification.options import believed
-    from gapsense.identification.valve import fit, known_gap
+    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
+    from gapsense.identification.measurements.reading import reading
+    from gapsense.identification.valve.fit import fit_valve
+    from gapsense.identification.valve.gap import find_gap
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
@@ -231,7 +228,7 @@ def identify(
     if commission:
         return _commission(
             data,
-            believed(known, others),
+            check_believed(known, others),
             assume=assume,
             validate=validate,
             voltage=voltage,
@@ -251,12 +248,12 @@ def identify(
             given.ask()
         coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
         if coil is not None:
-            return completed(finished.coil(asked, given, coil), told, to, folder, picture)
+            return completed(finish_coil(asked, given, coil), told, to, folder, picture)
         given.ask()
-        start = known_gap.known(given.known.parameters, given.records, given.sought, gaps, given.conventions, period)
+        start = find_gap(given.known.parameters, given.records, given.sought, gaps, given.conventions, period)
         given.ask_for(start.parameters, start.sought)
-        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
-        return completed(finished.valve(asked, given, start, result), told, to, folder, picture)
+        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+        return completed(finish_valve(asked, given, start, result), told, to, folder, picture)
 
 
 def commission(
@@ -311,31 +308,39 @@ def commission(
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.identification.actuator import file, fit, show, validation
-    from gapsense.identification.actuator.needed import doubts, missing
+    from gapsense.identification.actuator import fit
+    from gapsense.identification.actuator.fit import validate_actuator
+    from gapsense.identification.actuator.show import (
+        PORTS,
+        actuator_figure,
+        actuator_tables,
+        doubts,
+        missing,
+        write_actuator,
+    )
     from gapsense.identification.assumptions import ask
-    from gapsense.identification.measurements.checks import read_records, reading
-    from gapsense.identification.transfer import parameters_of, read_sets
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.report import plot
 
     picture, believed = checked(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
     lacking = missing(known, {*given} - {*marked})
     if not assume:
-        ask(lacking, {port.name: port for port in file.PORTS.values()}, believed.name, "the component `Mhe`")
+        ask(lacking, {port.name: port for port in PORTS.values()}, believed.name, "the component `Mhe`")
     how = reading(pairs(column), voltage, separator, decimal, clipped)
     with files(data) as paths, files(validate) as others, set_file(out) as (to, folder):
         records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
         result = fit.commission(records, known, progress, doubts(lacking))
         names = " ".join(path.name for path in paths)
-        file.write(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-    checks = validation.validated(result.parameters, kept)
+        write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
+    checks = validate_actuator(result.parameters, kept)
 
     def draw() -> Figure:
-        return show.figure(result, checks)
+        return actuator_figure(result, checks)
 
     written = [plot.save(draw(), picture)] if picture else []
-    tables = show.tables(result, known, checks, lacking)
+    tables = actuator_tables(result, known, checks, lacking)
     return Found(tables, result.is_explained, values_of(to), drawn=draw, files=[to, *written], kept=folder)
 
 
@@ -381,14 +386,13 @@ def gap_law(
     ValueError
         The file cannot be read, or the turns are missing.
     """
-    from gapsense.identification.asked import TABLE_I
-    from gapsense.identification.assumptions import ask, listed, meanings
-    from gapsense.identification.gap_law import file
-    from gapsense.identification.gap_law.choice import best, candidates
-    from gapsense.identification.gap_law.show import figure_of, tables
-    from gapsense.identification.gap_law.table import names_of, read_inductances
-    from gapsense.identification.transfer import parameters_of, read_sets
-    from gapsense.identification.valve.file import BY_NAME
+    from gapsense.identification.assumptions import ask, list_values, meanings
+    from gapsense.identification.gap_law.laws import best_law, candidates
+    from gapsense.identification.gap_law.show import gap_law_figure, gap_law_tables, write_gap_law
+    from gapsense.identification.gap_law.table import columns_given, read_inductances
+    from gapsense.identification.identify import TABLE_I
+    from gapsense.identification.parameter_set import parameters_of, read_sets
+    from gapsense.identification.valve.show import BY_NAME
     from gapsense.report import plot
 
     picture, source, known = checked(figure), Path(data), path(parameters)
@@ -397,20 +401,24 @@ def gap_law(
     if (is_assumed := turns is None and ("coil.turns" not in given or "coil.turns" in marked)) and not assume:
         ask(["coil.turns"], BY_NAME, "--turns", TABLE_I, ", or as `--turns`")
     number = turns or float(par.coil_turns)
-    measured = read_inductances(source, names_of(pairs(column)))
+    measured = read_inductances(source, columns_given(pairs(column)))
     found = candidates(measured.gap, number**2 / measured.inductance)
     upper = float(measured.gap[-1])
-    taken, upper = best(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
+    taken, upper = best_law(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
     replaced = ("coil.turns", "core.reluctance", "gap.")
     assumed = [*["coil.turns"] * is_assumed, *(name for name in marked if not name.startswith(replaced))]
     with set_file(out) as (to, folder):
-        written = file.write(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
-    shown = tables(measured, number, found, taken)
+        written = write_gap_law(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
+    shown = gap_law_tables(measured, number, found, taken)
     if assumed:
-        shown = [*shown, f"Assumed: {listed({**given, 'coil.turns': number}, BY_NAME, assumed)}.", *meanings(assumed)]
+        shown = [
+            *shown,
+            f"Assumed: {list_values({**given, 'coil.turns': number}, BY_NAME, assumed)}.",
+            *meanings(assumed),
+        ]
 
     def draw() -> Figure:
-        return figure_of(measured, number, taken)
+        return gap_law_figure(measured, number, taken)
 
     drawn = [plot.save(draw(), picture)] if picture else []
     return Found(shown, True, values_of(to), drawn=draw, files=[*written, *drawn], kept=folder)
@@ -470,12 +478,21 @@ def estimate(
     """
     from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
-    from gapsense.identification.estimation import judge, run
-    from gapsense.identification.estimation.show import measured_and_estimated, repeated, tables
-    from gapsense.identification.measurements.checks import read_records, reading
-    from gapsense.identification.measurements.thin import thinned
-    from gapsense.identification.transfer import read_sets, taken
-    from gapsense.identification.valve.show import about
+    from gapsense.identification import estimate as judge
+    from gapsense.identification.estimate import (
+        choose_estimators,
+        estimate_figure,
+        estimate_tables,
+        estimators,
+        repeat_assumed,
+        run_all,
+        save,
+        subtract_given,
+    )
+    from gapsense.identification.measurements.prepare import thin
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.parameter_set import read_sets, take_values
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     picture, every, folder = checked(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
@@ -483,22 +500,22 @@ def estimate(
     wanted = ",".join([estimator] if isinstance(estimator, str) else estimator or ()) or None
     with files(data) as paths:
         how = reading(pairs(column), "end", separator, decimal, clipped)
-        record = thinned(*read_records(paths, how, needs="samples"))
-    record, (values, assumed) = run.shifted(record, pairs(offset)), read_sets(sets)
-    names, left_out = run.chosen(wanted, run.estimators(every), record, values)
+        record = thin(*read_records(paths, how, needs="samples"))
+    record, (values, assumed) = subtract_given(record, pairs(offset)), read_sets(sets)
+    names, left_out = choose_estimators(wanted, estimators(every), record, values)
     notes = [*about(record), *(f"left out: {reason}" for reason in left_out)]
-    taken(find_components(every, names), sets, find_components(every))  # before any run
-    estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
+    take_values(find_components(every, names), sets, find_components(every))  # before any run
+    estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     doubts = judge.doubts(record, estimates)
 
     def draw() -> Figure:
-        return measured_and_estimated(record, estimates)
+        return estimate_figure(record, estimates)
 
-    written = [run.save(Path(out), record, estimates)] if out else []
+    written = [save(Path(out), record, estimates)] if out else []
     written += [plot.save(draw(), picture)] if picture else []
     signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
     signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
-    shown = [*tables(estimates), *repeated(values, assumed)]
+    shown = [*estimate_tables(estimates), *repeat_assumed(values, assumed)]
     more: dict[str, Any] = {"doubts": doubts, "notes": notes, "files": written}
     return Found(shown, not doubts, values, signals, drawn=draw, **more)
 

@@ -9,7 +9,7 @@ import numpy as np
 import soft_plant
 from gapsense.scenarios.estimators.parameters import VALVE, reduced
 
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import stepped

@@ -22,7 +22,7 @@ from gapsense.cli.common import (
     command,
     tell,
 )
-from gapsense.identification.measurements.conventions import AUTO, CONVENTIONS
+from gapsense.identification.options import AUTO, CONVENTIONS
 
 
 @command("commission")

@@ -12,7 +12,7 @@ from gapsense.cli import common as cli
 from gapsense.functions import EDGE_STEPS, RTOL
 
 if TYPE_CHECKING:
-    from gapsense.cosim.result.difference import Comparison
+    from gapsense.cosim.result.compare import Comparison
 
 
 @cli.command("compare")

@@ -22,7 +22,7 @@ from gapsense.cli.common import (
     command,
     tell,
 )
-from gapsense.identification.measurements.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 
 MODELS = (AUTO, "coil", "solenoid_valve")
 

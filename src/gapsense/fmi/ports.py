@@ -26,7 +26,7 @@ class Port(NamedTuple):
     choices: tuple[str, ...] = ()  # of a String parameter: the kernel gets the index
     columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: one table each, see `read_table`
     is_optional: bool = False  # of an input: its start value says that nothing is known
-    source: str = ""  # of an input: what drives it as a rule, see `wiring.py`; nothing: a constant
+    source: str = ""  # of an input: what drives it as a rule, see `page.py`; nothing: a constant
 
     @property
     def field(self) -> str:

@@ -54,7 +54,7 @@ NESTED = (tuple, list, np.ndarray)
 
 
 class Choice(IntEnum):
-    """Choices of a parameter: the names are those of its port, the values their places there."""
+    """Choices of a parameter, with the names of its port and their places there as values; or named states."""
 
 
 def fields(cls: type) -> dict[str, Field]:
