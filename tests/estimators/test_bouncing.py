@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import VALVE, blind
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ekf, ertss
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
+from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.sensor import sensor
 from gapsense.studies.devices import RTS_VALVE, driven
 

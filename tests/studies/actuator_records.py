@@ -6,7 +6,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
@@ -14,6 +13,7 @@ from gapsense.estimators import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
+from gapsense.scenarios.estimators.parameters import VALVE
 from gapsense.studies.commissioning import problem
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.records.record import Columns, Record, to_record

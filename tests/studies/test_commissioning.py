@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators import commissioned
-from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns, write_columns
@@ -16,6 +14,8 @@ from gapsense.cli import app
 from gapsense.cosim import run
 from gapsense.estimators.mhe_model import device
 from gapsense.fmi.components import kernel_parameters, own
+from gapsense.scenarios.estimators import commissioned
+from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from gapsense.studies.commissioning import file, fit, problem
 from gapsense.studies.commissioning.drive import drive
 from gapsense.studies.commissioning.needed import doubts, missing

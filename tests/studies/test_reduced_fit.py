@@ -7,6 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+
+from gapsense.actuators import solenoid_valve
+from gapsense.estimators.reduced_model import current, gap_law, normalised
+from gapsense.fmi.components import kernel_parameters
 from gapsense.scenarios.soft_landing import core_fit as fit
 from gapsense.scenarios.soft_landing.core_fit import (
     PUBLISHED,
@@ -15,11 +20,6 @@ from gapsense.scenarios.soft_landing.core_fit import (
     of_reference_cycle,
     standard_errors,
 )
-from scipy.signal import lfilter
-
-from gapsense.actuators import solenoid_valve
-from gapsense.estimators.reduced_model import current, gap_law, normalised
-from gapsense.fmi.components import kernel_parameters
 from gapsense.studies.devices import VALVE, driven
 
 FMUS = Path(__file__).parents[2] / "fmus"
