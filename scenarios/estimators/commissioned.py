@@ -13,9 +13,9 @@ import numpy as np
 
 from gapsense.cosim import Result, load, run
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.commissioning import file
-from gapsense.studies.commissioning.fit import Commissioned, commission
-from gapsense.studies.records.record import Columns, Record, to_record
+from gapsense.identification.actuator import file
+from gapsense.identification.actuator.fit import Commissioned, commission
+from gapsense.identification.measurements.record import Columns, Record, to_record
 
 from .contenders import COMMISSIONED, MHE
 from .core import SEED

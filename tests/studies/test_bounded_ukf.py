@@ -89,7 +89,11 @@ def test_a_run_of_the_study_is_that_of_the_fmus(wrong: dict[str, Errors], fmus: 
     f |= {"core.saturation": f["coil.turns"] / f["core.saturation"], "coil.resistance": 1.05}
     stds = NOISE * bounded_ukf.means((36.0,))[0]
     values = bounded_ukf.draw(36.0, stds, f)
-    assert values["ukf.noise.current"] == values["sensor.noise.current"] == pytest.approx(NOISE * 0.5 * 36.0 / 77.5, rel=0.02)
+    assert (
+        values["ukf.noise.current"]
+        == values["sensor.noise.current"]
+        == pytest.approx(NOISE * 0.5 * 36.0 / 77.5, rel=0.02)
+    )
     ((_, found),) = signals(SCENARIO, None, ["ukf.position", "valve.position"], [values], [1002], "fmu")
     assert found is not None and len(found) == SAMPLES
     error = np.diff(found[REST:], axis=1)
