@@ -95,8 +95,9 @@ def unseen(runs: int = 200, progress: Progress = lambda done, total: None) -> Fo
 def means(voltages: Sequence[float]) -> Array:
     """Mean voltage [V] and current [A] of a cycle at each voltage: (voltages, 2)."""
     asked = [{"drive.square.amplitude": volts} for volts in voltages]
-    found = dict(signals(SCENARIO, None, ["drive.voltage_mean", "valve.current"], asked))
-    return np.array([np.mean(found[k], axis=0) for k in range(len(asked))])
+    runs = signals(SCENARIO, None, ["drive.voltage_mean", "valve.current"], asked)
+    found = {k: run.mean(axis=0) for k, run in runs if run is not None}
+    return np.array([found[k] for k in range(len(asked))])
 
 
 def draw(volts: float, stds: Array, factors: Mapping[str, float]) -> Values:
@@ -108,7 +109,11 @@ def draw(volts: float, stds: Array, factors: Mapping[str, float]) -> Values:
 
 
 def _all(
-    sizes: Array, seeds: Array, factors: Factors, progress: Progress, voltages: Sequence[float] = VOLTAGES
+    sizes: Array,
+    seeds: npt.NDArray[np.int_],
+    factors: Factors,
+    progress: Progress,
+    voltages: Sequence[float] = VOLTAGES,
 ) -> Found:
     """Errors of all filters; `sizes` of the noise are (levels, voltages, runs), `seeds` are those of the sensor."""
     scales = means(voltages)
@@ -117,14 +122,15 @@ def _all(
         draw(voltages[at[1]], sizes[at] * scales[at[1]], {name: float(factor[at]) for name, factor in spread.items()})
         for at in np.ndindex(sizes.shape)
     ]
-    shifts = np.broadcast_to(seeds, sizes.shape).ravel().tolist()
+    shifts: list[int] = np.broadcast_to(seeds, sizes.shape).ravel().tolist()
     groups = groupby(sorted(FILTERS, key=lambda title: len(FILTERS[title][1])), key=lambda title: FILTERS[title][1])
     found: dict[str, Errors] = {}
     for options, titles in [(options, [*titles]) for options, titles in groups]:
         asked, before = [{**values, **options} for values in draws], len(found) * sizes.size
         tell = partial(_told, progress, before, len(titles), len(FILTERS) * sizes.size)
         judged = _judged([FILTERS[title][0] for title in titles], asked, shifts, tell)
-        found.update(zip(titles, (Errors(*(x.reshape(*sizes.shape, 2) for x in one)) for one in judged)))
+        for title, (rmse, missed) in zip(titles, judged):
+            found[title] = Errors(rmse.reshape(*sizes.shape, 2), missed.reshape(*sizes.shape, 2))
     return {title: found[title] for title in FILTERS}
 
 
@@ -134,7 +140,7 @@ def _told(progress: Progress, before: int, filters: int, total: int, done: int) 
 
 def _judged(
     components: Sequence[str], draws: Sequence[Values], seeds: Sequence[int], tell: Callable[[int], None]
-) -> Iterator[tuple[Array, Array]]:
+) -> Iterator[tuple[Array, npt.NDArray[np.bool_]]]:
     """For each component the errors of all runs in both halves, (runs, 2), and whether landings are missed."""
     rmse, last = (np.full((len(components), len(draws), 2), np.nan) for _ in range(2))
     names = [*(f"{component}.position" for component in components), "valve.position"]

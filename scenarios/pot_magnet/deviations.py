@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gapsense._os.workers import Progress
 from gapsense.cosim import load
 from gapsense.shipped import SCENARIOS
-from gapsense.studies.runs import Values, overlaid, signals
+from gapsense.studies.runs import Values, after, overlaid, signals
 
 Array = npt.NDArray[np.float64]
 
@@ -64,8 +64,8 @@ def study(
     parts = [*product(zip(STEPS, VARIANTS[orientation]), dict.fromkeys((0.0, mismatch)))]
     runs, found = len(LEVELS) * seeds, {}
     for k, ((step, variant), width) in enumerate(parts):
-        after = deviations(variant, seeds, width, lambda done, k=k: progress(k * runs + done, len(parts) * runs))
-        found.update({Case(step, width, tuning): one for tuning, one in after.items()})
+        judged = deviations(variant, seeds, width, after(progress, k * runs, len(parts) * runs))
+        found.update({Case(step, width, tuning): one for tuning, one in judged.items()})
     return found
 
 

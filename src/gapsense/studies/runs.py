@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.processes import new_marks
+from gapsense._os.workers import Progress
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.run.ahead import VECTORS
 from gapsense.cosim.run.engines import vectors_for
@@ -25,6 +26,11 @@ from gapsense.tables import Value, merged
 
 Values = Mapping[str, Value]  # by `component.parameter`
 Signals = npt.NDArray[np.float64]  # (rows, names)
+
+
+def after(progress: Progress, before: int, total: int, each: int = 1) -> Callable[[int], None]:
+    """What a part tells of what it has done, with what was done before it counted; `each` counts as so many."""
+    return lambda done: progress(before + each * done, total)
 
 
 def overlaid(scenario: Path, tables: Mapping[str, Any]) -> Document:
