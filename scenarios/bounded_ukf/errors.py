@@ -7,7 +7,6 @@ leaves the resistance out of its wrong parameters, and says nothing of landings 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import groupby, product
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from gapsense._os.workers import Progress
 from gapsense.fmi.components import load_component, own
 from gapsense.shipped import SCENARIOS
 from gapsense.studies.devices import VALVE
-from gapsense.studies.runs import Values, overlaid, signals
+from gapsense.studies.runs import Values, after, overlaid, signals
 
 Array = npt.NDArray[np.float64]
 Factors = Mapping[str, Array]  # by parameter, of shapes that go with (levels, voltages, runs)
@@ -127,15 +126,11 @@ def _all(
     found: dict[str, Errors] = {}
     for options, titles in [(options, [*titles]) for options, titles in groups]:
         asked, before = [{**values, **options} for values in draws], len(found) * sizes.size
-        tell = partial(_told, progress, before, len(titles), len(FILTERS) * sizes.size)
+        tell = after(progress, before, len(FILTERS) * sizes.size, len(titles))
         judged = _judged([FILTERS[title][0] for title in titles], asked, shifts, tell)
         for title, (rmse, missed) in zip(titles, judged):
             found[title] = Errors(rmse.reshape(*sizes.shape, 2), missed.reshape(*sizes.shape, 2))
     return {title: found[title] for title in FILTERS}
-
-
-def _told(progress: Progress, before: int, filters: int, total: int, done: int) -> None:
-    progress(before + filters * done, total)
 
 
 def _judged(
