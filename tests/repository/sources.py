@@ -96,7 +96,7 @@ def arguments(function: Function) -> list[str]:
 
 def part_of(path: Path) -> str:
     """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
-    if path == BUILD or path.name == "command.py":
+    if path == BUILD:
         return path.stem
     if path.name == "study.py" and path.is_relative_to(SCENARIOS):
         return "command"

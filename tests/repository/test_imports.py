@@ -11,7 +11,7 @@ from types import ModuleType
 
 import pytest
 import typer
-from sources import MODULES, PYTHON, ROOT, SRC, circles, imports, lists, name_of, others, ours, part_of, tree
+from sources import MODULES, PYTHON, ROOT, SCENARIOS, SRC, circles, imports, lists, name_of, others, ours, part_of, tree
 
 import gapsense
 from gapsense import cosim
@@ -47,7 +47,7 @@ MAY_IMPORT = {
     "components": {"runnable"},
     "pytest_plugin": {"cosim", "report", "tables"},
     "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "runnable"},
-    "studies": NUMBERS | {"identification", "report", "studies"},
+    "studies": NUMBERS | {"report", "studies"},
     "scenarios": NUMBERS | {"identification", "report", "studies", "scenarios"},
     "command": NUMBERS | {"identification", "report", "studies", "scenarios", "cli"},
     "build_fmus": {"__main__"},
@@ -187,7 +187,7 @@ def folders(folder: Path) -> set[str]:
 
 COMMANDS = typer.main.get_command(app).commands
 FOUND_BY_WALKING = {
-    "studies": {path.parent.name for path in PYTHON if path.name == "study.py"},
+    "studies": {path.parent.name for path in SCENARIOS.glob("*/study.py")},
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),
