@@ -6,7 +6,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
@@ -17,6 +16,7 @@ from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
+from gapsense.scenarios.estimators.parameters import VALVE
 from gapsense.studies.devices import RTS_VALVE
 
 FINE = 5e-6  # s; step of the device, and where edges may lie

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators import commissioned
-from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns, write_columns
@@ -24,6 +22,8 @@ from gapsense.identification.actuator.show import doubts, missing
 from gapsense.identification.least_squares import Minimum
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.parameter_set import parameters_of, read_sets, read_values, take_values
+from gapsense.scenarios.estimators import commissioned
+from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from gapsense.studies.devices import RTS_VALVE
 
 ROOT = Path(__file__).resolve().parents[2]
