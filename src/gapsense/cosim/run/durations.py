@@ -15,14 +15,14 @@ BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and
 Counts = npt.NDArray[np.int64]
 
 
-def place(seconds: float) -> int:
+def bin_of(seconds: float) -> int:
     """Bin of a duration."""
     mantissa, exponent = frexp(seconds)  # of which the first is from 0.5 to 1
     found = (exponent - 2 - LEAST) * OF_OCTAVE + int(2 * OF_OCTAVE * mantissa)
     return 0 if seconds <= 0.0 else min(max(found, 0), BINS - 1)
 
 
-def edge(k: int) -> float:
+def bin_edge(k: int) -> float:
     """Duration at which bin `k` begins [s]."""
     octave, part = divmod(k, OF_OCTAVE)
     return ldexp(1.0 + part / OF_OCTAVE, octave + LEAST)
@@ -36,4 +36,4 @@ def median(counts: Counts, longest: float) -> float | None:
     half = 0.5 * float(total[-1])
     k = int(np.searchsorted(total, half))
     share = 1.0 - (float(total[k]) - half) / float(counts[k])
-    return min(edge(k) + share * (edge(k + 1) - edge(k)), longest)
+    return min(bin_edge(k) + share * (bin_edge(k + 1) - bin_edge(k)), longest)

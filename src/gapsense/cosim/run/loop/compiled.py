@@ -24,9 +24,9 @@ from gapsense.cosim.run.loop.library import (
     PythonTake,
     address,
 )
-from gapsense.cosim.run.loop.library import Exchange as ExchangeInC
-from gapsense.cosim.run.loop.library import Part as PartInC
-from gapsense.cosim.run.loop.library import Watch as WatchInC
+from gapsense.cosim.run.loop.library import ExchangeInC
+from gapsense.cosim.run.loop.library import PartInC
+from gapsense.cosim.run.loop.library import WatchInC
 from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.run.part import NOT_FINITE, Exchange, Part
 from gapsense.cosim.run.recording import STOP

@@ -10,7 +10,7 @@ from typing import Any
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 BINARY = SOURCE.with_name("linux64") / "loop.so"
-DONE, AT_SET, AT_STEP, AT_GET, NOT_FINITE, IN_PYTHON = range(6)  # what failed
+DONE, AT_SET, AT_STEP, AT_GET, AT_CHECK, IN_PYTHON = range(6)  # what failed
 PythonStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 PythonTake = ctypes.CFUNCTYPE(ctypes.c_int)
 Number, Count, Double, Int = ctypes.c_int64, ctypes.c_size_t, ctypes.c_double, ctypes.c_int
@@ -23,13 +23,13 @@ class Link(ctypes.Structure):
     _fields_ = [("target", Int), ("source", Int), ("converts", Int), ("factor", Double), ("bias", Double)]
 
 
-class Watch(ctypes.Structure):
+class WatchInC(ctypes.Structure):
     """A condition of which news end a block."""
 
     _fields_ = [("place", Int), ("is_above", Int), ("is_on", Int), ("holds", Int), ("level", Double)]
 
 
-class Exchange(ctypes.Structure):
+class ExchangeInC(ctypes.Structure):
     """One call that moves values."""
 
     _fields_ = [
@@ -41,14 +41,14 @@ class Exchange(ctypes.Structure):
     ]
 
 
-class Part(ctypes.Structure):
+class PartInC(ctypes.Structure):
     """One component; arrays given to a structure live as long as it does."""
 
     _fields_ = [
         ("fmi", Int),
         ("instance", ctypes.c_void_p),
-        ("inputs", Exchange),
-        ("outputs", Exchange),
+        ("inputs", ExchangeInC),
+        ("outputs", ExchangeInC),
         ("do_step", ctypes.c_void_p),
         ("duration", Double),
         ("links", ctypes.POINTER(Link)),
@@ -72,7 +72,7 @@ class Loop(ctypes.Structure):
     """A run."""
 
     _fields_ = [
-        ("parts", ctypes.POINTER(Part)),
+        ("parts", ctypes.POINTER(PartInC)),
         ("part_count", Count),
         ("buffer", Doubles),
         ("start", Double),
@@ -89,7 +89,7 @@ class Loop(ctypes.Structure):
         ("played_from", Number),
         ("marks", Numbers),
         ("patience", Double),
-        ("watches", ctypes.POINTER(Watch)),
+        ("watches", ctypes.POINTER(WatchInC)),
         ("watch_count", Count),
         ("next", Number),
         ("clock", Double),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from time import perf_counter
 
 from gapsense.cosim.events.watch import reporter
-from gapsense.cosim.run.durations import place
+from gapsense.cosim.run.durations import bin_of
 from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STEP, STOP
 
@@ -77,7 +77,7 @@ def counter(work: Work) -> Do:
         counted[i] = seconds[i]
         if took > longest[i]:
             longest[i] = took
-        spread[i][place(took)] += 1
+        spread[i][bin_of(took)] += 1
         calls[i] += 1
 
     return count
