@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gapsense.cosim.run.durations import BINS, bin_edge, bin_of, median
+from gapsense.cosim.run.recording import BINS, bin_edge, bin_of, median
 
 WITHIN = st.floats(bin_edge(0), bin_edge(BINS), exclude_max=True)
 
