@@ -181,7 +181,7 @@ def test_changed_package_is_computed_again(write, fmus, tmp_path):
     computed, *old = swept()
     assert computed == 2
     assert swept() == [0, *old]
-    metrics = package / "cosim" / "metrics.py"
+    metrics = package / "cosim" / "result" / "metrics.py"
     assert metrics.read_text().count("np.std(") == 1
     metrics.write_text(metrics.read_text().replace("np.std(", "2.0 * np.std("))
     assert swept() == [2, *(2.0 * value for value in old)]
