@@ -9,8 +9,8 @@ from gapsense.records import COUNT, Array, Choice, Count, Memory, Scalar, Table,
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 19  # numbers of a `Law`
-LAW_SPANS = (*[None] * 16, COUNT, None, None)  # its `length` is a count
+LAW = 29  # numbers of a `Law`
+LAW_SPANS = (*[None] * 26, COUNT, None, None)  # its `length` is a count
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -100,9 +100,10 @@ class Outputs(NamedTuple):
 class Law(NamedTuple):
     """What is known of one kind of operation."""
 
-    mean: Array  # a, b, q of the mover
-    cov: Array  # (3, 3)
-    slopes: Array  # of the position at a soft landing by a, b, q: their mean of late, (3,)
+    mean: Array  # a, b, q, r of the mover
+    cov: Array  # (4, 4)
+    slopes: Array  # of the position at a soft landing by a, b, q, r: their mean of late, (4,)
+    trend: Array  # change of a, b, q, r from operation to operation, (4,)
     speed: Scalar  # of the next approach [m/s]
     floor: Scalar  # below which that does not come [m/s]
     travel: Scalar  # [s]
@@ -121,7 +122,7 @@ class Running(NamedTuple):
     start_flux: Scalar  # where the profile begins [Wb]
     speed: Scalar
     travel: Scalar
-    learnt: Annotated[Array, Vector(8)]  # factor, bend, rest, mass, damping, a, b, q of its mover
+    learnt: Annotated[Array, Vector(9)]  # factor, bend, rest, mass, damping, a, b, q, r of its mover
     balance_flux: Scalar  # of the spring where it begins [Wb]
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
@@ -179,7 +180,7 @@ class Pass(NamedTuple):
     landed: Scalar  # 1: there was one
     correction: Scalar  # of the resistance with which the samples were integrated [ohm]
     impact: Scalar  # impact speed that somebody has measured, or 0
-    motion: Annotated[Array, Vector(8)]  # a `Motion`
+    motion: Annotated[Array, Vector(10)]  # a `Motion`
 
 
 class Noted(NamedTuple):

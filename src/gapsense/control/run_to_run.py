@@ -45,7 +45,7 @@ IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
-    learnt = vector([*believed(par), 0.0, 0.0, 0.0])
+    learnt = vector([*believed(par), 0.0, 0.0, 0.0, 0.0])
     state = State(
         coil=first_coil(inputs, par),
         running=Running(
@@ -67,7 +67,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         ),
         heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         course=Pass(
-            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 8)
+            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 10)
         ),
         noted=NOTHING,
         explained=0.0,
