@@ -12,7 +12,8 @@ from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.records import Scalar
-from gapsense.trace import cond, floor, load, sqrt, square, where
+from gapsense.estimators.gap import gap
+from gapsense.trace import cond, floor, load, not_, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
@@ -20,7 +21,8 @@ HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [
 ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
-LITTLE = 1e-4  # flux linkage [Wb]
+LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
+SEATED = (2e-3, 1e-3)  # time after the planned arrival at which it is told, of a closing, of an opening [s]
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -71,6 +73,22 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     plan, m, n = _plan(running, par), make_mover(par), piece(par)
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
+
+
+def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
+    running, n, T_s = state.running, piece(par), par.sample_time
+    plan, m = _plan(running, par), make_mover(par)
+    after = floor((plan.lead + arrival(plan) + where(plan.is_closing, *SEATED)) / T_s)
+    is_kept = (after + n <= running.age) & (after + n < LONGEST)
+    at = running.command * LONGEST + where(is_kept, after, n)
+    charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
+    core = par.core_reluctance / square(par.coil_turns)
+    closed, opened = (gap(z, m.gap, m.factor, m.bend)[0] + core for z in (m.gap.smallest, m.gap.largest))
+    is_open = charge > 2.0 * n * T_s * flux * sqrt(closed * opened)
+    is_told = is_kept & (flux > TELLING)
+    is_there = where(plan.is_closing, not_(is_open), is_open)
+    return is_told & is_there, is_told & not_(is_there)
 
 
 def piece(par: Parameters) -> Scalar:

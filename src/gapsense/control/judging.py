@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import landed
+from gapsense.control.bend import arrived, landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
@@ -53,7 +53,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     is_hard = is_soft & (speed > AUDIBLE)
-    is_short = is_soft & by_contact & (heard.landing < 1.0)
+    is_there, is_absent = arrived(state, par)
+    is_short = is_soft & where(by_contact, heard.landing < 1.0, is_absent & (running.command > 0.5))
+    law = laws.read(state.laws, running.command)
+    law = law._replace(missed=where(is_soft & is_there & not_(by_contact), 0.0, law.missed))
+    state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
 

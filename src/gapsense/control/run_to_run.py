@@ -13,7 +13,7 @@ import math
 
 from gapsense.control import correction, learning
 from gapsense.control.bend import watched
-from gapsense.control.coil import first_coil, integrated
+from gapsense.control.coil import first_coil, integrated, steadied
 from gapsense.control.judging import judged_by_estimator, listened
 from gapsense.control.operations import turned
 from gapsense.control.records import (
@@ -96,6 +96,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
     coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
+    coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, par), lambda: coil)
     noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
     state = state._replace(coil=coil, running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))
