@@ -49,7 +49,7 @@ import os
 FARTHER, MUCH = float(os.environ.get('FA','10')), float(os.environ.get('MU','1'))
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
-DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
+DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.5e-2, 0.5e-2, 0.5e-2)
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED = 0.25  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
@@ -366,7 +366,7 @@ def _explained(work: Work, misfit: Scalar, par: Parameters) -> Work:
     P, old = wider * -get_matrix(work.normal), work.learnt
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
     d = get(work.q, N) - get(work.q_prior, N)
-    share = where(par.option_further > 0.0, square(clip((d @ (get_matrix(work.prior) @ d) - 0.3) / FARTHER, 0.0, 1.0)), 0.0)
+    share = where(par.option_further > 0.0, square(clip((d @ (get_matrix(work.prior) @ d) - 2.0) / FARTHER, 0.0, 1.0)), 0.0)
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
         P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance + share * square(s) * MUCH)
     P[START, :] = P[:, START] = 0.0
