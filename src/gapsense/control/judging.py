@@ -5,12 +5,14 @@ from __future__ import annotations
 from gapsense.control import laws
 from gapsense.control.bend import arrived, landed
 from gapsense.control.profile import arrival
-from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
+from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
+from gapsense.linalg import total
 from gapsense.records import Array, Scalar
 from gapsense.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
+WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
@@ -19,6 +21,12 @@ TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed th
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FORGIVEN = 0.5  # hard impacts, by a soft one
 YOUNG = 8.0  # cycles in which approaches are still fast
+
+
+def warned(state: State) -> State:
+    """With the sum of what was noticed in this cycle, or in the last one, where something new was."""
+    noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
+    return state._replace(warnings=total(bit * is_so for bit, is_so in zip(WARNINGS, noticed)))
 
 
 def listened(state: State, inputs: Inputs) -> Heard:
@@ -115,7 +123,8 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
         ),
     )
     state = cond(is_last_due, lambda: _told(state, *last, inputs, par), lambda: state)
-    return cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    state = cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    return cond(is_due | is_last_due, lambda: warned(state), lambda: state)
 
 
 def _is_known(half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> Scalar:

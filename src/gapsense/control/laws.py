@@ -12,10 +12,8 @@ from gapsense.linalg import diagonal, matrix, vector
 from gapsense.records import Array, Scalar, triangle
 from gapsense.trace import load, store, where
 
-import os
-BEFORE = (0.2, 0.15, 0.2, float(os.environ.get('BR','.3')))  # standard deviations of a, b, q, r before anything is learnt
-import os
-DOUBTED = (0.2, 0.15, 0.2, float(os.environ.get('DR','.6')))  # the same after a sudden change
+BEFORE = (0.2, 0.15, 0.2, 0.3)  # standard deviations of a, b, q, r before anything is learnt
+DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
 UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged

@@ -19,21 +19,20 @@ from gapsense.linalg import diagonal, matrix, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, fabs, load, log, square, where
 
-import os
-TREND, KEEP, RECENT = float(os.environ.get('TR','.07')), float(os.environ.get('KE','.95')), 3.0
+TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step
-BALANCE, PART = float(os.environ.get('BA','.03')), 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
+BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
 # share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
 # depend on its noise, as its landing does, and their product would move what no landing tells
-EAGER, YOUNG, STEADY = 0.5, 10.0, float(os.environ.get('ST','.05'))
-PLACE = float(os.environ.get('PL','80e-6'))  # error of the position at the landing [m]
+EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
+PLACE = 80e-6  # error of the position at the landing [m]
 INSTANT = 0.5  # error of the time of the landing, in samples
 UNKNOWN = 1e6  # variance of what was not measured
 FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT = (0.005, 0.005, 0.005, float(os.environ.get('DD','.02')))  # of a, b, q, r from operation to operation
+DRIFT = (0.005, 0.005, 0.005, 0.02)  # of a, b, q, r from operation to operation
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -125,7 +124,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
-    return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise, is_soft & (state.since_plain > RECENT))))
+    return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise, is_soft & (state.since_plain > CLEAR))))
 
 
 def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:

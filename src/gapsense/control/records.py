@@ -194,6 +194,7 @@ class Noted(NamedTuple):
     shifted: Scalar  # the reading of the voltage has an offset
     hard: Scalar  # a soft operation landed hard
     changed: Scalar  # a soft operation landed hard or not at all, and what was learnt is not believed any more
+    noisy: Scalar  # the current is too noisy for the flux linkage that a soft landing needs
 
 
 NOTHING = Noted(*[0.0] * len(Noted._fields))
@@ -224,4 +225,5 @@ class State(NamedTuple):
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
     alarm: Scalar  # operations that are to be ordinary
     explained: Scalar  # 1: the estimator has explained a window in this cycle
-    remembered: Annotated[Array, Vector(8)]  # what was noticed in the last cycle
+    remembered: Annotated[Array, Vector(9)]  # what was noticed in the last cycle
+    warnings: Scalar  # sum of what was noticed in this cycle, or in the last one

@@ -14,7 +14,7 @@ import math
 from gapsense.control import correction, learning
 from gapsense.control.bend import watched
 from gapsense.control.coil import first_coil, integrated, steadied
-from gapsense.control.judging import judged_by_estimator, listened
+from gapsense.control.judging import judged_by_estimator, listened, warned
 from gapsense.control.operations import turned
 from gapsense.control.records import (
     BAD,
@@ -39,7 +39,6 @@ from gapsense.records import Scalar, zeros
 from gapsense.trace import cond, fabs, where
 
 FASTEST = 1e3  # impact speed that can be [m/s]
-WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 
@@ -72,6 +71,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         noted=NOTHING,
         explained=0.0,
         remembered=vector([*NOTHING]),
+        warnings=0.0,
         laws=zeros(2 * LAW),
         fluxes=zeros(2 * LONGEST),
         profiles=zeros(2 * LONGEST),
@@ -103,7 +103,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)  # else it is lost, and the last one goes on
     command = where(is_command, where(inputs.command > 0.5, CLOSING, OPENING), running.command)
     goes_on = command == running.command
-    state = cond(goes_on, lambda: state, lambda: turned(state, _readable(state, inputs), par))
+    going = cond(is_lost, lambda: warned(state), lambda: state)
+    state = cond(goes_on, lambda: going, lambda: turned(going, _readable(going, inputs), par))
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
     state = state._replace(heard=watched(state, par))
@@ -141,12 +142,6 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
     )
 
 
-def _warnings(state: State) -> Scalar:
-    """What was noticed in this cycle, or in the last one."""
-    noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
-    return total(bit * is_so for bit, is_so in zip(WARNINGS, noticed))
-
-
 def _outputs(state: State, u: Scalar) -> Outputs:
     running = state.running
     ordinary = where(state.is_ready == 0.0, LEARNING, BACK)
@@ -160,5 +155,5 @@ def _outputs(state: State, u: Scalar) -> Outputs:
         balance_flux=running.balance_flux,
         cycle=state.cycles,
         state=where(state.cycles < 1.0, IDLE, where(running.is_plain > 0.0, ordinary, soft)),
-        warnings=_warnings(state),
+        warnings=state.warnings,
     )

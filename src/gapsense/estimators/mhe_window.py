@@ -45,11 +45,12 @@ from gapsense.linalg import deviation, diagonal, outer, swept, vector
 from gapsense.records import Array, Scalar
 from gapsense.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
 
-import os
-FARTHER, MUCH = float(os.environ.get('FA','10')), float(os.environ.get('MU','1'))
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
-DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.5e-2, 0.5e-2, 0.5e-2)
+DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
+RESTLESS = {6: 0.1e-2, 7: 0.15e-2, 8: 0.5e-2}  # the same of mass, rest, damping where more is learnt
+# cost of a change of what is known, by that itself, with which more may change; and what all that was known may
+EXPECTED, SURPRISING = 2.0, 10.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED = 0.25  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
@@ -366,9 +367,10 @@ def _explained(work: Work, misfit: Scalar, par: Parameters) -> Work:
     P, old = wider * -get_matrix(work.normal), work.learnt
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
     d = get(work.q, N) - get(work.q_prior, N)
-    share = where(par.option_further > 0.0, square(clip((d @ (get_matrix(work.prior) @ d) - 2.0) / FARTHER, 0.0, 1.0)), 0.0)
+    change = (d @ (get_matrix(work.prior) @ d) - EXPECTED) / SURPRISING
+    share = where(par.option_further > 0.0, square(clip(change, 0.0, 1.0)), 0.0)
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
-        P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance + share * square(s) * MUCH)
+        P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance + share * square(s))
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
     explained = old.explained + where(has_moved(work.walk), 1.0, 0.0)
@@ -395,7 +397,8 @@ def _told(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
 def _drifts(work: Work, par: Parameters) -> list[Scalar]:
     """Variances that come to the corrections: to that of R with time, to the others with an operation."""
     warming = square(DRIFT[0]) * work.end * par.sample_time / WARMING
-    return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in DRIFT[1:])]
+    usual = [where(par.option_further > 0.0, RESTLESS.get(k, drift), drift) for k, drift in enumerate(DRIFT)]
+    return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in usual[1:])]
 
 
 def _idled(work: Work, par: Parameters) -> Work:
