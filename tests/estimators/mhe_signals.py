@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from c_code import CKernel
+from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
 
-from gapsense.emit import compiled
 from gapsense.estimators import mhe
 from gapsense.estimators.mhe_model import (
     Device,
@@ -27,9 +27,9 @@ from gapsense.estimators.mhe_model import (
     point,
 )
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel, trace
-from gapsense.records import Scalar, fields, flat, names, record
-from gapsense.studies.estimators.parameters import VALVE, Valve, reduced
+from gapsense.kernels.emit import compiled
+from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.layout import Scalar, fields, flat, names, record
 
 KERNEL = Kernel(mhe)
 T_S, START = 20e-6, 11  # sampling period; correction of the flux linkage at the start

@@ -14,8 +14,8 @@ from soft_landings import balance
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
 from gapsense.estimators.mhe_records import MOST
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
 
 NOISE = 30e-3  # of the voltage [V]

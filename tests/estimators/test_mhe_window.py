@@ -13,11 +13,11 @@ from lossy_valve import square_wave
 from mhe_signals import START, at_rest, blind, model_run, rows, run, state_of, true_device
 from scipy.optimize import least_squares
 
-from gapsense import linalg
 from gapsense.estimators import mhe, mhe_records
 from gapsense.estimators.mhe_model import corrected, device, model, point
-from gapsense.linalg import matrix
-from gapsense.records import triangle
+from gapsense.kernels import linalg
+from gapsense.kernels.layout import triangle
+from gapsense.kernels.linalg import matrix
 
 ALL = tuple(range(START + 1))
 LEARNT = (0, 1, 2, 3, 4, 5, 6, 7, START)  # corrections without the further ones

@@ -5,8 +5,8 @@ from __future__ import annotations
 from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
-from gapsense.records import Scalar
-from gapsense.trace import clip, fabs, not_, sqrt, square, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
 
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
@@ -19,7 +19,10 @@ TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
-STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage is followed; error of that, over a sample [Wb]
+STEADY, WANDERING = (
+    3.5,
+    1e-3,
+)  # misfit of an estimator whose flux linkage is followed; error of that, over a sample [Wb]
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles

@@ -7,9 +7,9 @@ from gapsense.control.bend import arrived, landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
-from gapsense.linalg import total
-from gapsense.records import Array, Scalar
-from gapsense.trace import cond, not_, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import total
+from gapsense.kernels.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from gapsense.control.mover import NUMBERS
 from gapsense.control.records import LAW, Law, Parameters
-from gapsense.linalg import diagonal, matrix, vector
-from gapsense.records import Array, Scalar, triangle
-from gapsense.trace import load, store, where
+from gapsense.kernels.layout import Array, Scalar, triangle
+from gapsense.kernels.linalg import diagonal, matrix, vector
+from gapsense.kernels.trace import load, store, where
 
 BEFORE = (0.2, 0.15, 0.2, 0.3)  # standard deviations of a, b, q, r before anything is learnt
 DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
@@ -63,7 +63,9 @@ def first(travel: Scalar, par: Parameters) -> Law:
 def doubted(law: Law, par: Parameters) -> Law:
     """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
     new = first(law.travel, par)
-    return law._replace(cov=diagonal([s * s for s in DOUBTED]), slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor)
+    return law._replace(
+        cov=diagonal([s * s for s in DOUBTED]), slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor
+    )
 
 
 def started(law: Law, is_plain: Scalar) -> Law:

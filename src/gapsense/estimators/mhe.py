@@ -62,9 +62,9 @@ from gapsense.estimators.readings import (
     health,
     most_current,
 )
-from gapsense.linalg import vector
-from gapsense.records import Array, Memory, Scalar, Vector, zeros
-from gapsense.trace import clip, cond, fabs, floor, load, not_, store, where
+from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, store, where
 
 FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean

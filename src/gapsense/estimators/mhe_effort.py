@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_records import START, Learnt, N, get, priors
-from gapsense.records import Scalar
-from gapsense.trace import clip, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, where
 
 Starts = tuple[dict[int, float], ...]
 

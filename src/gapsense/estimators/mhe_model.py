@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
 from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, exp, fabs, not_, square, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import matrix, vector
+from gapsense.kernels.trace import clip, cond, exp, fabs, not_, square, where
 
 QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
 FULL = 0.97  # |m| from which S goes on linearly

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.records import Array, Scalar, Table
+from gapsense.kernels.layout import Array, Scalar, Table
 
 
 class Parameters(NamedTuple):

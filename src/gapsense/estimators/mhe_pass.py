@@ -33,9 +33,9 @@ from gapsense.estimators.mhe_records import (
     put_matrix,
     started,
 )
-from gapsense.linalg import matrix, outer, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, floor, load, loop, not_, store, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import matrix, outer, vector
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, store, where
 
 PACE = 7  # samples of a trial that are a piece of work
 FASTEST = 64  # pieces in a step, at most

@@ -7,9 +7,9 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_model import Device, Point
 from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.linalg import matrix, vector
-from gapsense.records import Array, Memory, Scalar, Vector, Whole, triangle, zeros
-from gapsense.trace import load, store, where
+from gapsense.kernels.layout import Array, Memory, Scalar, Vector, Whole, triangle, zeros
+from gapsense.kernels.linalg import matrix, vector
+from gapsense.kernels.trace import load, store, where
 
 RING = 8192  # samples that are kept
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window

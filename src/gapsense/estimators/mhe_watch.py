@@ -8,8 +8,8 @@ from gapsense.estimators.mhe_model import Model, Point
 from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_pass import JUMP, drives
 from gapsense.estimators.mhe_records import Learnt, Samples, place
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, fabs, load, not_, sqrt, square, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.trace import clip, fabs, load, not_, sqrt, square, where
 
 SAME = 30.0  # samples over which the model's error of the current is the same
 RECENT = 1.0 / 16.0  # weight of a sample in the mean of the innovations, and in those of a held voltage and its current

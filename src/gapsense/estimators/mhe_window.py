@@ -41,9 +41,9 @@ from gapsense.estimators.mhe_records import (
     put_matrix,
     start_deviation,
 )
-from gapsense.linalg import deviation, diagonal, outer, swept, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import deviation, diagonal, outer, swept, vector
+from gapsense.kernels.trace import clip, cond, exp, fabs, load, log, not_, sqrt, square, store, where
 
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
