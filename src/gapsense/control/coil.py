@@ -19,10 +19,7 @@ TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
-STEADY, WANDERING = (
-    3.5,
-    1e-3,
-)  # misfit of an estimator whose flux linkage is followed; error of that, over a sample [Wb]
+STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage is followed; error of that [Wb]
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
@@ -182,8 +179,10 @@ def wandering(coil: Coil, par: Parameters) -> Scalar:
 
 def steadied(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     """Drawn to the flux linkage of an estimator, which does not sum up the noise of the current."""
-    share = where(inputs.misfit < STEADY, coil.resistance * coil.noise * par.sample_time / WANDERING, 0.0)
-    return coil._replace(flux=coil.flux + share * (inputs.estimated_flux_linkage - coil.flux))
+    off = inputs.estimated_flux_linkage - coil.flux
+    share = coil.resistance * coil.noise * par.sample_time / WANDERING
+    is_near = (inputs.misfit < STEADY) & (fabs(off) < WANDERING)
+    return coil._replace(flux=coil.flux + where(is_near, share * off, 0.0))
 
 
 def topped(coil: Coil) -> Coil:

@@ -63,9 +63,8 @@ def first(travel: Scalar, par: Parameters) -> Law:
 def doubted(law: Law, par: Parameters) -> Law:
     """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
     new = first(law.travel, par)
-    return law._replace(
-        cov=diagonal([s * s for s in DOUBTED]), slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor
-    )
+    cov = diagonal([s * s for s in DOUBTED])
+    return law._replace(cov=cov, slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor)
 
 
 def started(law: Law, is_plain: Scalar) -> Law:

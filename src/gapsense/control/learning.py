@@ -109,9 +109,8 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     bent, doubt = speed_at(state, course.half, course.last, par)
     heard = where(course.half > 0.0, -1.0, 1.0) * where(is_measured, course.impact, bent)
     doubt = where(is_measured, square(SPEED * late * late), square(SURE) + square(doubt))
-    growth = slopes[NUMBERS] / where(
-        fabs(slopes[0]) > FLAT, slopes[0], FLAT
-    )  # a motion that is late at its stop is slower
+    # a motion that is late at its stop is slower
+    growth = slopes[NUMBERS] / where(fabs(slopes[0]) > FLAT, slopes[0], FLAT)
     balance = log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0)
     innovation = vector([balance, z1 - z, heard - v - growth * (z1 - z)])
     noise = vector(
@@ -126,11 +125,8 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
-    return state._replace(
-        laws=laws.write(
-            state.laws, course.half, _learnt(law, innovation, H, noise, is_soft & (state.since_plain > CLEAR))
-        )
-    )
+    learnt = _learnt(law, innovation, H, noise, is_soft & (state.since_plain > CLEAR))
+    return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
 def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:

@@ -48,7 +48,7 @@ from gapsense.kernels.trace import clip, cond, exp, fabs, load, log, not_, sqrt,
 LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
-RESTLESS = {6: 0.1e-2, 7: 0.15e-2, 8: 0.5e-2}  # the same of mass, rest, damping where more is learnt
+RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping where more is learnt
 # cost of a change of what is known, by that itself, with which more may change; and what all that was known may
 EXPECTED, SURPRISING = 2.0, 10.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
