@@ -13,7 +13,7 @@ from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import cond, floor, load, not_, sqrt, square, where
+from gapsense.kernels.trace import cond, floor, load, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
@@ -22,7 +22,8 @@ ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
-SEATED = (2e-3, 1e-3)  # time after the planned arrival at which it is told, of a closing, of an opening [s]
+SEATED = 0.5e-3  # time after the planned arrival at which it is told [s]
+CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -79,16 +80,15 @@ def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
     """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
     running, n, T_s = state.running, piece(par), par.sample_time
     plan, m = _plan(running, par), make_mover(par)
-    after = floor((plan.lead + arrival(plan) + where(plan.is_closing, *SEATED)) / T_s)
+    after = floor((plan.lead + arrival(plan) + SEATED) / T_s)
     is_kept = (after + n <= running.age) & (after + n < LONGEST)
     at = running.command * LONGEST + where(is_kept, after, n)
     charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
-    core = par.core_reluctance / square(par.coil_turns)
-    closed, opened = (gap(z, m.gap, m.factor, m.bend)[0] + core for z in (m.gap.smallest, m.gap.largest))
-    is_open = charge > 2.0 * n * T_s * flux * sqrt(closed * opened)
+    opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
+    open_charge = 2.0 * n * T_s * flux * opened
+    is_closed, is_open = charge < CLOSED * open_charge, charge > OPENED * open_charge
     is_told = is_kept & (flux > TELLING)
-    is_there = where(plan.is_closing, not_(is_open), is_open)
-    return is_told & is_there, is_told & not_(is_there)
+    return is_told & where(plan.is_closing, is_closed, is_open), is_told & where(plan.is_closing, is_open, is_closed)
 
 
 def piece(par: Parameters) -> Scalar:
