@@ -82,7 +82,8 @@ def test_stop_that_is_left_at_once_is_told_by_the_current():
 
 def whole(state):
     """An operation that has lasted longer than its plan, without a contact."""
-    return state._replace(running=state.running._replace(age=490.0), by_model=1.0)
+    plan = bend._plan(state.running, PAR)
+    return state._replace(running=state.running._replace(age=490.0, due=bend.due(plan, PAR)), by_model=1.0)
 
 
 @pytest.mark.parametrize("half", [CLOSING, OPENING])

@@ -78,17 +78,20 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
 
 def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
     """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
-    running, n, T_s = state.running, piece(par), par.sample_time
-    plan, m = _plan(running, par), make_mover(par)
-    after = floor((plan.lead + arrival(plan) + SEATED) / T_s)
-    is_kept = (after + n <= running.age) & (after + n < LONGEST)
-    at = running.command * LONGEST + where(is_kept, after, n)
+    running, n, T_s, m = state.running, piece(par), par.sample_time, make_mover(par)
+    is_kept = (running.due > n) & (running.due + n <= running.age) & (running.due + n < LONGEST)
+    at, is_closing = running.command * LONGEST + where(is_kept, running.due, n), running.command > 0.5
     charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
     open_charge = 2.0 * n * T_s * flux * opened
     is_closed, is_open = charge < CLOSED * open_charge, charge > OPENED * open_charge
     is_told = is_kept & (flux > TELLING)
-    return is_told & where(plan.is_closing, is_closed, is_open), is_told & where(plan.is_closing, is_open, is_closed)
+    return is_told & where(is_closing, is_closed, is_open), is_told & where(is_closing, is_open, is_closed)
+
+
+def due(plan: Operation, par: Parameters) -> Scalar:
+    """Sample at which the mover is to have arrived."""
+    return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
 
 
 def piece(par: Parameters) -> Scalar:

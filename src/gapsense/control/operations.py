@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws, learning
+from gapsense.control.bend import due
 from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, wandering, zeroed
 from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current, warned
 from gapsense.control.mover import balance
@@ -20,7 +21,7 @@ from gapsense.control.records import (
     Running,
     State,
 )
-from gapsense.control.tracking import believed, mover_of
+from gapsense.control.tracking import believed, mover_of, planned
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
@@ -194,6 +195,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             wanted=0.0,
             limited=0.0,
             since_limit=0.0,
+            due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             is_judged=0.0,
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,

@@ -127,6 +127,7 @@ class Running(NamedTuple):
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
     since_limit: Scalar  # samples since the last one
+    due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that

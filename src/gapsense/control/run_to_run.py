@@ -59,6 +59,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             wanted=0.0,
             limited=0.0,
             since_limit=0.0,
+            due=0.0,
             is_judged=1.0,
             last_age=0.0,
             last_is_judged=1.0,
