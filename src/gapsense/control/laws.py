@@ -12,7 +12,7 @@ from gapsense.kernels.layout import Array, Scalar, triangle
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import load, store, where
 
-BEFORE = (0.2, 0.15, 0.2, 0.3)  # standard deviations of a, b, q, r before anything is learnt
+BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anything is learnt
 DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
