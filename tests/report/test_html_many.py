@@ -28,7 +28,7 @@ from gapsense.campaign.worst import distance, extremes, rows
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.provenance import kind
-from gapsense.cosim.scenario.changes import changed
+from gapsense.cosim.scenario.document import changed
 from gapsense.problems import InputError
 from gapsense.report import distributions
 from gapsense.report.html import many_chapter
