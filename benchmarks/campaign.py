@@ -26,10 +26,10 @@ from rich.console import Console
 from rich.table import Table
 
 import gapsense
-from gapsense.campaign.columns import columns_of
-from gapsense.campaign.engine import manifest_of
-from gapsense.campaign.prepare import prepare
-from gapsense.campaign.store import Store, read_manifest
+from gapsense.many.columns import columns_of
+from gapsense.many.engine import manifest_of
+from gapsense.many.prepare import prepare
+from gapsense.many.store import Store, read_manifest
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "scenarios" / "semera_valve" / "tolerances.toml"

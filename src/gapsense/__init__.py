@@ -39,7 +39,10 @@ if TYPE_CHECKING:
     from gapsense.cosim.result.result import read_result as read_result
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.scenario.build import Scenario as Scenario
-    from gapsense.cosim.sweep import sweep as sweep
+    from gapsense.many.campaign import campaign as campaign
+    from gapsense.many.prepare import check_study as check_study
+    from gapsense.many.result import read_campaign as read_campaign
+    from gapsense.many.sweep import sweep as sweep
 
 COMPONENTS = (
     "BoundedUkf",
@@ -63,7 +66,10 @@ OFFERED = {
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
     "check": "gapsense.cosim.prepare",
     "run": "gapsense.cosim.run.run",
-    "sweep": "gapsense.cosim.sweep",
+    "campaign": "gapsense.many.campaign",
+    "check_study": "gapsense.many.prepare",
+    "read_campaign": "gapsense.many.result",
+    "sweep": "gapsense.many.sweep",
 }
 
 

@@ -59,7 +59,7 @@ def test_wrong_input_is_told(study, fmus, tmp_path, monkeypatch):
 
 
 def test_missing_package_is_told(study, fmus, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("gapsense.campaign.")]:
+    for name in [name for name in sys.modules if name.startswith("gapsense.many.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     code, said = call(study, "--fmus", fmus)

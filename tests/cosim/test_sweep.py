@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
-from gapsense.cosim.provenance import bounds
+from gapsense.many.provenance import bounds
 from gapsense.cosim.scenario.changes import changed
-from gapsense.cosim.sweep import key_of
-from gapsense.cosim.sweep_table import is_table, read_sidecar
+from gapsense.many.sweep import key_of
+from gapsense.many.sweep_table import is_table, read_sidecar
 from gapsense.ledger import Ledger
 from gapsense.problems import InputError
 

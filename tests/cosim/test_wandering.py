@@ -45,5 +45,5 @@ def test_scenarios_are_tested(here, isolation):
 
 def test_campaign(here):
     pytest.importorskip("pyarrow")
-    result = campaign.run("study.toml", 1, "out", "fmus")
+    result = campaign("study.toml", 1, "out", "fmus")
     assert (result.rows, result.failed) == (2, 0) and (here / "out" / "campaign.json").is_file()

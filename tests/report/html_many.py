@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.campaign.columns import Columns
-from gapsense.campaign.store import Manifest, Store
+from gapsense.many.columns import Columns
+from gapsense.many.store import Manifest, Store
 from gapsense.cosim import sweep_table
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.records import Points
-from gapsense.cosim.sweep_table import Sweep
+from gapsense.many.sweep_table import Sweep
 
 ABOUT: dict[str, Any] = {
     "title": "By hand",

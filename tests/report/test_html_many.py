@@ -20,14 +20,14 @@ from hypothesis import strategies as st
 from test_html_page import EVIL, Page
 from typer.testing import CliRunner
 
-from gapsense import campaign
+from gapsense import read_campaign
 from gapsense._os.checked import SEAL, sealed
-from gapsense.campaign.store import read_manifest, write_manifest
-from gapsense.campaign.summary import spread
-from gapsense.campaign.worst import distance, extremes, rows
+from gapsense.many.store import read_manifest, write_manifest
+from gapsense.many.summary import spread
+from gapsense.many.worst import distance, extremes, rows
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.provenance import kind
+from gapsense.many.provenance import kind
 from gapsense.cosim.scenario.changes import changed
 from gapsense.problems import InputError
 from gapsense.report.html import many_plots
@@ -100,9 +100,9 @@ def test_distance_is_beyond_the_bounds_or_from_the_median(found, bounds):
 
 
 def test_extremes_and_rows_of_runs_in_many_files_are_those_of_all(tmp_path, monkeypatch):
-    monkeypatch.setattr("gapsense.campaign.store.FOLD_RUNS", 7)
-    monkeypatch.setattr("gapsense.campaign.result.ROWS", 3)
-    of = campaign.read(made_campaign(tmp_path / "out", 60))
+    monkeypatch.setattr("gapsense.many.store.FOLD_RUNS", 7)
+    monkeypatch.setattr("gapsense.many.result.ROWS", 3)
+    of = read_campaign(made_campaign(tmp_path / "out", 60))
     assert len(of.manifest.parts) > 5
     found = extremes(of, spread(of, "noise"), None, 4)
     noise = np.where(np.arange(60) == 4, np.nan, metrics(60)["noise"])
@@ -216,7 +216,7 @@ def test_many_runs_are_counted_and_many_plots_are_chosen(tmp_path, monkeypatch):
     assert found.chosen == {"miss": ["valve.mode", "valve.on"], "noise": ["valve.mode", "valve.on"]}
     assert found.note == "2 of 3 metrics are drawn, each over the 2 of 4 parameters that it goes with most. "
     monkeypatch.setattr(many_plots, "METRICS", 1)
-    monkeypatch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)
+    monkeypatch.setattr("gapsense.many.summary.MOST_LEVELS", 5)
     (only,) = many_plots.panels(many).chosen
     assert only == "miss"  # it leaves its bounds
     drawer = many_plots.Drawer(read_many(many.file), {"miss": ["valve.r"]})

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from wrong_models import filter_parameters
 
-from gapsense import ledger
+from gapsense.many import key as of
 from gapsense.estimators.rts import motions, smooth_record
 from gapsense.studies.smoother.batch import Tuning, Variant, Varied
 from gapsense.studies.smoother.comparison import (
@@ -158,7 +158,7 @@ compare(study, json.loads(sys.argv[3]), int(sys.argv[4]), 2, Path(sys.argv[2]), 
 
 def test_killed_run_goes_on_without_computing_anything_twice(coarse, compared, tmp_path):
     """Before the kill with two workers, afterwards with one."""
-    given, file = tmp_path / "study.json", tmp_path / "found.jsonl"
+    given, file = tmp_path / "study.json", tmp_path / "found.sqlite"
     given.write_text(json.dumps(coarse.facts()))
     command = [sys.executable, "-c", COMPARE, str(given), str(file), json.dumps(COMPARED), str(RUNS)]
     assert subprocess.run(command, env={**os.environ, "PYTHONPATH": str(SRC)}, check=False).returncode == 9
@@ -183,11 +183,11 @@ def test_tasks_are_told_apart_by_their_content_only():
 
 
 def test_changed_code_is_computed_again(coarse, tmp_path, monkeypatch):
-    file, task = tmp_path / "found.jsonl", [{"width": 0.01, "runs": 2}]
+    file, task = tmp_path / "found.sqlite", [{"width": 0.01, "runs": 2}]
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 0
     (tmp_path / "package").mkdir()
-    monkeypatch.setattr(ledger, "PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(of, "PACKAGE", tmp_path / "package")
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
 
 
@@ -212,7 +212,7 @@ def test_orderings_of_the_paper_come_out_in_few_runs(study):
 def test_figure_9_in_full(study, tmp_path):
     resource = pytest.importorskip("resource")
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    found = compare(study, WIDTHS, 10_000, 2, tmp_path / "found.jsonl")
+    found = compare(study, WIDTHS, 10_000, 2, tmp_path / "found.sqlite")
     elapsed, after = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     print(f"{elapsed:.0f} s, {busy:.0f} s of CPU, {after.ru_maxrss / 1024:.0f} MiB in a worker")

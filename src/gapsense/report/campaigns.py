@@ -13,7 +13,7 @@ from gapsense.report.table import add_row, quantity, table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gapsense.campaign.result import Campaign
+    from gapsense.many.result import Campaign
 
 SHOWN = 5  # failures
 PANELS = 4  # metrics and parameters of a figure, unless they are chosen
@@ -22,7 +22,7 @@ POINTS = 2000  # runs that are drawn as points; more are counted
 
 def summary(campaign: Campaign) -> list[Table | str]:
     """What was varied, the metrics, and what failed."""
-    about = campaign.manifest.about
+    about = campaign.about
     state = f"{campaign.rows} of {campaign.runs} runs, {campaign.failed} failed"
     heading = f"{about['title']}: {about['scenario']}, {state}"
     shown: list[Table | str] = [heading, *factors(campaign), *metrics(campaign)]
@@ -34,15 +34,17 @@ def summary(campaign: Campaign) -> list[Table | str]:
 
 def factors(campaign: Campaign) -> list[Table]:
     """What was varied."""
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
 
     if not campaign.factors or not campaign.rows:
         return []
-    made, numeric = table("Varied", ("parameter", "least", "median", "greatest")), of.numeric(campaign)
+    made, spreads = (
+        table("Varied", ("parameter", "least", "median", "greatest")),
+        of.spreads(campaign, of.numeric(campaign)),
+    )
     for name in campaign.factors:
         unit = campaign.units[name]
-        if name in numeric:
-            found = of.spread(campaign, name)
+        if found := spreads.get(name):
             add_row(made, name, *(quantity(v, unit) for v in (found.least, found.median, found.greatest)))
         else:
             values = of.levels(campaign, name)
@@ -52,15 +54,15 @@ def factors(campaign: Campaign) -> list[Table]:
 
 def metrics(campaign: Campaign) -> list[Table]:
     """Quantiles of each metric, and the parameter that it goes with."""
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
 
     made: dict[str, Table] = {}
-    leading = of.leading(campaign)
-    for name, (title, label) in campaign.manifest.about["labels"].items() if campaign.rows else ():
+    leading, spreads = of.leading(campaign), of.spreads(campaign, campaign.metrics)
+    for name, (title, label) in campaign.about["labels"].items() if campaign.rows else ():
         title = title or "Metrics"
         heads = ("metric", "least", "5 %", "median", "95 %", "greatest", "goes with", "missing")
         shown = made.setdefault(title, table(title, heads))
-        found, unit = of.spread(campaign, name), campaign.units[name]
+        found, unit = spreads[name], campaign.units[name]
         numbers = (found.least, found.low, found.median, found.high, found.greatest)
         best = leading.get(name)
         with_it = f"{best.factor} {best.correlation:+.2f}" if best else "-"
@@ -82,7 +84,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     -------
     Figure
     """
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
     from gapsense.report import plot
 
     metrics = chosen(metrics, campaign.metrics, "metric")
@@ -90,7 +92,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     if not metrics or not campaign.rows:
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
     words = f"{campaign.rows} runs{'; dark where many lie' if campaign.rows > POINTS else ''}"
-    title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
+    title, size = f"{campaign.about['title']}: {words}", (len(metrics), 1 + len(factors))
     made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
     few = {name: of.levels(campaign, name) for name in factors}
     many = [name for name in factors if few[name] is None]
@@ -124,7 +126,7 @@ def labelled(campaign: Campaign, name: str) -> str:
 
 def alone(axis: Any, campaign: Campaign, metric: str) -> None:
     """Histogram of a metric, with horizontal bars."""
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
     from gapsense.report import plot
 
     bins, counts = of.histogram(campaign, metric)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gapsense.cosim.prepare import check, prepare
 from gapsense.cosim.result.result import Measure, Result
@@ -13,8 +13,9 @@ from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.content import Content, plain
 from gapsense.cosim.show import scenario_html
-from gapsense.cosim.sweep import sweep
-from gapsense.cosim.sweep_table import Sweep
+
+if TYPE_CHECKING:
+    from gapsense.many.sweep_table import Sweep
 
 Self = TypeVar("Self", bound="Scenario")
 
@@ -79,6 +80,8 @@ class Scenario(Content):
         -------
         Sweep
         """
+        from gapsense.many.sweep import sweep  # which stands above this package
+
         if grid is not None:
             self.data["sweep"] = {name: [plain(value) for value in values] for name, values in grid.items()}
         options = {"out": out, "fmus": self.fmus, "measure": measure, "progress": progress}

@@ -9,7 +9,7 @@ import bokeh.models
 import numpy as np
 from bokeh.plotting import figure
 
-from gapsense.campaign import summary
+from gapsense.many import summary
 from gapsense.report.html import style
 from gapsense.report.html.axes import dress
 from gapsense.report.html.elements import Markup, element, joined

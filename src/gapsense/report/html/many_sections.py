@@ -13,7 +13,7 @@ from gapsense.report.html.repeat import repeated
 from gapsense.report.html.sections import Verdict
 
 if TYPE_CHECKING:
-    from gapsense.campaign.worst import Extremes, Worst
+    from gapsense.many.summary import Extremes, Worst
 
 BENT = 0.2  # share of a metric that must go with a parameter, if it does not so in one direction
 WORDS = ("complete", "incomplete")

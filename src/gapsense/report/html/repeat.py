@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gapsense.cosim.provenance import EVENTS
+from gapsense.many.provenance import EVENTS
 from gapsense.report.html.many import Many
 from gapsense.tables import parsed_value
 

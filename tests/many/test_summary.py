@@ -8,10 +8,10 @@ from scipy import stats
 
 from gapsense.campaign import store as of
 from gapsense.campaign import summary
-from gapsense.campaign.columns import Columns
-from gapsense.campaign.result import read
-from gapsense.campaign.store import Manifest, Store
-from gapsense.campaign.worst import extremes
+from gapsense.many.columns import Columns
+from gapsense.many.result import read
+from gapsense.many.store import Manifest, Store
+from gapsense.many.worst import extremes
 from gapsense.problems import InputError
 from gapsense.report import campaigns
 from gapsense.report.table import text

@@ -17,9 +17,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapsense.campaign import store as of
-from gapsense.campaign.columns import Columns
-from gapsense.campaign.result import read
-from gapsense.campaign.store import Manifest, Store, read_manifest
+from gapsense.many.columns import Columns
+from gapsense.many.result import read
+from gapsense.many.store import Manifest, Store, read_manifest
 from gapsense.problems import InputError
 
 COLUMNS = Columns({"a.x": ("double", "V"), "a.name": ("string", "")}, {"m": "A"}, {"a.y": "V"})
