@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,8 @@ import pytest
 from studies_of_ramps import NOISE, STUDY, rows
 
 from gapsense import campaign, read_campaign
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
 from gapsense.cosim import run, sweep
+from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
 from gapsense.problems import InputError
 
 KEPT = '[trajectories]\nsignals = ["noise.y", "source.*"]\ndecimation = 4\n'

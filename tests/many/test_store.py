@@ -1,56 +1,80 @@
-"""A result is whole at whatever moment its writer is killed: nothing is lost, nothing is there twice."""
+"""A store is whole at whatever moment its writer is killed: nothing is lost, nothing is there twice, damage is told."""
 
 from __future__ import annotations
 
+import errno
 import json
 import random
+import shutil
 import signal
+import sqlite3
 import sys
 import time
 from base64 import b64encode
-from contextlib import suppress
+from contextlib import closing
+from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gapsense.campaign import store as of
-from gapsense.many.columns import Columns
-from gapsense.many.result import read
-from gapsense.many.store import Manifest, Store, read_manifest
+from gapsense.many import store as of
+from gapsense.many.columns import Columns, contents
+from gapsense.many.result import FORMAT, KEY, Campaign, read_campaign
+from gapsense.many.store import Store
 from gapsense.problems import InputError
 
-COLUMNS = Columns({"a.x": ("double", "V"), "a.name": ("string", "")}, {"m": "A"}, {"a.y": "V"})
-BARE = Columns({}, {"m": "A"})
+COLUMNS = Columns(
+    factors={"a.x": ("double", "V"), "a.name": ("string", "")},
+    metrics={"m": "A"},
+    signals={"a.y": "V"},
+    texts={"a.name": [f"n{k}" for k in range(100)]},
+)
+ABOUT = {"format": FORMAT, "title": "t", "runs": 100, "scenario": "s", "labels": {}, "columns": COLUMNS.facts()}
+NAME = "campaign.sqlite"
 
 
-def new(columns=COLUMNS, runs=100):
-    return Manifest({"title": "t", "runs": runs, "scenario": "s", "labels": {}}, columns)
+def opened(folder):
+    store = Store(folder / NAME, KEY)
+    store.describe(ABOUT)
+    return store
 
 
-def line(run, error=None):
-    samples = np.array([[0.0, 0.1], [run, 2.0 * run]]).astype("<f8")
-    signals = {"trajectory": b64encode(samples.tobytes()).decode()}
-    own = {"error": error} if error else {"metrics": {"m": run / 7}, "wall": 0.1, **signals}
-    return {"run": run, "seed": run, "values": {"a.x": 0.5 * run, "a.name": f"n{run}"}, **own}
+def add(store, *runs, broken=5):
+    """Runs as a worker might have answered them, of which one failed."""
+    entries = []
+    for k in runs:
+        samples = np.array([[0.0, 0.1], [k, 2.0 * k]]).astype("<f8").tobytes()
+        good = {"metrics": {"m": k / 7}, "wall": 0.1, "trajectory": b64encode(samples).decode()}
+        asked = {"index": k, "shift": k, "values": {"a.x": 0.5 * k, "a.name": f"n{k}"}}
+        entries.append({**asked, **({"error": "broken"} if k == broken else good)})
+    store.add(*contents(COLUMNS, entries))
 
 
 def held(folder):
     """Runs that are there, each as often as it is."""
-    return sorted(read(folder).column("run").tolist())
+    return read_campaign(folder).column("run").tolist()
 
 
-def test_what_is_appended_is_read_at_once_and_after_each_step(tmp_path):
-    store = Store(tmp_path, new())
-    store.append([line(4), line(2, "broken")])
-    for step in (lambda: None, store.fold, store.compact, lambda: Store(tmp_path, read_manifest(tmp_path))):
+def content(folder):
+    """All that a result tells."""
+    campaign = read_campaign(folder)
+    good = [run for run in campaign.column("run").tolist() if run != 5]
+    return {name: str(column.tolist()) for name, column in campaign.table().items()}, {
+        run: campaign.trajectory(run)["a.y"].tolist() for run in good
+    }
+
+
+def test_what_is_added_is_read_at_once_and_after_each_step(tmp_path):
+    store = opened(tmp_path)
+    add(store, 4, 2, broken=2)
+    for step in (lambda: None, store.close, lambda: Store(tmp_path / NAME, KEY).close()):
         step()
-        campaign = read(tmp_path)
-        table = campaign.table().to_pydict()
+        campaign = read_campaign(tmp_path)
+        table = {name: column.tolist() for name, column in campaign.table().items()}
         assert (table["run"], table["a.x"], table["a.name"]) == ([2, 4], [1.0, 2.0], ["n2", "n4"])
-        assert (table["m"], table["error"]) == ([None, 4 / 7], ["broken", None])
+        assert (table["m"][1], table["error"]) == (4 / 7, ["broken", None]) and np.isnan(table["m"][0])
         assert (campaign.rows, campaign.failed, campaign.errors(5)) == (2, 1, [(2, "broken")])
         assert campaign.trajectory(4)["a.y"].tolist() == [4.0, 8.0]
         with pytest.raises(InputError, match="no signals of run 2"):
@@ -58,241 +82,268 @@ def test_what_is_appended_is_read_at_once_and_after_each_step(tmp_path):
     assert campaign.units == {"a.x": "V", "a.name": "", "m": "A", "wall": "s"}
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 400))
-def test_torn_line_is_no_run_and_those_before_it_are(tmp_path_factory, kept):
-    folder = tmp_path_factory.mktemp("torn")
-    Store(folder, new(BARE)).append([line(k) for k in range(3)])
-    journal = next(folder.glob("journal-*"))
-    content = journal.read_bytes()
-    journal.write_bytes(content[: min(kept, len(content))])
-    ends = [k for k in range(len(content)) if content[k : k + 1] == b"\n"]
-    whole = sum(kept >= end for end in ends)  # the end of a line is no part of what it says
-    assert held(folder) == [*range(whole)]
-    again = Store(folder, read_manifest(folder))
-    assert again.known(5).tolist() == [k < whole for k in range(5)]
-    again.append([line(k) for k in range(whole, 5)])
-    assert held(folder) == [*range(5)]
+def test_one_file_is_left_and_an_untouched_one_keeps_its_bytes(tmp_path):
+    with opened(tmp_path) as store:
+        add(store, 1)
+    assert [file.name for file in tmp_path.iterdir()] == [NAME]
+    before = (tmp_path / NAME).read_bytes()
+    with opened(tmp_path) as store:
+        assert store.count() == 1
+    assert (tmp_path / NAME).read_bytes() == before
 
 
-class Killed(BaseException):
-    pass
+def test_runs_of_several_keys_are_told_apart(tmp_path):
+    for key in ("a", "b", "a"):
+        with Store(tmp_path / "x.sqlite", key) as store:
+            store.describe({"of": key})
+            store.add({store.count(): b"%b" % key.encode()})
+    for key, runs in (("a", [0, 1]), ("b", [0])):
+        with Store(tmp_path / "x.sqlite", key, is_reader=True) as store:
+            assert store.runs().tolist() == runs and store.about == {"of": key}
+            assert store.content(of.RUNS, 0) == key.encode()
+            assert [key for key, _ in store.entries().values()] == ["a", "b"]
+    with Store(tmp_path / "x.sqlite", "c", is_reader=True) as store:
+        assert store.about is None and store.count() == 0
 
 
-@pytest.mark.parametrize("calls", range(12))
-@pytest.mark.parametrize("step", ["fold", "compact", "forget_failed"])
-def test_end_at_any_write_or_removal_loses_and_repeats_nothing(tmp_path, monkeypatch, step, calls):
-    monkeypatch.setattr(of, "FILE_RUNS", 6)
-    store = Store(tmp_path, new())
-    for group in ([9, 1, 5], [7, 3], [2, 8, 0, 11]):
-        store.append([line(k, "broken" if k == 5 else None) for k in group])
-        if step != "fold":
-            store.fold()
-    left = [calls]
-
-    def counting(function):
-        def counted(*arguments, **options):
-            left[0] -= 1
-            if left[0] < 0:
-                raise Killed
-            return function(*arguments, **options)
-
-        return counted
-
-    with monkeypatch.context() as patch:
-        for owner, name in ((of, "write_atomically"), (of.Path, "unlink"), (of, "write_manifest")):
-            patch.setattr(owner, name, counting(getattr(owner, name)))
-        with suppress(Killed):
-            getattr(store, step)()
-    everything = [0, 1, 2, 3, 5, 7, 8, 9, 11]
-    forgotten = [k for k in everything if k != 5]
-    assert held(tmp_path) in ([everything, forgotten] if step == "forget_failed" else [everything])
-    again = Store(tmp_path, read_manifest(tmp_path))
-    assert held(tmp_path) in ([everything, forgotten] if step == "forget_failed" else [everything])
-    again.compact()
-    assert read(tmp_path).column("run").tolist() == held(tmp_path)
-    counted = {f"runs/{file.name}" for file in (tmp_path / "runs").iterdir()}
-    assert counted == {part.file for part in again.manifest.parts}
-    assert read(tmp_path).trajectory(9)["a.y"].tolist() == [9.0, 18.0]
+def test_a_run_counts_once(tmp_path):
+    with Store(tmp_path / "x.sqlite", "a") as store:
+        store.describe({})
+        store.add({1: b"first"})
+        store.add({1: b"second", 2**48 - 1: b"last"})
+        assert store.content(of.RUNS, 1) == b"first" and store.runs().tolist() == [1, 2**48 - 1]
+        assert store.runs(below=100).tolist() == [1]
+        store.forget([1])
+        assert store.content(of.RUNS, 1) is None
 
 
-def test_journal_is_folded_when_it_is_long(tmp_path, monkeypatch):
-    monkeypatch.setattr(of, "FOLD_RUNS", 10)
-    store = Store(tmp_path, new())
-    for k in range(25):
-        store.append([line(k)])
-    assert [part.rows for part in store.manifest.parts] == [10, 10]
-    assert len(next(tmp_path.glob("journal-*")).read_text().splitlines()) == 5
-    monkeypatch.setattr(of, "FOLD_BYTES", 300)
-    store.append([line(25)])
-    assert [part.rows for part in store.manifest.parts] == [10, 10, 6]
-    assert held(tmp_path) == [*range(26)]
+def test_store_without_a_file_is_one(tmp_path):
+    with of.alone(None), Store(None, KEY) as store:
+        store.describe(ABOUT)
+        add(store, 3, 5)
+        found = Campaign(tmp_path, store, ABOUT, COLUMNS, store.count())
+        assert (found.column("m")[0], found.failed) == (3 / 7, 1) and not list(tmp_path.iterdir())
 
 
-def test_compact_result_is_in_order_in_few_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(of, "FILE_RUNS", 40)
-    store, runs = Store(tmp_path, new(BARE)), [*range(100)]
-    random.Random(3).shuffle(runs)
-    for k in range(0, 100, 9):
-        store.append([line(run) for run in runs[k : k + 9]])
-        store.fold()
-    store.compact()
-    tables = [pq.read_table(tmp_path / part.file)["run"].to_pylist() for part in store.manifest.parts]
-    assert tables == [[*range(40)], [*range(40, 80)], [*range(80, 100)]]
-    before = store.manifest
-    store.compact()
-    assert store.manifest == before  # what is in order is left as it is
+def test_unknown_column_is_told(tmp_path):
+    with opened(tmp_path) as store:
+        add(store, 1)
+    with pytest.raises(InputError, match=r"no column `wal`\. Did you mean `wall`"):
+        read_campaign(tmp_path).column("wal")
 
 
-@pytest.mark.parametrize(
-    "content", ["{", "[]", '{"format": "gapsense campaign 0"}', '{"format": "gapsense campaign 1"}']
-)
-def test_what_is_no_campaign_is_refused(tmp_path, content):
-    (tmp_path / "campaign.json").write_text(content)
-    with pytest.raises(InputError, match="no campaign of this version"):
-        read(tmp_path)
+def test_columns_of_a_growing_result_never_differ_in_length(tmp_path):
+    store = opened(tmp_path)
+    add(store, 1)
+    plain, held_back = read_campaign(tmp_path), read_campaign(tmp_path, hold=True)
+    add(store, 2)
+    with pytest.raises(InputError, match=r"it has changed since it was read\. Read it again"):
+        plain.column("m")
+    assert held_back.column("run").tolist() == [1] and held(tmp_path) == [1, 2]
+
+
+@pytest.mark.parametrize("older", [b"", b"{}", b"no database at all, but a text that is long enough" * 100])
+def test_what_is_no_campaign_is_refused(tmp_path, older):
+    (tmp_path / NAME).write_bytes(older)
+    with pytest.raises(InputError, match=r"no campaign of this version|it is damaged"):
+        read_campaign(tmp_path)
     with pytest.raises(InputError, match="The folder of a campaign's result is expected"):
-        read(tmp_path / "none")
+        read_campaign(tmp_path / "none")
+
+
+def test_campaign_of_an_earlier_version_is_refused_with_what_reads_it(tmp_path):
+    (tmp_path / "campaign.json").write_text('{"format": "gapsense campaign 2"}')
+    with pytest.raises(InputError, match=r"of an earlier version.*pandas\.read_parquet.*/runs\"\)`\. Run the campaign"):
+        read_campaign(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["nfs4", "ext4"])
+def test_network_file_system_has_no_log_and_is_told(tmp_path, monkeypatch, caplog, kind):
+    mounts = tmp_path / "mounts"
+    mounts.write_text(f"none / tmpfs rw 0 0\nhost:/x {tmp_path} {kind} rw 0 0\n")
+    monkeypatch.setattr(of, "MOUNTS", mounts)
+    store = opened(tmp_path / "out")
+    add(store, 1)
+    has_log = (tmp_path / "out" / f"{NAME}-wal").exists()
+    assert has_log is (kind == "ext4") and ("no write-ahead log" in caplog.text) is not has_log
+    assert held(tmp_path / "out") == [1]
 
 
 # damage
 
 
 def filled(folder):
-    """Two files of runs and of signals, and a journal."""
-    store = Store(folder, new())
-    for group in ([9, 1, 5], [7, 3], [2, 8, 0]):
-        store.append([line(k, "broken" if k == 5 else None) for k in group])
-        if 2 not in group:
-            store.fold()
-    return store
+    with opened(folder) as store:
+        for group in ([9, 1, 5], [7, 3], [2, 8, 0]):
+            add(store, *group)
 
 
 RUNS_OF_FILLED = [0, 1, 2, 3, 5, 7, 8, 9]
 
 
-def content(folder):
-    """All that a result tells."""
-    campaign = read(folder)
-    good = [run for run in campaign.column("run").tolist() if run != 5]
-    return campaign.table().to_pydict(), {run: campaign.trajectory(run)["a.y"].tolist() for run in good}
-
-
 def computed_again(folder):
     """What a writer does: it computes what is not there."""
-    again = Store(folder, read_manifest(folder))
-    missing = [run for run in RUNS_OF_FILLED if not again.known(10)[run]]
-    again.append([line(run, "broken" if run == 5 else None) for run in missing])
-    again.fold()
-    again.compact()
+    with opened(folder) as store:
+        missing = [run for run in RUNS_OF_FILLED if run not in store.runs()]
+        add(store, *missing)
     return missing
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_flipped_bit_is_told_or_changes_nothing(tmp_path_factory, caplog, data):
     folder = tmp_path_factory.mktemp("flipped")
     filled(folder)
-    expected = content(folder)
-    files = sorted(file for file in folder.rglob("*") if file.is_file())
-    assert len(files) == 7
-    file = data.draw(st.sampled_from(files))
+    expected, file = content(folder), folder / NAME
     damaged = bytearray(file.read_bytes())
-    place = data.draw(st.integers(0, len(damaged) - 1))
-    damaged[place] ^= 1 << data.draw(st.integers(0, 7))
+    page = data.draw(
+        st.integers(0, len(damaged) // of.PAGE - 1)
+    )  # most of a page is empty; what is full is at its ends
+    place = data.draw(st.integers(0, 140) | st.integers(of.PAGE - 700, of.PAGE - 1))
+    damaged[page * of.PAGE + place] ^= 1 << data.draw(st.integers(0, 7))
     file.write_bytes(damaged)
     caplog.clear()
-    is_torn = file.name.startswith("journal") and place == len(damaged) - 1  # as if it were being written
     try:
-        found = content(folder)
-        assert is_torn or found == expected
-        is_told = file.name in caplog.text  # damage of the manifest costs nothing but a word
+        assert content(folder) == expected
+        is_told = False
     except InputError as error:
-        assert (file.name in str(error) and "damaged" in str(error)) or "checksum" in str(error)
+        assert NAME in str(error) and "damaged" in str(error) and "Run it again" in str(error)
         is_told = True
     caplog.clear()
     missing = computed_again(folder)
     assert content(folder) == expected
-    assert len(missing) <= 3 and (
-        is_torn or file.name.startswith("campaign") or not missing or file.name in caplog.text
-    )
-    assert is_told or is_torn or file.name == of.COPY
+    assert (not missing and not is_told) or NAME in caplog.text
+    assert len(missing) <= 1 or "kept as _damaged-campaign.sqlite" in caplog.text
 
 
-def test_a_file_that_is_gone_is_computed_again(tmp_path, caplog):
-    store = filled(tmp_path)
-    expected = content(tmp_path)
-    for part in (store.manifest.parts[0], store.manifest.trajectories[1]):
-        (tmp_path / part.file).unlink()
-    with pytest.raises(InputError, match=r"it is damaged or gone\. Run the campaign again"):
-        read(tmp_path).table()
-    assert computed_again(tmp_path) == [1, 3, 5, 7, 9]
-    assert "It held runs 1 to 9; they are computed again." in caplog.text
-    assert content(tmp_path) == expected
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 7))
+def test_a_flipped_bit_in_the_log_of_a_killed_writer_costs_no_more_than_runs_that_are_told(
+    tmp_path_factory, caplog, share, bit
+):
+    folder, killed = tmp_path_factory.mktemp("log"), tmp_path_factory.mktemp("killed")
+    store = opened(folder)
+    for run in RUNS_OF_FILLED:
+        add(store, run)
+    for name in (NAME, f"{NAME}-wal"):
+        shutil.copyfile(folder / name, killed / name)
+    expected, log = content(folder), killed / f"{NAME}-wal"
+    damaged = bytearray(log.read_bytes())
+    damaged[int(share * len(damaged))] ^= 1 << bit
+    log.write_bytes(damaged)
+    caplog.clear()
+    with Store(killed / NAME, KEY) as again:
+        there = again.runs().tolist()
+    assert there == RUNS_OF_FILLED[: len(there)]  # what is behind the damage is lost, and nothing is wrong
+    assert len(there) == len(RUNS_OF_FILLED) or "log of its last runs is damaged" in caplog.text
+    computed_again(killed)
+    assert content(killed) == expected
 
 
-def test_a_damaged_file_is_put_aside(tmp_path):
-    part = filled(tmp_path).manifest.parts[0]
-    (tmp_path / part.file).write_bytes(b"nothing")
-    computed_again(tmp_path)
-    assert next(tmp_path.glob("runs/_damaged-*")).read_bytes() == b"nothing"
-    assert pq.read_table(tmp_path / "runs").num_rows == len(RUNS_OF_FILLED)  # readers pass over it
+def test_damage_of_many_pages_costs_what_lies_between_them(tmp_path, caplog):
+    with Store(tmp_path / "x.sqlite", "a") as store:
+        store.describe({})
+        store.add({run: b"x" * 1000 for run in range(400)})
+    damaged = bytearray((tmp_path / "x.sqlite").read_bytes())
+    for page in (30, 33):
+        damaged[page * of.PAGE : page * of.PAGE + 8] = bytes(8)
+    (tmp_path / "x.sqlite").write_bytes(damaged)
+    with Store(tmp_path / "x.sqlite", "a") as store:
+        assert 370 < store.count() < 400 and store.about == {}
+        assert store.runs()[[0, -1]].tolist() == [0, 399]
+    assert "It held 3" in caplog.text and (tmp_path / "_damaged-x.sqlite").is_file()
 
 
-def test_of_two_damaged_manifests_neither_is_believed(tmp_path):
+def test_of_what_is_said_there_are_two_copies(tmp_path, caplog):
     filled(tmp_path)
-    for name in (of.MANIFEST, of.COPY):
-        text = (tmp_path / name).read_text()
-        (tmp_path / name).write_text(text.replace('"runs": 100', '"runs": 101'))
-    with pytest.raises(InputError, match=r"it is damaged\. Choose another folder"):
-        read(tmp_path)
+    for _ in range(2):  # the second writer mends what the first one has left
+        for name in ("about", "about_copy"):
+            with closing(sqlite3.connect(tmp_path / NAME)) as connection:
+                connection.execute(f"UPDATE {name} SET content = substr(content, 1, 20)")
+                connection.commit()
+            assert read_campaign(tmp_path).about["title"] == "t" and "a copy is taken" in caplog.text
+            opened(tmp_path).close()
 
 
-def test_a_run_counts_once_and_only_if_it_is_asked_for(tmp_path):
-    store = Store(tmp_path, new(runs=4))
-    store.append([line(1), line(3), line(1, "again"), line(4), line(-1), {**line(2), "run": "2"}])
-    assert held(tmp_path) == [1, 3] and read(tmp_path).failed == 0
-    store.fold()
-    assert held(tmp_path) == [1, 3] and read(tmp_path).failed == 0
+def test_run_that_has_lost_its_signals_is_computed_again(tmp_path, caplog):
+    filled(tmp_path)
+    expected = content(tmp_path)
+    with closing(sqlite3.connect(tmp_path / NAME)) as connection:
+        connection.execute("DELETE FROM signals WHERE id & 0xFFFF = 7")
+        connection.execute("DELETE FROM errors")
+        connection.commit()
+    assert computed_again(tmp_path) == [5, 7] and content(tmp_path) == expected
+    assert f"{NAME}: runs 5, 7 are damaged, and computed again." in caplog.text
 
 
-def test_unknown_column_is_told(tmp_path):
-    Store(tmp_path, new()).append([line(1)])
-    with pytest.raises(InputError, match=r"no column `wal`\. Did you mean `wall`"):
-        read(tmp_path).column("wal")
+# the end of the writer, and of the disk
+
+
+def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_added(tmp_path):
+    store = opened(tmp_path)
+    add(store, 1)
+    (pages,) = store.connection.execute("PRAGMA page_count").fetchone()
+    store.connection.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(OSError) as caught:
+        store.add({run: bytes(5000) for run in range(2, 9)})
+    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(tmp_path / NAME))
+    assert held(tmp_path) == [1]
+    store.connection.execute("PRAGMA max_page_count = 100000")
+    add(store, 2)
+    assert held(tmp_path) == [1, 2]
+
+
+def test_what_the_system_refuses_is_told_in_its_words(tmp_path):
+    (tmp_path / "x.sqlite").mkdir()
+    with pytest.raises(IsADirectoryError):
+        Store(tmp_path / "x.sqlite", "a")
 
 
 WRITER = """
 import sys
-from gapsense.campaign import store as of
-from test_store import COLUMNS, line, new
-of.FOLD_RUNS = 7
-of.FILE_RUNS = 20
-folder = Path(sys.argv[1])
-store = of.Store(folder, of.read_manifest(folder) or new(runs=10_000))
-left = [int(k) for k in (~store.known(10_000)).nonzero()[0]]
+sys.path.insert(0, HERE)
+from test_store import add, opened
+store = opened(Path(sys.argv[1]))
+there = set(store.runs().tolist())
+left = [k for k in range(100) if k not in there]
 while left:
     group = [left.pop(0) for _ in range(min(3, len(left)))]
-    store.append([line(k) for k in group])
+    add(store, *group)
     print(group[-1], flush=True)
-    if group[-1] % 50 < 3:
-        store.fold()
-        store.compact()
+store.close()
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")
 def test_sigkill_at_random_moments_loses_nothing_that_was_told_and_repeats_nothing(tmp_path, start):
-    folder, chance = tmp_path / "result", random.Random(1)
-    told = -1
-    for _ in range(12):
-        process = start(f"import sys\nsys.path.insert(0, {str(of.Path(__file__).parent)!r})\n{WRITER}", folder)
-        process.stdout.readline()
-        time.sleep(chance.uniform(0.0, 0.25))
+    chance, told, kills = random.Random(1), -1, 0
+    while told < 99:
+        process = start(WRITER.replace("HERE", repr(str(Path(__file__).parent))), tmp_path)
+        told = max(told, int(process.stdout.readline() or 99))
+        time.sleep(chance.uniform(0.0, 0.02))
         process.send_signal(signal.SIGKILL)
         told = max([told, *map(int, process.stdout.read().split())])
-        runs = held(folder)
+        kills += 1
+        runs = held(tmp_path)
         assert runs == [*range(len(runs))] and len(runs) > told
-    assert told > 100
-    assert json.loads((folder / "campaign.json").read_text())["number"] > 10
+    assert kills > 2 and content(tmp_path)[1][99] == [99.0, 198.0]
+    assert read_campaign(tmp_path).about == json.loads(json.dumps(ABOUT))
+
+
+def test_writers_wait_for_one_another_and_leave_no_lock(tmp_path, start):
+    code = """
+import sys, time
+from gapsense.many.store import alone
+with alone(Path(sys.argv[1])):
+    print("mine", flush=True)
+    sys.stdin.readline()
+"""
+    first = start(code, tmp_path / "x.sqlite")
+    assert first.stdout.readline() == "mine\n"
+    second = start(code, tmp_path / "x.sqlite")
+    assert "x.sqlite: another process is at work on it; waiting for its end." in second.stderr.readline()
+    print(file=first.stdin, flush=True)
+    assert second.stdout.readline() == "mine\n"
+    print(file=second.stdin, flush=True)
+    assert (first.wait(20), second.wait(20)) == (0, 0) and not list(tmp_path.iterdir())

@@ -6,8 +6,8 @@ import pytest
 from studies_of_ramps import NOISE, STUDY
 
 from gapsense import campaign, check_study
-from gapsense.many.prepare import prepare
 from gapsense.cosim.scenario.keys import FILE
+from gapsense.many.prepare import prepare
 from gapsense.problems import ScenarioError
 from gapsense.tables import Key
 
@@ -183,5 +183,5 @@ def test_keys_of_studies_are_written_as_those_of_scenarios():
 def test_plan_is_checked_with_the_sweep_of_the_scenario(write, fmus):
     swept = NOISE + '[sweep]\n"noise.sample_time" = [0.1, 0.2]\n'
     prepared = prepare(write(STUDY, swept), fmus)
-    assert prepared.plan.points == 12
-    assert [str(port) for port in prepared.plan.ports] == ["noise.sample_time", "source.slope", "source.inverted"]
+    assert prepared.many.plan.points == 12
+    assert [str(port) for port in prepared.many.plan.ports] == ["noise.sample_time", "source.slope", "source.inverted"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from gapsense.many.prepare import Prepared, prepare, scenario_of
 from gapsense.many.provenance import provenance
 from gapsense.many.result import FORMAT, KEY, Campaign, is_older, older, read_campaign
 from gapsense.many.store import DAMAGED, ERRORS, LOCK, Store, alone
-from gapsense.problems import InputError, ScenarioError
+from gapsense.problems import InputError, ScenarioError, required
 
 STUDY = "study.toml"  # the copy of the study
 
@@ -75,11 +75,13 @@ def campaign(
         raise ScenarioError(
             ["The workers of a Dask scheduler run FMUs, not vectors. Leave `scheduler` or `engine` out."]
         )
+    if scheduler:
+        required("distributed")
     with nullcontext() if scheduler else runs_ahead(count, engine, scenario_of(study)):
         prepared = prepare(study, fmus, engine)
         folder = Path(out) if out is not None else Path("results") / prepared.study.path.stem
         about = about_of(prepared, folder)
-        refuse_foreign(folder, about)
+        refuse_foreign(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with alone(folder / FILE), Store(folder / FILE, KEY) as store:
             refuse_other(folder, store.about, about)
@@ -109,16 +111,11 @@ def about_of(prepared: Prepared, folder: Path) -> dict[str, Any]:
     }
 
 
-def refuse_foreign(folder: Path, about: Mapping[str, Any]) -> None:
-    """Raise an InputError for a folder with something else, before anything in it is touched."""
+def refuse_foreign(folder: Path) -> None:
+    """Raise an InputError for a folder with something else than a campaign of this version."""
     if is_older(folder):
         raise InputError([f"{older(folder)} Name another folder with `--out`."])
-    if (folder / FILE).is_file():
-        there = None
-        with suppress(InputError), Store(folder / FILE, KEY, is_reader=True) as store:  # damage is mended later
-            there = store.about
-        refuse_other(folder, there, about)
-    elif folder.is_dir() and any(is_foreign(file) for file in folder.iterdir()):
+    if folder.is_dir() and not (folder / FILE).is_file() and any(is_foreign(file) for file in folder.iterdir()):
         raise InputError([f"{folder}: it holds something else than a campaign. Name another folder with `--out`."])
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from base64 import b64decode
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -19,6 +21,7 @@ from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.records import Scenario
 from gapsense.cosim.scenario.signals import matching, recorded_signals
 from gapsense.many.plan import Plan
+from gapsense.many.store import BITS, ERRORS, SIGNALS, WORDS
 from gapsense.tables import Value
 
 TYPES = {"Real": "double", "Integer": "int64", "Boolean": "bool", "String": "string"}
@@ -26,6 +29,7 @@ ARRAYS = {"double": np.float64, "int64": np.int64, "bool": np.bool_}
 OWN = ("run", "seed", "wall", "error", "ended")  # beside parameters and metrics
 ERROR, ENDED = "error", "ended"
 Vector = npt.NDArray[Any]
+Contents = dict[int, bytes]  # by run
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Columns:
     def array(self, name: str, data: npt.NDArray[Any]) -> Vector:
         """A column of some runs, of which neither errors nor ends are told."""
         if name == "run":
-            return np.asarray(data["place"] & (2**48 - 1))
+            return np.asarray(data["place"] & (2**BITS - 1))
         if name == "seed":
             return data["seed"].copy()
         numbers = data["numbers"][:, self.numbers[name]].copy()
@@ -94,6 +98,24 @@ class Columns:
 def from_facts(facts: Mapping[str, Any]) -> Columns:
     """Columns of their JSON."""
     return Columns(**{**facts, "factors": {name: (kind, unit) for name, (kind, unit) in facts["factors"].items()}})
+
+
+def contents(columns: Columns, entries: Iterable[Mapping[str, Any]]) -> tuple[Contents, dict[str, Contents]]:
+    """Runs as a store takes them: numbers, and where there is any why it failed, what has ended it, signals."""
+    runs: Contents = {}
+    more: dict[str, Contents] = {ERRORS: {}, WORDS: {}, SIGNALS: {}}
+    for entry in entries:
+        run, metrics = entry["index"], entry.get("metrics", {})
+        runs[run] = columns.packed(entry["shift"], entry["values"], metrics, entry.get("wall"))
+        others = {name: value for name, value in metrics.items() if name not in columns.metrics}
+        words = {**({ENDED: entry[ENDED]} if ENDED in entry else {}), **({"metrics": others} if others else {})}
+        if ERROR in entry:
+            more[ERRORS][run] = json.dumps(entry[ERROR]).encode()
+        if words:
+            more[WORDS][run] = json.dumps(words).encode()
+        if "trajectory" in entry:
+            more[SIGNALS][run] = b64decode(entry["trajectory"])
+    return runs, more
 
 
 def columns_of(scenario: Scenario, descriptions: Descriptions, plan: Plan, signals: tuple[str, ...] = ()) -> Columns:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import logging
 import os
 import pickle
-from base64 import b64decode, b64encode
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,12 +24,10 @@ from gapsense.cosim.run.recording import death
 from gapsense.cosim.run.subject import Subject
 from gapsense.cosim.scenario.order import execution_order
 from gapsense.cosim.scenario.records import Scenario
-from gapsense.many.columns import ENDED, ERROR, Columns
+from gapsense.many.columns import ERROR, Columns, contents
 from gapsense.many.plan import Plan
-from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
+from gapsense.many.store import Store
 from gapsense.many.worker import Runs
-
-LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,11 @@ def complete(
     total = len(many.plan)
     missing = np.setdiff1d(np.arange(total), store.runs(below=total), assume_unique=True)
     executor, by = executor_of(many, len(missing), workers, engine, scheduler)
-    return Done(*computed(executor, missing.tolist(), total, lambda came: keep(many, store, came), progress), by)
+
+    def keep(came: Sequence[Entry]) -> None:
+        store.add(*contents(many.columns, [{**many.request(entry["index"]), **entry} for entry in came]))
+
+    return Done(*computed(executor, missing.tolist(), total, keep, progress), by)
 
 
 def computed(
@@ -133,25 +133,6 @@ def executor_of(many: Many, missing: int, workers: int, engine: str, scheduler: 
     from gapsense.many.vectors import VectorExecutor
 
     return VectorExecutor(job, vectors), VECTORS
-
-
-def keep(many: Many, store: Store, came: Sequence[Entry]) -> None:
-    """Write down what has come: numbers, why a run failed, what has ended it, further metrics, signals."""
-    columns, runs = many.columns, dict[int, bytes]()
-    more: dict[str, dict[int, bytes]] = {ERRORS: {}, WORDS: {}, SIGNALS: {}}
-    for entry in came:
-        run, metrics = entry["index"], entry.get("metrics", {})
-        asked = many.request(run)
-        runs[run] = columns.packed(asked["shift"], asked["values"], metrics, entry.get("wall"))
-        others = {name: value for name, value in metrics.items() if name not in columns.metrics}
-        words = {**({ENDED: entry[ENDED]} if ENDED in entry else {}), **({"metrics": others} if others else {})}
-        if ERROR in entry:
-            more[ERRORS][run] = json.dumps(entry[ERROR]).encode()
-        if words:
-            more[WORDS][run] = json.dumps(words).encode()
-        if "trajectory" in entry:
-            more[SIGNALS][run] = b64decode(entry["trajectory"])
-    store.add(runs, more)
 
 
 def death_entry(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Mapping[str, Any]]:

@@ -16,7 +16,7 @@ from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import frame
 from gapsense.many.columns import ENDED, ERROR, Columns, Vector, from_facts
 from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
-from gapsense.problems import InputError, suggest
+from gapsense.problems import InputError, required, suggest
 
 FORMAT, KEY = "gapsense campaign 3", "campaign"
 ROOM = 2**23  # numbers that are in memory at once
@@ -158,17 +158,6 @@ def check_export(file: Path) -> None:
         raise InputError([f"--export: `{file}` found, a file expected that ends in `.csv` or `.parquet`. Correct it."])
     if file.suffix == PARQUET:
         required("pyarrow")
-
-
-def required(package: str) -> None:
-    """Raise an InputError if a package of the extra is not installed."""
-    from importlib import import_module
-
-    try:
-        import_module(package)
-    except ModuleNotFoundError:
-        problem = f"{package} is needed and not installed: `pip install 'gapsense[campaign]'`."
-        raise InputError([problem]) from None
 
 
 def write_csv(campaign: Campaign, path: Path) -> None:

@@ -40,7 +40,8 @@ LOG_HEAD, FRAME_HEAD = 32, 24  # bytes of the write-ahead log: at its begin, and
 BITS = 48  # of the number of a run, behind that of its key
 REMOTE = {"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "9p", "ceph", "lustre", "fuse.sshfs"}
 MOUNTS = Path("/proc/self/mounts")
-OF_DAMAGE = ("malformed", "unsupported file format", "no such table", "no such column", "not a database")
+OF_DAMAGE = ("malformed", "unsupported", "no such table", "no such column", "not a database", "Could not decode")
+UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter for names, and for messages with these
 ABOUT, COPY, RUNS, ERRORS, WORDS, SIGNALS = TABLES = ("about", "about_copy", "runs", "errors", "words", "signals")
 MORE = (ERRORS, WORDS, SIGNALS)  # what a run may have besides
 HEAD = Struct("<qB")  # of a content: its place, and one bit for each table in which the run has more
@@ -58,11 +59,12 @@ class Store:
         with told(file):
             self.connection = reading(file) if is_reader and file else writing(file)
         weakref.finalize(self, self.connection.close)  # which only the collector of garbage would do else
+        self.is_changed = False
         self.number = next((k for k, (own, _) in self.entries().items() if own == key), 0)
 
     def close(self) -> None:
         """Leave one file, which can be read where nothing can be written."""
-        if self.file and not self.is_reader:
+        if self.file and self.is_changed:
             with suppress(sqlite3.OperationalError):  # someone is reading: the log stays until the next writer ends
                 self.connection.execute("PRAGMA busy_timeout = 0")
                 self.connection.execute("PRAGMA journal_mode = DELETE")
@@ -94,11 +96,14 @@ class Store:
 
     def describe(self, about: Mapping[str, Any]) -> None:
         """Say this about the runs."""
+        text = json.dumps([self.key, about])
+        if json.loads(text) == [*self.entries().get(self.number, ())]:
+            return
         with self.changing() as change:
             if not self.number:
                 (last,) = change(f"SELECT max(id) FROM {RUNS}").fetchone()
                 self.number = 1 + max([*self.entries(), (last or 0) >> BITS])
-            content = sealed(self.number, json.dumps([self.key, about]).encode())
+            content = sealed(self.number, text.encode())
             for name in (ABOUT, COPY):
                 change(f"INSERT OR REPLACE INTO {name} VALUES (?, ?)", (self.number, content))
 
@@ -121,6 +126,9 @@ class Store:
     def changing(self) -> Iterator[Callable[..., sqlite3.Cursor]]:
         """One change of the file, whole or not at all."""
         with told(self.file):
+            if self.file and not self.is_changed:
+                self.connection.execute(f"PRAGMA journal_mode = {mode_of(self.file)}")
+            self.is_changed = True
             self.connection.execute("BEGIN IMMEDIATE")
             try:
                 yield self.connection.execute
@@ -189,7 +197,7 @@ class Store:
                 yield rows
                 with told(self.file):
                     rows = cursor.fetchmany(GROUP)
-        except sqlite3.DatabaseError as error:
+        except UNREADABLE as error:
             raise InputError([f"{self.file}: it is damaged ({error}). {AGAIN}."]) from None
 
 
@@ -235,7 +243,7 @@ def reading(file: Path) -> sqlite3.Connection:
     try:
         connection = connect(file, "ro")
         problem = wrong(connection)
-    except sqlite3.DatabaseError as error:
+    except UNREADABLE as error:
         problem = damage(error)
     if problem:
         raise InputError([f"{file}: it is damaged ({problem}). {AGAIN}."])
@@ -245,31 +253,27 @@ def reading(file: Path) -> sqlite3.Connection:
 def writing(file: Path | None) -> sqlite3.Connection:
     """The file, made if need be; what is damaged in it is told and forgotten."""
     if file is None:
-        return prepared(sqlite3.connect(":memory:", isolation_level=None), "MEMORY")
+        return prepared(sqlite3.connect(":memory:", isolation_level=None))
     file.parent.mkdir(parents=True, exist_ok=True)
-    mode = "DELETE" if is_remote(file) else "WAL"
     commits = logged(file)
     try:
-        connection = prepared(connect(file), mode)
-        if mode != "WAL":
-            LOG.warning("%s: on a network file system there is no write-ahead log, and each run takes longer.", file)
-        elif commits > connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]:
+        connection = prepared(connect(file))
+        if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
             LOG.warning("%s: the log of its last runs is damaged. What is lost of them is computed again.", file)
         problem = wrong(connection)
         if not problem:
             forget_damaged(connection, file)
             return connection
         connection.close()
-    except sqlite3.DatabaseError as error:
+    except UNREADABLE as error:
         problem = damage(error)
     rebuild(file, problem)
-    return prepared(connect(file), mode)
+    return prepared(connect(file))
 
 
-def prepared(connection: sqlite3.Connection, mode: str) -> sqlite3.Connection:
+def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     """A connection with the tables, which are the first pages of a new file."""
     connection.execute(f"PRAGMA page_size = {PAGE}")
-    connection.execute(f"PRAGMA journal_mode = {mode}")
     connection.execute("PRAGMA synchronous = FULL")
     if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
         connection.execute("BEGIN IMMEDIATE")
@@ -279,8 +283,16 @@ def prepared(connection: sqlite3.Connection, mode: str) -> sqlite3.Connection:
     return connection
 
 
+def mode_of(file: Path) -> str:
+    """How SQLite keeps a change whole: by a write-ahead log, which needs memory that all who read or write share."""
+    if is_remote(file):
+        LOG.warning("%s: on a network file system there is no write-ahead log, and each run takes longer.", file)
+        return "DELETE"
+    return "WAL"
+
+
 def is_remote(file: Path) -> bool:
-    """True on a network file system, as far as the system tells: processes share no memory over the write-ahead log."""
+    """True on a network file system, as far as the system tells."""
     try:
         mounts = [line.split()[1:3] for line in MOUNTS.read_text("utf-8", "replace").splitlines()]
     except OSError:
@@ -318,7 +330,7 @@ def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
             restore(connection, COPY if name == ABOUT else ABOUT, name)
             LOG.warning("%s: what it says about its runs is damaged; its copy is taken.", file)
         elif damaged:
-            LOG.warning("%s: %s damaged. They are computed again.", file, of_runs(damaged))
+            LOG.warning("%s: %s damaged, and computed again.", file, of_runs(damaged))
             remove(connection, damaged)
 
 
@@ -353,7 +365,7 @@ def rebuild(file: Path, problem: str) -> None:
             old.with_name(old.name + ending).unlink(missing_ok=True)
         with suppress(FileNotFoundError):
             shutil.copyfile(file.with_name(file.name + ending), aside.with_name(aside.name + ending))
-    with closing(prepared(connect(new), "DELETE")) as fresh:
+    with closing(prepared(connect(new))) as fresh:
         graft(aside, new)
         fresh.execute("BEGIN")
         for name in TABLES:
@@ -375,7 +387,7 @@ def rebuild(file: Path, problem: str) -> None:
 def readable(file: Path, table: str) -> Iterator[tuple[int, bytes]]:
     """Rows of a table that are good: from both ends until something cannot be read."""
     for order in ("ASC", "DESC"):
-        with closing(connect(file)) as connection, suppress(sqlite3.DatabaseError):
+        with closing(connect(file)) as connection, suppress(*UNREADABLE):
             for row in connection.execute(f"SELECT id, content FROM {table} ORDER BY id {order}"):
                 if not damaged_of([row]):
                     yield row
@@ -390,7 +402,7 @@ def graft(file: Path, new: Path) -> None:
         opened.write(page)
 
 
-def damage(error: sqlite3.DatabaseError) -> str:
+def damage(error: Exception) -> str:
     """What an error says of damage; another one is raised again."""
     if isinstance(error, sqlite3.OperationalError) and not is_of_damage(str(error)):
         raise error

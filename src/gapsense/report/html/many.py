@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from gapsense._os.files import Sheet, number, read_sheet
 from gapsense.cosim.result.sidecar import absolute
 from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
-from gapsense.many.columns import OWN, Columns
+from gapsense.many.columns import OWN, Columns, contents
 from gapsense.many.provenance import bounds
 from gapsense.many.result import KEY, Campaign, is_older, read_campaign
-from gapsense.many.store import ERRORS, Store
+from gapsense.many.store import Store
 from gapsense.many.sweep_table import AGAIN, is_table, read_sidecar
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
@@ -147,9 +146,11 @@ def of_sweep(file: Path) -> Campaign:
     columns = Columns(about["factors"], about["metrics"], texts=texts)
     store = Store(None, KEY)
     store.describe({})
-    store.add({row["run"]: columns.packed(row["run"], row, row, None) for row in rows})
-    errors = {entry["run"]: json.dumps(entry["error"]).encode() for entry in failed}
-    store.add({e["run"]: columns.packed(e["run"], e["values"], {}, None) for e in failed}, {ERRORS: errors})
+    entries = [{**entry, "index": entry["run"], "shift": entry["run"]} for entry in failed]
+    for row in rows:
+        measured = {name: row[name] for name in columns.metrics}
+        entries.append({"index": row["run"], "shift": row["run"], "values": row, "metrics": measured})
+    store.add(*contents(columns, entries))
     return Campaign(file, store, about, columns, store.count())
 
 
