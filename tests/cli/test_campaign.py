@@ -105,17 +105,15 @@ def test_cluster_without_its_package_is_told(study, fmus, tmp_path, monkeypatch)
 def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(study, fmus, tmp_path, monkeypatch, command):
     given = [study] if command == "campaign" else ["semera_valve", "--seeds", "20"]
     words = [command, *given, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu"]
-    add, pages = Store.add, []
+    add = Store.add
 
-    def limited(store, *contents):
-        if not pages:
-            pages.append(store.connection.execute("PRAGMA page_count").fetchone()[0])
-            store.connection.execute(f"PRAGMA max_page_count = {pages[0]}")
-        store.connection.execute("CREATE TABLE IF NOT EXISTS filling (content BLOB)")
-        add(store, *contents)
+    def on_a_full_disk(store, runs, more):
+        (pages,) = store.connection.execute("PRAGMA page_count").fetchone()
+        store.connection.execute(f"PRAGMA max_page_count = {pages}")
+        add(store, {run: content + bytes(9000) for run, content in runs.items()}, more)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Store, "add", limited)
+        patch.setattr(Store, "add", on_a_full_disk)
         done = CliRunner().invoke(app, [*map(str, words)])
     said = " ".join(done.output.split())
     assert done.exit_code == 2 and f"{os.strerror(errno.ENOSPC)}. Make room on its disk, or " in said, said
