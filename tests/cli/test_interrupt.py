@@ -137,7 +137,7 @@ LOADED = (
 )
 
 
-@pytest.mark.parametrize("module", [*LOADED, "gapsense.studies.semera.command", "fmpy"])
+@pytest.mark.parametrize("module", [*LOADED, "gapsense.scenarios.semera_valve.study", "fmpy"])
 def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypatch, module):
     (temporary := tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))

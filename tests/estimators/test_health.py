@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
 from kernel_cases import components
 from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
 
@@ -22,7 +23,6 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import VALVE, gap_table, tabulated
 
 KERNEL, BLIND = Kernel(ekf), Kernel(ukf)
 PAPER = 0.0  # memory of the current error [s]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import wrong
 from mhe_plant import CYCLE, CYCLES, START, T_S, errors, noisy, plant, published, says
 from mhe_signals import at_rest, blind, entry_of, kernel, model_run, rows, run, state_of
 
@@ -11,7 +12,6 @@ from gapsense.estimators import mhe_window, readings
 from gapsense.estimators.mhe_model import device, model
 from gapsense.estimators.rts import motions
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import wrong
 
 # behaviour
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import VALVE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mhe_signals import START, T_S, at_rest, blind, corrected_run, model_run, true_device
@@ -18,7 +19,6 @@ from gapsense.estimators import mhe, mhe_model
 from gapsense.estimators.gap import bump, gap_law
 from gapsense.estimators.mhe_model import Model, Point, derived, device, model
 from gapsense.kernels.linalg import matrix
-from gapsense.studies.estimators.parameters import VALVE
 
 ALL = tuple(range(START + 1))
 PULSE = np.r_[np.zeros(11), np.full(350, 30.0), np.zeros(400)]  # closes, is held, opens, rests

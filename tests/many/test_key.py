@@ -73,4 +73,5 @@ def test_our_package_has_sources():
     files = ("many/key.py", "cosim/result/metrics.py", "actuators/motion.py", "cosim/run/loop/loop.c")
     assert {f"gapsense/{file}" for file in files} <= names
     assert {"fmus/ekf/component.py", "fmus/ekf/fringing_29.csv"} <= names  # studies take their start values
+    assert "scenarios/soft_landing/study.py" in names and "scenarios/soft_landing/baseline.csv" not in names
     assert not [name for name in names if "pycache" in name]

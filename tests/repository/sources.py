@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SRC = ROOT / "src" / "gapsense"
 FOLDERS = ("src", "fmus", "scenarios", "tests", "docs", "benchmarks", ".ci")
 TEXT = (".py", ".md", ".toml", ".txt", ".csv", ".c", ".h", ".css", ".yml", ".yaml", "")
-PYTHON = sorted(SRC.rglob("*.py"))
+SCENARIOS = ROOT / "scenarios"  # the package `gapsense.scenarios`
+PYTHON = sorted([*SRC.rglob("*.py"), *SCENARIOS.rglob("*.py")])
 BUILD = ROOT / "build_fmus.py"
 MODULES = [*(path for path in PYTHON if path != SRC / "__init__.py"), BUILD]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -97,7 +98,14 @@ def part_of(path: Path) -> str:
     """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
     if path == BUILD or path.name == "command.py":
         return path.stem
-    return _part(path.relative_to(SRC).with_suffix("").parts)
+    if path.name == "study.py" and path.is_relative_to(SCENARIOS):
+        return "command"
+    return _part(name_parts(path)[1:])
+
+
+def name_parts(path: Path) -> tuple[str, ...]:
+    """Parts of the full name of a module of the package; those of scenarios/ are in `gapsense.scenarios`."""
+    return ("gapsense", *path.relative_to(ROOT if path.is_relative_to(SCENARIOS) else SRC).with_suffix("").parts)
 
 
 def _part(names: Sequence[str]) -> str:
@@ -108,7 +116,7 @@ def _part(names: Sequence[str]) -> str:
 @cache
 def imports(path: Path) -> list[tuple[str, int]]:
     """Full names that a file imports, wherever in it, with their lines."""
-    package = path.relative_to(SRC.parent).parts[:-1] if path != BUILD else ()
+    package = name_parts(path)[:-1] if path != BUILD else ()
     found = []
     for node in nodes(path):
         if isinstance(node, ast.Import):
@@ -136,9 +144,7 @@ def circles() -> list[list[str]]:
 
     Whoever imports a module from a package needs the package as well.
     """
-    names = {
-        ".".join(path.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in PYTHON
-    }
+    names = {".".join(name_parts(path)).removesuffix(".__init__"): path for path in PYTHON}
     place = {name: k for k, name in enumerate(names)}
     graph = np.zeros((len(names), len(names)), dtype=bool)
     for name, path in names.items():

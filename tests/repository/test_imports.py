@@ -41,12 +41,14 @@ MAY_IMPORT = {
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
+    "identification": NUMBERS | {"identification", "report"},
     "runnable": NUMBERS | {"report"},
     "components": {"runnable"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__", "runnable"},
-    "studies": NUMBERS | {"report", "studies"},
-    "command": NUMBERS | {"report", "studies", "cli"},
+    "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "runnable"},
+    "studies": NUMBERS | {"identification", "report", "studies"},
+    "scenarios": NUMBERS | {"identification", "report", "studies", "scenarios"},
+    "command": NUMBERS | {"identification", "report", "studies", "scenarios", "cli"},
     "build_fmus": {"__main__"},
     "__main__": {"cli"},
 }
@@ -66,7 +68,9 @@ PACKAGES = {  # beside the standard library
     "many": {"fmpy", "numpy", "scipy", "pyarrow", "distributed"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
+    "identification": {"numpy", "scipy", "matplotlib", "rich"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
+    "scenarios": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
@@ -183,7 +187,7 @@ def folders(folder: Path) -> set[str]:
 
 COMMANDS = typer.main.get_command(app).commands
 FOUND_BY_WALKING = {
-    "studies": folders(SRC / "studies"),
+    "studies": {path.parent.name for path in PYTHON if path.name == "study.py"},
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),

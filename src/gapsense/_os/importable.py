@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gapsense.shipped import PACKAGE
+
 # First a process of ours forgets the working folder, which Python puts first. Both modules are built into Python:
 # nothing is looked for in a folder yet.
 ALONE = "import sys, _signal; sys.path[:] = filter(None, sys.path); "
@@ -41,7 +43,7 @@ def imported(name: str) -> Any:
 
 
 def facts(function: Callable[..., Any]) -> list[str]:
-    """Name of a function and hash of its module's file, for `ledger.key`."""
+    """Name of a function and hash of its module's file, for the key of what it computes."""
     from gapsense._os.files import sha256  # here, so that what needs no arrays starts fast
 
     return [importable_name(function), sha256(source_file(function))]
@@ -49,6 +51,8 @@ def facts(function: Callable[..., Any]) -> list[str]:
 
 def root(function: Callable[..., Any]) -> Path:
     """Folder from which the module of a function is imported."""
+    if function.__module__.partition(".")[0] == PACKAGE.name:  # whose studies stand in scenarios/
+        return PACKAGE.parent
     file = source_file(function)
     return file.parents[function.__module__.count(".") + (file.name == "__init__.py")]
 

@@ -58,7 +58,7 @@ def build(
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
-    from gapsense.studies.identification.transfer import read_sets, taken
+    from gapsense.identification.transfer import read_sets, taken
 
     every = components_folder(root)
     folders = find_components(every, names or ())

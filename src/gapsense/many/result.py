@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
 from gapsense.problems import InputError, required, suggest
 
 FORMAT, KEY = "gapsense campaign 3", "campaign"
-ROOM = 2**23  # numbers that are in memory at once
+ROOM, SOME = 2**28, 2**16  # bytes that are kept in memory, and runs that are looked at together
 FORMER = "campaign.json"  # of campaigns that were kept as Parquet files
 
 
@@ -63,15 +64,13 @@ class Campaign:
 
     def batches(self, *names: str) -> Iterator[dict[str, Vector]]:
         """Columns of all runs in their order, some thousand rows at a time; a number that is missing is NaN."""
-        known, count = self.columns.names, 0
+        known = self.columns.names
         if unknown := [name for name in names if name not in known]:
             raise InputError(
                 [f"{self.folder}: there is no column `{name}`. {suggest(name, known)}" for name in unknown]
             )
         texts = {name: self.texts(name) for name in (ERROR, ENDED) if name in names}
-        for contents in self.store.contents():
-            data = np.frombuffer(b"".join(contents), self.columns.record)
-            count += data.size
+        for data in self.records():
             runs = self.columns.array("run", data)
             yield {
                 name: np.array([texts[name].get(run) for run in runs.tolist()], dtype=object)
@@ -79,6 +78,30 @@ class Campaign:
                 else self.columns.array(name, data)
                 for name in names
             }
+
+    def records(self) -> Iterator[Vector]:
+        """Numbers of all runs, some at a time: from memory, unless they are too many for it."""
+        if self.rows * self.columns.record.itemsize > ROOM:
+            return self.read()
+        return (self.records_in_memory[k : k + SOME] for k in range(0, self.rows, SOME))
+
+    @cached_property
+    def records_in_memory(self) -> Vector:
+        """Numbers of all runs."""
+        found, count = np.empty(self.rows, self.columns.record), 0
+        for data in self.read():
+            found[count : count + data.size] = data
+            count += data.size
+        return found
+
+    def read(self) -> Iterator[Vector]:
+        """The same from the store; an InputError if it has other runs by now."""
+        count = 0
+        for contents in self.store.contents():
+            count += len(contents)
+            if count > self.rows:
+                break
+            yield np.frombuffer(b"".join(contents), self.columns.record)
         if count != self.rows:
             raise InputError([f"{self.folder}: it has changed since it was read. Read it again."])
 
@@ -91,12 +114,6 @@ class Campaign:
         parts = list(self.batches(*(names or self.columns.names)))
         return {n: np.concatenate([part[n] for part in parts] or [np.empty(0)]) for n in names or self.columns.names}
 
-    def each(self, *names: str) -> Iterator[tuple[str, Vector]]:
-        """Columns of all runs, one after the other; as many are read at once as there is room for."""
-        some = max(1, ROOM // max(self.rows, 1))
-        for k in range(0, len(names), some):
-            yield from self.table(*names[k : k + some]).items()
-
     def column(self, name: str) -> Vector:
         """One column of all runs, in their order."""
         return self.table(name)[name]
@@ -108,7 +125,7 @@ class Campaign:
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs that have it, by default the median within the 5-95 % range."""
-        return {name: quantiles(values, levels) for name, values in self.each(*self.metrics)}
+        return {name: quantiles(self.column(name), levels) for name in self.metrics}
 
     def errors(self, most: int) -> list[tuple[int, str]]:
         """The first runs that failed, and why."""

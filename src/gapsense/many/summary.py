@@ -61,16 +61,7 @@ class Group(NamedTuple):
 
 def spread(campaign: Campaign, name: str) -> Spread:
     """Quantiles of a column of numbers."""
-    return spreads(campaign, [name])[name]
-
-
-def spreads(campaign: Campaign, names: Sequence[str]) -> dict[str, Spread]:
-    """Quantiles of columns of numbers."""
-    return {name: spread_of(name, values.astype(np.float64)) for name, values in campaign.each(*names)}
-
-
-def spread_of(name: str, values: Vector) -> Spread:
-    """Quantiles of numbers."""
+    values = campaign.column(name).astype(np.float64)
     least, low, median, high, greatest = quantiles(values, LEVELS)
     return Spread(
         name=name,
@@ -177,7 +168,7 @@ def clouds(campaign: Campaign, factors: Sequence[str], metrics: Sequence[str]) -
     """Counts of each parameter and metric, in one go through the runs."""
     if not factors or not metrics:
         return {}
-    bins = {name: edges(values.astype(np.float64)) for name, values in campaign.each(*factors, *metrics)}
+    bins = {name: edges(campaign.column(name).astype(np.float64)) for name in (*factors, *metrics)}
     made = {
         (f, m): Cloud(bins[f], bins[m], np.zeros((bins[f].size - 1, bins[m].size - 1)))
         for f in factors

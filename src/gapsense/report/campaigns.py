@@ -38,13 +38,11 @@ def factors(campaign: Campaign) -> list[Table]:
 
     if not campaign.factors or not campaign.rows:
         return []
-    made, spreads = (
-        table("Varied", ("parameter", "least", "median", "greatest")),
-        of.spreads(campaign, of.numeric(campaign)),
-    )
+    made, numeric = table("Varied", ("parameter", "least", "median", "greatest")), of.numeric(campaign)
     for name in campaign.factors:
         unit = campaign.units[name]
-        if found := spreads.get(name):
+        if name in numeric:
+            found = of.spread(campaign, name)
             add_row(made, name, *(quantity(v, unit) for v in (found.least, found.median, found.greatest)))
         else:
             values = of.levels(campaign, name)
@@ -57,12 +55,12 @@ def metrics(campaign: Campaign) -> list[Table]:
     from gapsense.many import summary as of
 
     made: dict[str, Table] = {}
-    leading, spreads = of.leading(campaign), of.spreads(campaign, campaign.metrics)
+    leading = of.leading(campaign)
     for name, (title, label) in campaign.about["labels"].items() if campaign.rows else ():
         title = title or "Metrics"
         heads = ("metric", "least", "5 %", "median", "95 %", "greatest", "goes with", "missing")
         shown = made.setdefault(title, table(title, heads))
-        found, unit = spreads[name], campaign.units[name]
+        found, unit = of.spread(campaign, name), campaign.units[name]
         numbers = (found.least, found.low, found.median, found.high, found.greatest)
         best = leading.get(name)
         with_it = f"{best.factor} {best.correlation:+.2f}" if best else "-"

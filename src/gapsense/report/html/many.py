@@ -56,7 +56,7 @@ class Many:
         from gapsense.many import summary
 
         names = [*self.campaign.metrics, *summary.numeric(self.campaign)] if self.campaign.rows else []
-        return summary.spreads(self.campaign, names)
+        return {name: summary.spread(self.campaign, name) for name in names}
 
     @cached_property
     def correlations(self) -> dict[str, list[Leading]]:
