@@ -33,6 +33,7 @@ def stored(folder, entries, runs):
 def made(tmp_path, monkeypatch):
     """Maker of a result of so many runs, one in 50 failed, and its values."""
     monkeypatch.setattr(of, "GROUP", 900)
+    monkeypatch.setattr("gapsense.many.result.SOME", 700)
 
     def make(count: int):
         random = np.random.default_rng(2)
