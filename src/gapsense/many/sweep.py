@@ -30,13 +30,14 @@ from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
 from gapsense.many.ahead import runs_ahead
 from gapsense.many.columns import ENDED, columns_of
-from gapsense.many.execute import Done, Many, complete
+from gapsense.many.execute import Done, complete
 from gapsense.many.key import key
 from gapsense.many.plan import Plan
 from gapsense.many.provenance import provenance
 from gapsense.many.store import ERRORS, SUFFIX, WORDS, Store, alone
 from gapsense.many.sweep_table import Sweep, values
 from gapsense.many.sweep_table import save as save_table
+from gapsense.many.task import Many
 from gapsense.many.worker import kept, thrifty
 from gapsense.problems import ScenarioError
 
