@@ -156,8 +156,9 @@ class Store:
 
     def forget(self, runs: Iterable[int]) -> None:
         """Remove runs, so that they are done again."""
-        with self.changing():
-            remove(self.connection, [self.place(run) for run in runs])
+        if places := [self.place(run) for run in runs]:
+            with self.changing():
+                remove(self.connection, places)
 
     def contents(self, table: str = RUNS) -> Iterator[list[bytes]]:
         """Contents of a table in the order of the runs, some at a time, with heads and checksums."""

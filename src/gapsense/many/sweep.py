@@ -7,7 +7,7 @@ seeds leave the runs that are there as they are.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -92,52 +92,33 @@ def sweep(
         read, descriptions = prepare(scenario, variant, folder_of(engine, scenario, fmus))
         seeds = (1 if read.swept else 200) if seeds is None else seeds
         refuse_senseless(read, seeds, workers, keep and out is None)
-        changes = scenario.changes if isinstance(scenario, Document) else {}
-        return swept(Subject(read, descriptions), seeds, workers, out, measure, progress, keep, changes, engine)
+        file = None if out is None else Path(out) / f"{file_stem(read)}{SUFFIX}"
+        if file is not None:
+            refuse_unwritable(*(file.with_suffix(ending) for ending in (SUFFIX, ".csv", ".json")))
+        own, plan = key_of(read, descriptions, measure), Plan((), seeds).over(read)
+        many = Many(
+            scenario=read if measure or keep else thrifty(read),
+            descriptions=descriptions,
+            plan=plan,
+            columns=columns_of(read, descriptions, plan),
+            measure=measure,
+            folder=file.with_suffix("") / own[:16] if keep and file else None,
+        )
+        with alone(file), Store(file, own) as store:
+            store.describe({"source": source_of(store, read)})
+            store.forget(unusable(store, many))
+            done = complete(many, store, workers, engine, progress=progress)
+            result = collect(many, store, done)
+    if file is not None and not done.interrupted:
+        changes = dict(scenario.changes) if isinstance(scenario, Document) else {}
+        about = {**provenance(read, file.parent), **of_sweep(Subject(read, descriptions), plan, own)}
+        save_table(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
+    return result
 
 
 def file_of(scenario: Source) -> Path | None:
     """The file of a scenario that has one."""
     return None if isinstance(scenario, Document) else scenario_file(scenario)
-
-
-def swept(
-    subject: Subject,
-    seeds: int,
-    workers: int,
-    out: str | Path | None,
-    measure: Measure | None,
-    progress: Progress | None,
-    keep: bool,
-    changes: Mapping[str, Any],
-    engine: str,
-) -> Sweep:
-    """The runs of a sweep; `changes` are what was laid over the scenario."""
-    read, descriptions = subject.scenario, subject.descriptions
-    plan = Plan((), seeds).over(read)
-    file = None if out is None else Path(out) / f"{file_stem(read)}{SUFFIX}"
-    if file is not None:
-        refuse_unwritable(*(file.with_suffix(ending) for ending in (SUFFIX, ".csv", ".json")))
-    own = key_of(read, descriptions, measure)
-    many = Many(
-        scenario=read if measure or keep else thrifty(read),
-        descriptions=descriptions,
-        plan=plan,
-        columns=columns_of(read, descriptions, plan),
-        measure=measure,
-        folder=file.with_suffix("") / own[:16] if keep and file else None,
-    )
-    with alone(file), Store(file, own) as store:
-        source = source_of(store, read)
-        store.describe({"source": source, "columns": many.columns.facts()})
-        store.forget(store.runs(ERRORS, len(plan)).tolist())  # failed runs are tried again
-        store.forget([run for run in store.runs(below=len(plan)).tolist() if not is_there(run, many.folder)])
-        done = complete(many, store, workers, engine, progress=progress)
-        result = collect(many, store, done)
-    if file is not None and not done.interrupted:
-        about = {**provenance(read, file.parent), **of_sweep(subject, plan, own), "settings": {**changes}}
-        save_table(result, {**about, "engine": done.engine}, plan, file.with_suffix(".csv"))
-    return result
 
 
 def of_sweep(subject: Subject, plan: Plan, key: str) -> dict[str, Any]:
@@ -194,15 +175,17 @@ def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure
     return key([deciding(scenario), hashes, measure and facts(measure)])
 
 
-def is_there(run: int, folder: Path | None) -> bool:
-    """True if the signals of a run are there, if they are kept; what is damaged is told."""
-    if folder is None:
-        return True
-    file = kept(folder, run)
-    is_good = is_whole(file)
-    if file.is_file() and not is_good:
-        LOG.warning("%s: it is damaged, or was edited. Run %d is computed again.", file, run)
-    return is_good
+def unusable(store: Store, many: Many) -> Iterator[int]:
+    """Runs that are done again: those that failed, and those whose kept signals are gone or damaged, which is told."""
+    yield from store.runs(ERRORS, len(many.plan)).tolist()
+    if many.folder is None:
+        return
+    for run in store.runs(below=len(many.plan)).tolist():
+        file = kept(many.folder, run)
+        if not is_whole(file):
+            yield run
+            if file.is_file():
+                LOG.warning("%s: it is damaged, or was edited. Run %d is computed again.", file, run)
 
 
 def collect(many: Many, store: Store, done: Done) -> Sweep:
