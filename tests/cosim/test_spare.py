@@ -114,7 +114,7 @@ fmu = "NAME"
     ("Source.fmu", "vectors", 1),
 ])  # fmt: skip
 def test_many_runs_start_processes_ahead_unless_vectors_will_do_them(tmp_path, monkeypatch, name, engine, count):
-    monkeypatch.setattr("gapsense.cosim.run.ahead.own_compiler", lambda: "cc")
+    monkeypatch.setattr("gapsense.many.ahead.likely_vectors", lambda engine: engine != "fmu")
     (tmp_path / "scenario.toml").write_text(FOREIGN.replace("NAME", name), encoding="utf-8")
     with runs_ahead(1, engine, tmp_path / "scenario.toml"):
         assert len(spare._waiting) == count
