@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.run.master import Master as Master
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.run.run import run_once as run_once
-    from gapsense.cosim.scenario.changes import changed as changed
+    from gapsense.cosim.scenario.document import changed as changed
     from gapsense.cosim.scenario.read import load as load
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
-    "scenario.changes": ("changed",),
+    "scenario.document": ("changed",),
     "run.checkpoint": ("Checkpoint",),
     "result.compare": ("compare",),
     "junit": ("write_junit",),

@@ -24,8 +24,7 @@ from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
 from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.changes import OVER
-from gapsense.cosim.scenario.document import Document, Source, scenario_file
+from gapsense.cosim.scenario.document import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
 from gapsense.many.ahead import runs_ahead
