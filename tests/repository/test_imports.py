@@ -192,7 +192,7 @@ FOUND_BY_WALKING = {
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),
-    "estimators": {path.stem for path in (SRC / "estimators").glob("[!_]*.py")},
+    "estimators": {path.stem for path in (SRC / "estimators").glob("[!_]*")},
     "scenarios": folders(ROOT / "scenarios"),
 }
 
