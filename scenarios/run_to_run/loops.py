@@ -14,7 +14,7 @@ from gapsense.control import run_to_run
 from gapsense.control.records import Parameters
 from gapsense.cosim import load
 from gapsense.drive import drive_voltage
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # the helpers of this folder can be imported by its tests
@@ -62,7 +62,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def loop_binary() -> Path:
     """The library that does base steps; a module may override it to do without."""
-    return library.BINARY
+    return compiled.BINARY
 
 
 @pytest.fixture

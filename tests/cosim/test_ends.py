@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import FmuError, Master, prepare, read_result, run, run_once
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 
 TEXT = """
 title = "Ends"
@@ -38,7 +38,7 @@ ENDS, SILENT, WARNS, EARLY, NO_TIME, BEFORE, BEYOND, AFTER = range(1, 9)
 @pytest.fixture(params=["C", "Python"])
 def loops(request, monkeypatch):
     if request.param == "Python":
-        monkeypatch.setattr(library, "BINARY", Path("none.so"))
+        monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
 
 
 def written(write, version, deed, stop=1.0, isolation="", more="", name="demo", has_only_reals=False):

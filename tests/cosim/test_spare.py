@@ -11,7 +11,7 @@ import unflushed
 from gapsense._os import prestart as spare
 from gapsense._os.prestart import ahead
 from gapsense.cosim import ScenarioError, run, sweep
-from gapsense.cosim.fmu.unpacked import is_needed
+from gapsense.cosim.fmu.instance import is_needed
 
 
 def answer_of(process):

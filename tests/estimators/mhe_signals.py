@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from c_code import CKernel
 
-from gapsense.estimators import mhe
-from gapsense.estimators.mhe_model import (
+from gapsense.estimators.mhe import mhe
+from gapsense.estimators.mhe.model import (
     Device,
     Model,
     Point,
     advance,
-    corrected,
+    apply_corrections,
     current,
     device,
     mean_of,
@@ -84,7 +84,7 @@ def at_rest(m: Model, lam: float = 0.0) -> Point:
 
 def corrected_run(par: mhe.Parameters, q: np.ndarray, voltage: np.ndarray) -> Run:
     """The model with corrections q (12,) from rest on."""
-    m = model(par, corrected(device(par), q[:START]))
+    m = model(par, apply_corrections(device(par), q[:START]))
     return model_run(at_rest(m, q[START]), voltage[1:].tolist(), m)
 
 

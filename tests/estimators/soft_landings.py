@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import soft_plant
 
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import stepped

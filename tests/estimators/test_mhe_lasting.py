@@ -13,7 +13,7 @@ from soft_landings import balance
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
-from gapsense.estimators.mhe_records import MOST
+from gapsense.estimators.mhe.window import MOST
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE

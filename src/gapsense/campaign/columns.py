@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from gapsense.campaign.prepare import OWN_COLUMNS, Prepared
-from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.cosim.result.metrics import unit_of
 from gapsense.cosim.scenario.signals import matching, recorded_signals
 from gapsense.tables import Value

@@ -35,8 +35,7 @@ from gapsense.cosim.run.engines import folder_of, refuse_unknown, vector_executo
 from gapsense.cosim.run.recording import death
 from gapsense.cosim.run.subject import Subject
 from gapsense.cosim.run.worker import Runs, request, thrifty
-from gapsense.cosim.scenario.changes import OVER
-from gapsense.cosim.scenario.document import Document, Source
+from gapsense.cosim.scenario.document import OVER, Document, Source
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.order import execution_order

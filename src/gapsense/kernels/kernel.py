@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from gapsense.kernels.emit import C, Graph, Python, indexing, namespace, split
-from gapsense.kernels.layout import fields, flat, leaves, names, record, zeros
+from gapsense.kernels.layout import Choice, fields, flat, leaves, names, record, zeros
 from gapsense.kernels.trace import Expr, Tape, TraceError, memory_of
 
 STEP = """def step(state, inputs, par):
@@ -38,7 +38,7 @@ def trace(
         function.__name__,
         tape,
         [(n, cls, symbols[n]) for n, cls in arguments.items()],
-        [(type(r), flat(r)) for r in results],
+        [(type(r), [float(x) if isinstance(x, Choice) else x for x in flat(r)]) for r in results],
     )
 
 

@@ -54,12 +54,17 @@ NESTED = (tuple, list, np.ndarray)
 
 
 class Choice(IntEnum):
-    """Choices of a parameter: the names are those of its port, the values their places there."""
+    """Choices of a parameter, with the names of its port and their places there as values; or named states."""
 
 
 def fields(cls: type) -> dict[str, Field]:
     """Name and layout of every field of a record class, in order; in place of a record, its fields."""
     return dict(_leaves(cls))
+
+
+def parts(cls: type) -> dict[str, Any]:
+    """Of every field the class of the record that it holds, or None."""
+    return {name: at if _is_record(at) else None for name, at in _layout(cls).items()}
 
 
 def choices(cls: type) -> dict[str, tuple[str, ...]]:

@@ -242,6 +242,16 @@ def where(c: Any, a: Any, b: Any) -> Any:
     return _make("where", c, a, b) if isinstance(c, Expr) and not same else a if same or c else b
 
 
+def flag(c: Any) -> Any:
+    """A truth value as a record keeps it: 1 or 0."""
+    return where(c, 1.0, 0.0)
+
+
+def is_set(value: Any) -> Any:
+    """The truth value of a flag or an option in a record."""
+    return value > 0.0
+
+
 def clip(x: Any, low: Any, high: Any) -> Any:
     """`x` limited to [low, high]."""
     return where(x < low, low, where(x > high, high, x))
@@ -318,6 +328,11 @@ def cond(c: Any, then: Callable[[], T], otherwise: Callable[[], T]) -> T:
     node = tape.node("if", (c,), (*regions, {}))
     regions[0].owner = regions[1].owner = node.id
     return rebuild(results[0], iter([select(node, x, y) for x, y in zip(a, b)]))
+
+
+def when(c: Any, change: Callable[[T], T], value: T) -> T:
+    """`change(value)` if `c` else `value`, a real branch."""
+    return cond(c, lambda: change(value), lambda: value)
 
 
 def select(node: Expr, a: Any, b: Any) -> Any:

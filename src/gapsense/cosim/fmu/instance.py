@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import math
 import os
+import re
+import shutil
 import sys
+import tempfile
+import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.fmu.variables import Variable
+from gapsense._os.files import sha256
+from gapsense._os.locks import temporary_folder as locked_folder
+from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.run.failure import FmuError
 from gapsense.tables import Value
 
+PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
+C_TYPES_3: Mapping[str, Any] = {
+    "Float64": ctypes.c_double,
+    "Float32": ctypes.c_float,
+    **{f"{s}Int{n}": getattr(ctypes, f"c_{s.lower()}int{n}") for s in ("", "U") for n in (8, 16, 32, 64)},
+    "Enumeration": ctypes.c_int64,
+    "Boolean": ctypes.c_bool,
+    "String": ctypes.c_char_p,
+}
 GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
@@ -79,7 +95,7 @@ def process_kept() -> Iterator[None]:
 class Instance:
     """An FMU of FMI 2.0, loaded as `name` from its unpacked `folder`. After `fmi2Fatal` it is never touched again.
 
-    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates, see `instance3.py`.
+    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates.
     """
 
     is_near = True  # in this process, so that C may call it
@@ -331,3 +347,148 @@ def summary(text: str) -> str:
     start = next((i for i, line in enumerate(lines) if line.startswith("Traceback (")), None)
     words = " ".join(lines if start is None else [*lines[:start], lines[-1]])
     return words[:LONGEST] or "(empty message)"
+
+
+# FMI 3.0: what differs from 2.0.
+
+
+def instance_of(name: str, description: Description, folder: Path) -> Instance:
+    """An FMU of either version, loaded as `name` from its unpacked `folder`."""
+    return kind_of(description)(name, description, folder)
+
+
+def kind_of(description: Description) -> type[Instance]:
+    """What stands for instances of an FMU of its version."""
+    return Instance3 if description.fmi == 3 else Instance
+
+
+def collector_3(messages: deque[Message]) -> Callable[..., None]:
+    """Function for the logger of an FMU that keeps its messages."""
+
+    def log(_: Any, status: int, category: bytes | None, text: bytes | None) -> None:
+        messages.append(Message(status, (text or b"").decode("utf-8", "replace")))
+
+    return log
+
+
+class Instance3(Instance):
+    """An FMU of FMI 3.0, without event mode, early return and clocks."""
+
+    def instantiated(self, folder: Path) -> Any:
+        """What fmpy makes of the library."""
+        from fmpy import fmi3  # here, so that what loads no FMU starts fast
+
+        slave = fmi3.FMU3Slave(
+            guid=self.description.guid,
+            modelIdentifier=self.description.identifier,
+            unzipDirectory=str(folder),
+            instanceName=self.name,
+        )
+        slave.instantiate(loggingOn=True, logMessage=collector_3(self.messages))
+        return slave
+
+    def entry(self, function: str) -> str:
+        """Name that FMI 3.0 has for an entry point or a status of FMI 2.0."""
+        return function.replace("fmi2", "fmi3", 1).replace("FMUstate", "FMUState").replace("DeSer", "Deser")
+
+    def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Everything before and at the start of the initialization mode."""
+        yes, no, none = ctypes.c_bool(True), ctypes.c_bool(False), ctypes.c_double(0.0)
+        sizes = {name: value for name, value in values.items() if self.description.variables[name].is_structural}
+        if sizes:
+            self.call("fmi2EnterConfigurationMode")
+            self.set_all(sizes)
+            self.call("fmi2ExitConfigurationMode")
+        self.set_all({name: value for name, value in values.items() if name not in sizes})
+        self.call("fmi2EnterInitializationMode", no, none, ctypes.c_double(start), yes, ctypes.c_double(stop))
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return C_TYPES_3[variable.size or variable.type]
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type, as FMI 2.0 might call it."""
+        return f"fmi2{action}{'Int64' if variable.type == 'Enumeration' else variable.size or variable.type}"
+
+    def after(self, count: int) -> tuple[Any, ...]:
+        """Arguments of an accessor after the values: their number, as there may be arrays."""
+        return (ctypes.c_size_t(count),)
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status, or what its end means."""
+        entry, pointer, time, keep = self.function(STEP), self.pointer, ctypes.c_double(), ctypes.c_bool(True)
+        step, last = ctypes.c_double(duration), ctypes.c_double()
+        event, ends, early = (ctypes.c_bool() for _ in range(3))
+        answers = tuple(ctypes.byref(answer) for answer in (event, ends, early, last))
+
+        def do(start: float) -> int:
+            time.value, last.value = start, start + duration  # where an FMU does not tell it
+            event.value = ends.value = early.value = False
+            status = entry(pointer, time, step, keep, *answers)
+            self.last = last.value
+            end = reached(start, duration, last.value, ends=ends.value, early=early.value) if status <= WARNING else 0
+            return end or status
+
+        return do
+
+    def judged(self, status: int, start: float, duration: float) -> int:
+        """The status of a step, which says it all."""
+        return status
+
+
+# FMUs unpacked once per process and content: the same library is then never loaded from two places.
+#
+# Libraries of Python FMUs stay in memory for ever, so what is unpacked anew for each run costs memory for each run.
+
+
+def unpacked(description: Description) -> Path:
+    """Folder with what a run needs of an FMU, until the process ends."""
+    folder = home(os.getpid()) / description.sha256
+    if not folder.is_dir():
+        if sha256(description.path) != description.sha256:
+            raise FmuError(description.name, f"`{description.path}` has changed since it was read. Start again.")
+        part = Path(tempfile.mkdtemp(dir=folder.parent))
+        try:
+            with zipfile.ZipFile(description.path) as archive:
+                archive.extractall(part, [name for name in archive.namelist() if is_needed(name)])
+        except (OSError, zipfile.BadZipFile) as error:
+            shutil.rmtree(part, ignore_errors=True)
+            cause = getattr(error, "strerror", None) or error
+            why = f"`{description.path}` cannot be unpacked into `{folder.parent}`: {cause}"
+            raise FmuError(description.name, f"{why}. Look at the file and at the space on that disk.") from error
+        with suppress(OSError):  # another thread was faster
+            part.rename(folder)
+    return folder
+
+
+def is_needed(member: str) -> bool:
+    """True unless no run needs it: documentation, sources, binaries of other platforms."""
+    import fmpy  # here, so that what loads no FMU starts fast
+
+    folder, *inner = member.split("/")
+    is_foreign = folder == "binaries" and len(inner) > 1 and inner[0] not in (fmpy.platform, fmpy.platform_tuple)
+    return folder not in ("documentation", "sources") and not is_foreign
+
+
+@cache
+def home(process: int) -> Path:
+    """Folder for what this process unpacks; it is removed with it, or else by the next one."""
+    folder = temporary_folder()
+    atexit.register(remove, folder, process)
+    return folder
+
+
+def temporary_folder() -> Path:
+    """A new folder with a plain ASCII path: FMUs may fail on any other, see section 1 of hosts.md."""
+    for base in (None, Path("/tmp"), Path()):
+        folder = locked_folder(base).resolve()
+        if PLAIN.fullmatch(str(folder)):
+            return folder
+        shutil.rmtree(folder)
+    raise FmuError("fmus", "no temporary folder has a plain ASCII path. Set TMPDIR to one that has.")
+
+
+def remove(folder: Path, process: int) -> None:
+    """Remove the folder of a process, unless this one was forked from it."""
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)
