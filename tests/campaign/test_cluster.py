@@ -17,6 +17,7 @@ from studies_of_ramps import NOISE, STUDY
 
 from gapsense import campaign
 from gapsense.problems import InputError
+from gapsense.version import __version__
 
 pytest.importorskip("distributed")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")]
@@ -290,6 +291,6 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     (other / "units.py").write_text((other / "units.py").read_text() + "\n")
     with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
-    (other / "version.py").write_text((other / "version.py").read_text().replace('"0.1.0"', '"0.0.9"'))
+    (other / "version.py").write_text((other / "version.py").read_text().replace(__version__, "0.0.9"))
     with pytest.raises(InputError, match=r"it has Gapsense 0\.0\.9, 0\.1\.0 is expected\. Install that"):
         campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)

@@ -159,6 +159,7 @@ def figure(
         typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png"),
     ] = None,
     settings: cli.Set = None,
+    show: Annotated[bool, typer.Option("--show", help="Show it, in the browser")] = False,
 ) -> None:
     """Run a scenario and draw its figure, or draw that of a saved result."""
     from gapsense.report import plot
@@ -177,6 +178,8 @@ def figure(
             result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
         cli.stop_if_interrupted(result)
     cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+    if show:
+        cli.shown(file)
 
 
 def read_saved(file: Path, *options: object) -> cosim.Result:

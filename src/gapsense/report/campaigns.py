@@ -94,7 +94,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     found = Distributions(campaign, dict.fromkeys(metrics, factors), {name: levels(campaign, name) for name in factors})
     words = f"{campaign.rows} runs{'; dark where many lie' if found.is_counted else ''}"
     title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
-    made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
+    made, axes = plot.panels(title, *size, (1.0 + 2.0 * size[1], 0.9 + 2.0 * size[0]), sharey="row")
     for row, metric in zip(axes, metrics):
         bins, counts = found.alone(metric)
         row[0].stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
@@ -109,7 +109,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
             else:
                 density(axis, over)
     for axis, name in zip(axes[-1], ("runs", *factors)):
-        axis.set_xlabel(name if name == "runs" else labelled(campaign, name))
+        axis.set_xlabel(name if name == "runs" else labelled(campaign, name), fontsize="small")
     return made
 
 
