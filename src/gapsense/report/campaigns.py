@@ -130,11 +130,12 @@ def bars(axis: Any, found: Bars) -> None:
     """Median and 5-95 % range at each value of a parameter."""
     from gapsense.report import plot
 
-    for k, (low, median, high) in enumerate(found.quantiles):
-        axis.plot([k, k], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
-        axis.plot([k], [median], "o", color=plot.FIRST)
-    names = found.names
-    axis.set_xticks(range(len(names)), names, rotation=30 if max(map(len, names), default=0) > 6 else 0)
+    for place, (low, median, high) in zip(found.places, found.quantiles):
+        axis.plot([place, place], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
+        axis.plot([place], [median], "o", color=plot.FIRST)
+    names = [found.names[k] for k in found.labelled]
+    slope = 30 if max(map(len, names), default=0) > 6 else 0
+    axis.set_xticks(found.places[found.labelled], names, rotation=slope)
 
 
 def density(axis: Any, cloud: Cloud) -> None:
