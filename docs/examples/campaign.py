@@ -2,12 +2,9 @@
 # # A campaign
 #
 # Two hundred runs of a scenario, over tolerances of a valve and its supply: how good is the resistance that `Semera` finds?
-# It needs the extra `campaign`.
 
 # %%
 from pathlib import Path
-
-from gapsense import campaign
 
 STUDY = """
 title = "Tolerances of valve and supply"
@@ -31,7 +28,7 @@ low = 2e-4
 high = 5e-3
 """
 Path("tolerances.toml").write_text(STUDY)
-result = campaign.run("tolerances.toml")
+result = campaign("tolerances.toml")
 print(result)
 
 # %% [markdown]

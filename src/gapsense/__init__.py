@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from gapsense.cosim.result.result import read_result as read_result
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.scenario.build import Scenario as Scenario
-    from gapsense.cosim.sweep import sweep as sweep
     from gapsense.functions import Found as Found
     from gapsense.functions import commission as commission
     from gapsense.functions import compare as compare
@@ -48,6 +47,10 @@ if TYPE_CHECKING:
     from gapsense.functions import gap_law as gap_law
     from gapsense.functions import identify as identify
     from gapsense.functions import inspect as inspect
+    from gapsense.many.campaign import campaign as campaign
+    from gapsense.many.prepare import check_study as check_study
+    from gapsense.many.result import read_campaign as read_campaign
+    from gapsense.many.sweep import sweep as sweep
 
 __all__ = [
     "BoundedUkf",
@@ -67,13 +70,16 @@ __all__ = [
     "Semera",
     "Sensor",
     "SolenoidValve",
+    "campaign",
     "check",
+    "check_study",
     "commission",
     "compare",
     "estimate",
     "gap_law",
     "identify",
     "inspect",
+    "read_campaign",
     "read_result",
     "run",
     "sweep",
@@ -87,7 +93,10 @@ OFFERED = {  # where each is
     ),
     "check": "gapsense.cosim.prepare",
     "run": "gapsense.cosim.run.run",
-    "sweep": "gapsense.cosim.sweep",
+    "campaign": "gapsense.many.campaign",
+    "check_study": "gapsense.many.prepare",
+    "read_campaign": "gapsense.many.result",
+    "sweep": "gapsense.many.sweep",
 }
 
 

@@ -483,7 +483,7 @@ OTHER = "it is of the scenario `../A/same/scenario.toml`, this one is `../B/same
     ("command", "files"),
     [
         (["run"], ["same.csv", "same.json"]),
-        (["sweep", "--seeds", 1, "--workers", 1], ["same_sweep.csv", "same_sweep.json", "same_sweep.jsonl"]),
+        (["sweep", "--seeds", 1, "--workers", 1], ["same_sweep.csv", "same_sweep.json", "same_sweep.sqlite"]),
         (["figure"], ["same.png"]),
     ],
 )

@@ -268,7 +268,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("many")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(distributions, "POINTS", 100)
-        patch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)  # the resistance has 7
+        patch.setattr("gapsense.many.summary.MOST_LEVELS", 5)  # the resistance has 7
         return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
 
 

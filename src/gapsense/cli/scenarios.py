@@ -13,8 +13,9 @@ from gapsense._os.interrupts import counted
 from gapsense._os.plain_files import refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli.compare import draw
-from gapsense.cosim.run.ahead import run_ahead, sweep_ahead
+from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.scenario.document import scenario_file
+from gapsense.many.ahead import runs_ahead
 from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed
@@ -127,7 +128,7 @@ def sweep(
     """
     engine = cli.engine_of(engine, native)
     fmus = cli.chosen(scenario, fmus, engine == "native")
-    with sweep_ahead(workers, engine), cli.bar("sweeping") as progress:
+    with runs_ahead(workers, engine, scenario_file(scenario)), cli.bar("sweeping") as progress:
         from gapsense.cosim.run.loop import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())

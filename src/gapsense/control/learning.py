@@ -19,7 +19,7 @@ from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, load, log, square, where
 
-TREND, KEEP, CLEAR = 0.05, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
+TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
 # share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
@@ -32,7 +32,7 @@ FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT = 0.005  # of a, b, q, r from operation to operation
+DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -141,4 +141,4 @@ def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scal
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
     trend = vector([where(is_steady, KEEP * old + TREND * more, 0.0) for old, more in zip(law.trend, change)])
     mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
-    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(DRIFT)] * NUMBERS))
+    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(drift) for drift in DRIFT]))

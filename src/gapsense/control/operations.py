@@ -34,6 +34,7 @@ OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 PATIENT = 8.0  # cycles after which an estimator is to be followed
+TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 WARM = 0.85  # share of the voltage that the resistance may need
 
 
@@ -52,13 +53,13 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     law = laws.read(known, half)._replace(length=running.age)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
-    is_limited = running.limited > laws.LIMITED
+    is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
     law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
     is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     noted = state.noted._replace(
-        too_fast=where(is_limited & not_(is_warm), 1.0, state.noted.too_fast),
-        used_up=where(is_limited & is_warm, 1.0, state.noted.used_up),
+        too_fast=where(is_told & not_(is_warm), 1.0, state.noted.too_fast),
+        used_up=where(is_told & is_warm, 1.0, state.noted.used_up),
     )
     state = state._replace(laws=laws.write(known, half, law), noted=noted)
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.campaign import summary
-from gapsense.campaign.result import Campaign
+from gapsense.many import summary
+from gapsense.many.result import Campaign
 
 Vector = npt.NDArray[np.float64]
 POINTS = 2000  # runs that are drawn as points; more are counted

@@ -13,8 +13,8 @@ import bokeh.models
 import numpy as np
 from bokeh.plotting import figure
 
-from gapsense.campaign import summary
-from gapsense.cosim.provenance import EVENTS
+from gapsense.many import summary
+from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
 from gapsense.report.distributions import Bars, Distributions, Points, named
 from gapsense.report.html import style
@@ -24,7 +24,7 @@ from gapsense.report.html.many import Many
 from gapsense.tables import parsed_value
 
 if TYPE_CHECKING:
-    from gapsense.campaign.worst import Extremes, Worst
+    from gapsense.many.summary import Extremes, Worst
 
 bk: Any = bokeh.models
 FEW = 500  # points, which are drawn strongly

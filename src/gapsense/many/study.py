@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.campaign.draws import DISTRIBUTIONS, points
-from gapsense.campaign.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
-from gapsense.campaign.keys import STUDY as STUDY_KEYS
-from gapsense.campaign.plan import Block, Plan
 from gapsense.cosim.events.event import SECTION
 from gapsense.cosim.scenario.document import scenario_file
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.kinds import STUDY, other_kind
 from gapsense.cosim.scenario.read_sections import by_port, read_rows, split
 from gapsense.cosim.scenario.records import MOST_RUNS, RowsColumn, product
+from gapsense.many.draws import DISTRIBUTIONS, points
+from gapsense.many.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
+from gapsense.many.keys import STUDY as STUDY_KEYS
+from gapsense.many.plan import Block, Plan
 from gapsense.parameters import is_file, located
 from gapsense.shipped import example
 from gapsense.tables import LIST, TABLES, Table, read_toml
@@ -51,6 +51,12 @@ def read_study(path: str | Path, problems: list[str]) -> Study | None:
     return None if data is None else Reader(path, data, problems).study()
 
 
+def scenario_beside(study: Path, name: str) -> Path:
+    """The scenario that a study file names; an example counts where there is no such file."""
+    beside = study.parent / name
+    return Path(name) if not beside.exists() and example(name) else beside
+
+
 class Reader:
     """Reads one study; `places` fills with where each parameter is given."""
 
@@ -74,7 +80,7 @@ class Reader:
             path=self.path,
             title=own["title"] or "",
             description=own["description"],
-            scenario=self.scenario(own["scenario"]),
+            scenario=scenario_beside(self.path, own["scenario"]),
             variant=own["variant"],
             plan=plan,
             places=self.places,
@@ -84,15 +90,10 @@ class Reader:
             files=tuple(dict.fromkeys(self.files)),
         )
 
-    def scenario(self, name: str) -> Path:
-        """The scenario; an example counts where there is no such file."""
-        beside = self.folder / name
-        return Path(name) if not beside.exists() and example(name) else beside
-
     def components(self) -> set[str]:
         """Names of the components of the scenario, if it can be read, and of what else has parameters."""
         name = self.table.data.get("scenario")
-        data = read_toml(scenario_file(self.scenario(name)), []) if isinstance(name, str) else None
+        data = read_toml(scenario_file(scenario_beside(self.path, name)), []) if isinstance(name, str) else None
         found = (data or {}).get("components")
         return {SECTION, *(found if isinstance(found, dict) else ())}
 

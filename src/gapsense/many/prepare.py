@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import SHOWN
-from gapsense.campaign.plan import Block, Plan
-from gapsense.campaign.study import Study, read_study
 from gapsense.cosim.check.record import unmatched
 from gapsense.cosim.check.scenario import check_scenario, read_descriptions
 from gapsense.cosim.check.values import taken
@@ -22,37 +20,39 @@ from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.prepare import find_fmus
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
-from gapsense.cosim.run.worker import thrifty
 from gapsense.cosim.scenario.document import scenario_file
 from gapsense.cosim.scenario.fingerprint import deciding, facts
 from gapsense.cosim.scenario.read import read_draft
 from gapsense.cosim.scenario.records import Scenario
 from gapsense.cosim.scenario.signals import signals
+from gapsense.many.columns import OWN, columns_of
+from gapsense.many.plan import Plan
+from gapsense.many.study import Study, read_study, scenario_beside
+from gapsense.many.task import Many
+from gapsense.many.worker import thrifty
 from gapsense.problems import ScenarioError
-from gapsense.tables import Value
+from gapsense.tables import Value, read_toml
 
+TRIES = 2  # of a run whose process dies: somebody may have ended it
 NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")
-OWN_COLUMNS = ("run", "seed", "wall", "error", "ended")  # of a result, beside parameters and metrics
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a campaign runs; the plan has the combinations of the scenario's own `[sweep]` too."""
+    """A study and what it runs; the plan has the combinations of the scenario's own `[sweep]` too."""
 
     study: Study
-    scenario: Scenario  # without a sweep, and without the inputs that are varied
-    descriptions: Descriptions
-    plan: Plan
+    many: Many  # of a scenario without a sweep, and without the inputs that are varied
 
     @property
     def facts(self) -> dict[str, str]:
         """Hashes of what decides the numbers, but for the number of seeds."""
-        files = {str(file.resolve()): file for file in self.study.files}
-        plan = [[[str(p), facts(hashable(c), files)] for p, c in block.columns.items()] for block in self.plan.blocks]
+        many, files = self.many, {str(file.resolve()): file for file in self.study.files}
+        plan = [[[str(p), facts(hashable(c), files)] for p, c in block.columns.items()] for block in many.plan.blocks]
         return {
-            "the scenario": fingerprint(deciding(self.scenario)),
-            "the FMUs": fingerprint({name: d.sha256 for name, d in self.descriptions.items()}),
-            "the values": fingerprint([plan, self.plan.is_common]),
+            "the scenario": fingerprint(deciding(many.scenario)),
+            "the FMUs": fingerprint({name: d.sha256 for name, d in many.descriptions.items()}),
+            "the values": fingerprint([plan, many.plan.is_common]),
             "the trajectories": fingerprint([self.study.signals, self.study.decimation]),
         }
 
@@ -62,7 +62,7 @@ def hashable(column: Sequence[Value] | npt.NDArray[Any]) -> Any:
     return column if isinstance(column, np.ndarray) and column.dtype != object else list(column)
 
 
-def check(study: str | Path, fmus: str | Path | None = None) -> list[str]:
+def check_study(study: str | Path, fmus: str | Path | None = None) -> list[str]:
     """Problems of a study file, its scenario and FMUs, found without running anything.
 
     Parameters
@@ -102,14 +102,34 @@ def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tu
     folder = find_fmus(scenario_file(study.scenario)) if chosen is None else Path(chosen)
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
-    plan = whole(study.plan, read)
+    plan = study.plan.over(read)
     judged = judgeable(study, read, plan)
     problems += own_problems(study, read)
     problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
     if len(descriptions) == len(read.components):
         found = unmatched(study.signals, signals(descriptions), "trajectories.signals")
         problems += [f"{study.path.name}, {problem}" for problem in found]
-    return problems, Prepared(study, runnable(judged, study), descriptions, plan)
+    return problems, None if problems else Prepared(study, many_of(study, runnable(judged, study), descriptions, plan))
+
+
+def many_of(study: Study, scenario: Scenario, descriptions: Descriptions, plan: Plan) -> Many:
+    """The runs of a study."""
+    return Many(
+        scenario=scenario,
+        descriptions=descriptions,
+        plan=plan,
+        columns=columns_of(scenario, descriptions, plan, study.signals),
+        signals=study.signals,
+        decimation=study.decimation,
+        files=study.files,
+        tries=TRIES,
+    )
+
+
+def scenario_of(study: str | Path) -> Path | None:
+    """The file of the scenario that a study file names, if it names one."""
+    name = (read_toml(Path(study), []) or {}).get("scenario") if Path(study).is_file() else None
+    return scenario_file(scenario_beside(Path(study), name)) if isinstance(name, str) else None
 
 
 def runnable(scenario: Scenario, study: Study) -> Scenario:
@@ -117,13 +137,6 @@ def runnable(scenario: Scenario, study: Study) -> Scenario:
     spare = thrifty(replace(scenario, rows=(), rows_columns={}))
     names = tuple(dict.fromkeys((*spare.record.signals, *study.signals)))
     return replace(spare, record=replace(spare.record, signals=names))
-
-
-def whole(plan: Plan, scenario: Scenario) -> Plan:
-    """The plan with every combination of the scenario's own sweep."""
-    rows = [Block({port: [row[port] for row in scenario.rows] for port in scenario.rows[0]})] if scenario.rows else []
-    lists = [Block({port: values}) for port, values in scenario.grid.items()]
-    return replace(plan, blocks=(*rows, *lists, *plan.blocks))
 
 
 def judgeable(study: Study, scenario: Scenario, plan: Plan) -> Scenario:
@@ -149,7 +162,7 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
             f"{name}, seeds: {study.plan.seeds} runs of each point would be the same. Add `[seeds]` to the scenario."
         )
     for metric in scenario.metrics:
-        if metric.name in OWN_COLUMNS:
+        if metric.name in OWN:
             problems.append(
                 f"{scenario.path.name}, metrics.{metric.name}: a result has a column of that name. Rename it."
             )

@@ -21,12 +21,9 @@ from distributed.client import FutureCancelledError
 from distributed.comm.addressing import parse_address
 from distributed.comm.registry import get_backend
 
-from gapsense._os.checked import Entry
-from gapsense._os.workers import LOOK, Answers, Pending
-from gapsense.campaign.plan import Plan
-from gapsense.campaign.prepare import Prepared
-from gapsense.campaign.site import Pack, Site, identity, perform
-from gapsense.campaign.task import asked
+from gapsense._os.workers import LOOK, Answers, Entry, Pending
+from gapsense.many.site import Pack, Site, identity, perform
+from gapsense.many.task import Many
 from gapsense.problems import InputError
 
 PATIENCE = 30.0  # seconds until there must be an answer, or a worker
@@ -46,8 +43,8 @@ ASKING = 1.0  # seconds between two questions to the scheduler
 class Cluster:
     """The workers of a Dask scheduler."""
 
-    def __init__(self, address: str, prepared: Prepared, left: int) -> None:
-        self.address, self.prepared, self.left = address, prepared, left
+    def __init__(self, address: str, many: Many, left: int) -> None:
+        self.address, self.many, self.left = address, many, left
         self.name = f"gapsense-{uuid4().hex}"
         self.client: Any = None
         self.thread: Thread | None = None
@@ -63,7 +60,7 @@ class Cluster:
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
         refuse_others(self.client, self.address)
         self.is_known = True
-        self.client.register_plugin(Site(self.name, packed(self.prepared)))
+        self.client.register_plugin(Site(self.name, packed(self.many)))
         self.thread = Thread(target=self.feed, args=(self.client, pending, answers), daemon=True)
         self.thread.start()
 
@@ -84,7 +81,7 @@ class Cluster:
     def feed(self, client: Any, pending: Pending, answers: Answers) -> None:
         """Keep the cluster busy and hand on what it answers."""
         try:
-            feeder = Feeder(client, self.name, self.prepared.plan, self.left)
+            feeder = Feeder(client, self.name, self.many, self.left)
             feeder.work(pending, answers, self.is_over)
         except Exception as error:  # handed to the main thread, which raises it
             answers.put(error)
@@ -97,8 +94,8 @@ class LostError(RuntimeError):
 class Feeder:
     """Tasks that are on their way."""
 
-    def __init__(self, client: Any, name: str, plan: Plan, left: int) -> None:
-        self.client, self.name, self.plan, self.left = client, name, plan, left
+    def __init__(self, client: Any, name: str, many: Many, left: int) -> None:
+        self.client, self.name, self.many, self.left = client, name, many, left
         self.flying: dict[Any, list[int]] = {}
         self.landed: Queue[Any] = Queue()
         self.again: deque[int] = deque()  # each in a task of its own
@@ -137,7 +134,7 @@ class Feeder:
             numbers = [self.again.popleft()] if self.again else list(islice(pending, self.size()))
             if not numbers:
                 return
-            runs = [(number, asked(self.plan, number)) for number in numbers]
+            runs = [(number, self.many.request(number)) for number in numbers]
             future = self.client.submit(perform, self.name, runs, key=f"{self.name}-{uuid4().hex}", pure=False)
             self.flying[future] = numbers
             future.add_done_callback(self.landed.put)
@@ -229,17 +226,11 @@ def difference(own: tuple[str, str], other: Any) -> str:
     return "its sources of Gapsense or its version of numpy are other ones than here. Install the same."
 
 
-def packed(prepared: Prepared) -> Pack:
-    """What every worker gets once."""
-    study, scenario, descriptions = prepared.study, prepared.scenario, prepared.descriptions
-    fmus = {str(d.path): d.path.read_bytes() for d in descriptions.values()}
-    whole = tuple(file.resolve() for file in scenario.files)  # workers have another working folder
-    files = {str(file): file.read_bytes() for file in (*whole, *(file.resolve() for file in study.files))}
-    scenario = replace(scenario, path=scenario.path.resolve(), files=whole)
-    return Pack(
-        scenario=scenario,
-        descriptions=descriptions,
-        signals=study.signals,
-        decimation=study.decimation,
-        files={**fmus, **files},
-    )
+def packed(many: Many) -> Pack:
+    """What every worker gets once; its paths are whole, since workers have another working folder."""
+    scenario, descriptions = many.scenario, many.descriptions
+    whole = tuple(file.resolve() for file in scenario.files)
+    named = (*whole, *(file.resolve() for file in many.files))
+    contents = {str(d.path): d.path.read_bytes() for d in descriptions.values()}
+    contents |= {str(file): file.read_bytes() for file in named}
+    return Pack(replace(many, scenario=replace(scenario, path=scenario.path.resolve(), files=whole)), contents)

@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.campaign.plan import Block, Plan
-from gapsense.campaign.study import Study, read_study
 from gapsense.cosim.scenario.elements import Port
+from gapsense.many.plan import Block, Plan
+from gapsense.many.study import Study, read_study
 
 
 def load_study(path: Path) -> Study:

@@ -1,15 +1,17 @@
-"""The runs of a sweep or a campaign, as one of the worker processes does them."""
+"""Many runs of a scenario, as one of the worker processes does them."""
 
 from __future__ import annotations
 
 import atexit
 import math
 import pickle
-from base64 import b64decode
+from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gapsense._os.importable import imported
 from gapsense._os.processes import own_marks
@@ -20,7 +22,7 @@ from gapsense.cosim.run.run import run_once
 from gapsense.cosim.run.subject import versions
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.records import Scenario
-from gapsense.ledger import kept
+from gapsense.cosim.scenario.signals import matching
 from gapsense.tables import Value
 
 
@@ -33,12 +35,13 @@ class Runs:
         versions()  # likewise: it starts a process
         self.scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
-        self.keep = None if task["keep"] is None else Path(task["keep"])
+        self.keep = Path(task["keep"]) if task["keep"] else None
+        self.patterns, self.decimation = task["signals"], task["decimation"]
         self.master: Master | None = None
         atexit.register(self.drop)
 
     def __call__(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Metrics of one run, or what went wrong."""
+        """Answer of one run, or what went wrong."""
         try:
             self.master = self.master or Master(self.scenario, self.descriptions, own_marks())
             return self.answer(run_once(self.master, asked["shift"], point=by_port(asked["values"])), asked["index"])
@@ -47,20 +50,20 @@ class Runs:
             return {"error": str(error)}
 
     def answer(self, result: Result, index: int) -> dict[str, Any]:
-        """What is answered for a run."""
-        problem = self.save(result, index)
-        if problem:
-            return {"error": problem}
-        return {"metrics": self.metrics(result), **({"ended": result.ended} if result.ended else {})}
-
-    def save(self, result: Result, index: int) -> str:
-        """Keep the signals, if they are wanted; what went wrong, or nothing."""
+        """Metrics, wall time, what has ended the run, and signals as bytes: time first, one after the other."""
         try:
             if self.keep:
                 result.save(kept(self.keep, index))
         except OSError as error:
-            return f"`{error.filename}`: {error.strerror}."
-        return ""
+            return {"error": f"`{error.filename}`: {error.strerror}."}
+        answer: dict[str, Any] = {"metrics": self.metrics(result), "wall": result.wall}
+        if result.ended:
+            answer["ended"] = result.ended
+        if self.patterns:
+            signals = [result.times, *(result[name] for name in matching(self.patterns, result.signals))]
+            data = np.stack([signal[:: self.decimation] for signal in signals]).astype("<f8")
+            answer["trajectory"] = b64encode(data.tobytes()).decode()
+        return answer
 
     def metrics(self, result: Result) -> dict[str, float | None]:
         """Metrics of the scenario and of the sweep; JSON has no NaN, so that is null."""
@@ -76,9 +79,9 @@ class Runs:
         self.master = None
 
 
-def request(index: int, shift: int, values: Mapping[Port, Value]) -> dict[str, Any]:
-    """What is asked, of JSON: the run of that index, with `shift` added to every seed, and values of parameters."""
-    return {"index": index, "shift": shift, "values": {str(port): value for port, value in values.items()}}
+def kept(folder: Path, index: int) -> Path:
+    """File for the recorded signals of a run."""
+    return folder / f"{index:05d}.csv"
 
 
 def by_port(values: Mapping[str, Value]) -> dict[Port, Value]:

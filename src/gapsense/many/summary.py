@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
-import pyarrow.compute as pc
 
-from gapsense.campaign.result import Campaign, quantiles
+from gapsense.many.result import Campaign, quantiles
 
+Bounds = tuple[float, float]
 Vector = npt.NDArray[np.float64]
 SAMPLED = 50_000  # runs of which correlations are computed
 LEVELS = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -77,7 +76,7 @@ def spread(campaign: Campaign, name: str) -> Spread:
 
 def numeric(campaign: Campaign) -> list[str]:
     """Parameters that are numbers."""
-    kinds = campaign.manifest.columns.factors
+    kinds = campaign.columns.factors
     return [name for name, (kind, _) in kinds.items() if kind in ("double", "int64")]
 
 
@@ -142,7 +141,7 @@ def levels(campaign: Campaign, name: str) -> list[Any] | None:
     """Values of a parameter in order, None if they are many."""
     found: set[Any] = set()
     for batch in campaign.batches(name):
-        found.update(value for value in pc.unique(batch[name]).to_pylist() if value is not None)
+        found.update(np.unique(batch[name]).tolist())
         if len(found) > MOST_LEVELS:
             return None
     return sorted(found, key=lambda value: (str(type(value)), value))
@@ -150,24 +149,18 @@ def levels(campaign: Campaign, name: str) -> list[Any] | None:
 
 def grouped(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
     """A metric at each value of a parameter."""
-    codes: list[Vector] = []
-    numbers: list[Vector] = []
-    known = pa.array(values, campaign.manifest.columns.runs.field(factor).type)
-    for batch in campaign.batches(factor, metric):
-        code = pc.fill_null(pc.index_in(batch[factor], value_set=known), -1)
-        codes.append(code.to_numpy(zero_copy_only=False))
-        numbers.append(batch[metric].to_numpy(zero_copy_only=False))
-    code, number = np.concatenate(codes), np.concatenate(numbers)
-    return [Group(value, quantiles(number[code == k], LEVELS[1:4])) for k, value in enumerate(values)]
+    given, numbers = zip(*campaign.arrays(factor, metric))
+    code, number = np.concatenate(given), np.concatenate(numbers)
+    return [Group(value, quantiles(number[code == value], LEVELS[1:4])) for value in values]
 
 
-def edges(campaign: Campaign, name: str) -> Vector:
-    """Edges of bins that hold all runs, but of many the outermost thousandths."""
-    out = OUTERMOST if campaign.rows > MANY else 0.0
-    low, high = quantiles(campaign.column(name).astype(np.float64), (out, 1.0 - out))
+def edges(values: Vector) -> Vector:
+    """Edges of bins that hold all values, but of many the outermost thousandths."""
+    out = OUTERMOST if values.size > MANY else 0.0
+    low, high = quantiles(values, (out, 1.0 - out))
     if not low < high:
         low, high = low - 0.5, high + 0.5
-    count = min(BINS, 1 + math.isqrt(campaign.rows))
+    count = min(BINS, 1 + math.isqrt(values.size))
     return np.linspace(low, high, count + 1) if np.isfinite(low) else np.linspace(0.0, 1.0, count + 1)
 
 
@@ -175,7 +168,7 @@ def clouds(campaign: Campaign, factors: Sequence[str], metrics: Sequence[str]) -
     """Counts of each parameter and metric, in one go through the runs."""
     if not factors or not metrics:
         return {}
-    bins = {name: edges(campaign, name) for name in (*factors, *metrics)}
+    bins = {name: edges(campaign.column(name).astype(np.float64)) for name in (*factors, *metrics)}
     made = {
         (f, m): Cloud(bins[f], bins[m], np.zeros((bins[f].size - 1, bins[m].size - 1)))
         for f in factors
@@ -200,5 +193,52 @@ def places(values: Vector, bins: Vector) -> npt.NDArray[np.intp]:
 
 def histogram(campaign: Campaign, metric: str) -> tuple[Vector, Vector]:
     """Edges and counts of a metric."""
-    values, bins = campaign.column(metric), edges(campaign, metric)
+    values = campaign.column(metric)
+    bins = edges(values)
     return bins, np.histogram(values[np.isfinite(values)], bins)[0].astype(np.float64)
+
+
+class Worst(NamedTuple):
+    """A run with its value of a metric; `beyond` is how far it is outside of the bounds, less than 0 inside."""
+
+    run: int
+    value: float
+    beyond: float
+
+
+class Extremes(NamedTuple):
+    """The worst runs of a metric, and how many are outside of its bounds."""
+
+    worst: tuple[Worst, ...]
+    outside: int
+
+
+def extremes(campaign: Campaign, of: Spread, bounds: Bounds | None, most: int) -> Extremes:
+    """The runs farthest beyond the bounds of a metric or nearest to them; without bounds farthest from the median."""
+    found, outside = list[Worst](), 0
+    if (
+        bounds and bounds[0] == 0.0 <= of.least and np.isfinite(bounds[1])
+    ):  # what has no sign is not bad for being small
+        bounds = (-np.inf, bounds[1])
+    for runs, values in campaign.arrays("run", of.name):
+        beyond = distance(values.astype(np.float64), of.median, bounds)
+        outside += int((beyond > 0.0).sum()) if bounds else 0
+        first = np.argpartition(-beyond, most)[:most] if beyond.size > most else range(beyond.size)
+        found += [Worst(int(runs[k]), float(values[k]), float(beyond[k])) for k in first if beyond[k] > -np.inf]
+    return Extremes(tuple(sorted(found, key=lambda one: (-one.beyond, one.run))[:most]), outside)
+
+
+def distance(values: Vector, median: float, bounds: Bounds | None) -> Vector:
+    """How bad values are; what is no number is not looked at."""
+    found = np.abs(values - median) if bounds is None else np.maximum(bounds[0] - values, values - bounds[1])
+    return np.where(np.isfinite(values), found, -np.inf)
+
+
+def rows(campaign: Campaign, runs: Iterable[int]) -> dict[int, dict[str, Any]]:
+    """Parameters and seeds of some runs."""
+    wanted, names, found = sorted({*runs}), ("run", "seed", *campaign.factors), dict[int, dict[str, Any]]()
+    for batch in campaign.arrays(*names):
+        named = np.isin(batch[0], wanted)
+        for row in zip(*(column[named].tolist() for column in batch)):
+            found[row[0]] = dict(zip(names, row))
+    return found

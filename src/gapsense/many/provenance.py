@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.result.sidecar import relative
 from gapsense.cosim.run.subject import versions
 from gapsense.cosim.scenario.records import Scenario
-from gapsense.tables import Value
 
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component
 
@@ -36,13 +35,3 @@ def bounds(about: Mapping[str, Any], metric: str) -> tuple[float, float] | None:
     """Bounds of a metric, as a result tells them; older ones tell none."""
     found = about.get("bounds", {}).get(metric)
     return None if found is None else (float(found[0]), float(found[1]))
-
-
-def kind(values: Iterable[Value]) -> str:
-    """Type of a column of values, as a campaign calls it."""
-    kinds = {type(value) for value in values}
-    if kinds <= {bool}:
-        return "bool"
-    if kinds <= {int}:
-        return "int64"
-    return "double" if kinds <= {int, float} else "string"

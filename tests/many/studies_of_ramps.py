@@ -26,3 +26,9 @@ seeds = 2
 "source.slope" = [1.0, 2.0, 3.0]
 "source.inverted" = [false, true]
 """
+
+
+def rows(result):
+    """All that does not depend on time, by column; a number that is missing is None."""
+    columns = {name: column.tolist() for name, column in result.table().items() if name != "wall"}
+    return {name: [None if value != value else value for value in column] for name, column in columns.items()}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gapsense.campaign.draws import DISTRIBUTIONS, METHODS
 from gapsense.cosim.scenario.keys import always
+from gapsense.many.draws import DISTRIBUTIONS, METHODS
 from gapsense.parameters import is_file
 from gapsense.tables import COUNT, INDEX, LIST, NUMBER, POSITIVE, TABLE, TABLES, TEXT, TEXTS, Key, Section
 

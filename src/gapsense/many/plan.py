@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import telling
+from gapsense.cosim.scenario.records import Scenario, telling
 from gapsense.tables import Value
 
 FEW = 1000  # values of a block that are all looked at, and points
@@ -70,6 +70,12 @@ class Plan:
     def ports(self) -> list[Port]:
         """What is varied, in the order of the blocks."""
         return [port for block in self.blocks for port in block.columns]
+
+    def over(self, scenario: Scenario) -> Plan:
+        """The plan with every combination of the scenario's own sweep, which comes first."""
+        rows = [Block({p: [row[p] for row in scenario.rows] for p in scenario.rows[0]})] if scenario.rows else []
+        lists = [Block({port: values}) for port, values in scenario.grid.items()]
+        return replace(self, blocks=(*rows, *lists, *self.blocks))
 
     def values_of(self, port: Port) -> Iterator[Value]:
         """All values of a parameter."""

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from gapsense._os.checked import SEAL, is_sealed, sealed
 from gapsense._os.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
-from gapsense.cosim.provenance import kind
 from gapsense.cosim.run.ahead import FMU
-from gapsense.cosim.scenario.records import Points
 from gapsense.cosim.show import frame, sweep_html
+from gapsense.many.columns import kind
+from gapsense.many.plan import Plan
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
@@ -33,7 +33,7 @@ class Sweep:
     errors: Mapping[int, str]  # what went wrong in the runs that failed
     computed: int  # runs done now; the others were known already
     interrupted: bool  # by Ctrl-C; start it again to go on
-    file: Path | None  # one line per run, if a folder was given
+    file: Path | None  # the store of the runs, if a folder was given
     units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
     grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
     ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
@@ -57,9 +57,9 @@ class Sweep:
         return sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
 
 
-def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) -> None:
-    """Write both files; `points` are the combinations that the sweep goes through."""
-    table, failed = columns(result), {run: values(points, run) for run in result.errors}
+def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
+    """Write both files; `plan` is what the sweep goes through."""
+    table, failed = columns(result), {run: values(plan, run) for run in result.errors}
     with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
         content = sealed({**about, **sidecar(result, failed), "sha256": sha256(part)})
         with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
@@ -67,9 +67,9 @@ def save(result: Sweep, about: Mapping[str, Any], points: Points, path: Path) ->
             rename(beside, path.with_suffix(".json"))
 
 
-def values(points: Points, run: int) -> dict[str, Value]:
+def values(plan: Plan, run: int) -> dict[str, Value]:
     """Values of a run, by parameter."""
-    return {str(port): value for port, value in points[run % len(points)].items()}
+    return {str(port): value for port, value in plan.values(run).items()}
 
 
 def columns(result: Sweep) -> Columns:

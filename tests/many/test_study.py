@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from studies_of_ramps import NOISE, STUDY
 
-from gapsense import campaign
-from gapsense.campaign.prepare import prepare
+from gapsense import campaign, check_study
 from gapsense.cosim.scenario.keys import FILE
+from gapsense.many.prepare import prepare
 from gapsense.problems import ScenarioError
 from gapsense.tables import Key
 
@@ -81,34 +81,34 @@ CASES = [(old, new, expected) for old, news in WRONG.items() for new, expected i
 @pytest.mark.parametrize(("old", "new", "expected"), CASES)
 def test_wrong_studies_are_told(write, fmus, old, new, expected):
     assert STUDY.count(old) == 1
-    problems = campaign.check(write(STUDY.replace(old, new)), fmus)
+    problems = check_study(write(STUDY.replace(old, new)), fmus)
     for sentence in expected:
         assert sum(sentence in problem for problem in problems) == 1, problems
     assert len(problems) == len(expected), problems
     with pytest.raises(ScenarioError):
-        campaign.run(write(STUDY.replace(old, new)), fmus=fmus, out="never")
+        campaign(write(STUDY.replace(old, new)), fmus=fmus, out="never")
 
 
 def test_problems_of_study_scenario_and_fmus_come_together(write, fmus):
     study = STUDY.replace("seeds = 2", "seed = 2").replace("slope", "slop")
-    problems = campaign.check(write(study, NOISE.replace('"noise.y"', '"noise.z"')), fmus)
+    problems = check_study(write(study, NOISE.replace('"noise.y"', '"noise.z"')), fmus)
     assert ["seed: unknown key" in problems[0], "noise.z" in problems[-1], len(problems)] == [True, True, 3]
 
 
 def test_parameter_in_two_places_is_refused(write, fmus):
     again = STUDY + RANGE.replace("noise.sample_time", "source.slope") + "from = 1.0\nto = 2.0\ncount = 2\n"
-    assert campaign.check(write(again), fmus) == [
+    assert check_study(write(again), fmus) == [
         "ramps.toml, ranges[0].parameter: `source.slope` is given in `grid.source.slope` too. Keep one."
     ]
     swept = NOISE + '[sweep]\n"source.slope" = [4.0]\n'
-    assert campaign.check(write(STUDY, swept), fmus) == [
+    assert check_study(write(STUDY, swept), fmus) == [
         "ramps.toml, grid.source.slope: the scenario's `[sweep]` gives `source.slope` too. Keep one."
     ]
 
 
 def test_many_wrong_values_are_few_sentences(write, fmus):
     factor = SAMPLE.replace("8", "400").replace("noise.sample_time", "source.seed")
-    problems = campaign.check(write(STUDY + f'{factor}distribution = "uniform"\nlow = 0.0\nhigh = 1.0\n'), fmus)
+    problems = check_study(write(STUDY + f'{factor}distribution = "uniform"\nlow = 0.0\nhigh = 1.0\n'), fmus)
     assert len(problems) == 4
     assert "sample.factors, `source.seed`: `seed` is" in problems[0]
     assert problems[-1] == "ramps.toml, sample.factors, `source.seed`: 397 more values are wrong."
@@ -118,24 +118,24 @@ def test_extremes_of_many_draws_are_held_against_the_limits(write, fmus):
     lag = NOISE + '[components.lag]\nfmu = "Lag"\n[connect]\n"lag.u" = "source.y"\n'
     factor = SAMPLE.replace("8", "5000").replace("noise.sample_time", "lag.time.constant")
     study = f'{STUDY}{factor}distribution = "normal"\nmean = 500.0\nstd = 130.0\n'
-    problems = campaign.check(write(study, lag), fmus)
+    problems = check_study(write(study, lag), fmus)
     assert problems and all("sample.factors, `lag.time.constant`" in problem for problem in problems)
-    assert not campaign.check(write(f"{study}low = 1.0\nhigh = 1000.0\n", lag), fmus)
+    assert not check_study(write(f"{study}low = 1.0\nhigh = 1000.0\n", lag), fmus)
 
 
 def test_same_noise_in_all_runs_and_nothing_to_keep_are_refused(write, fmus):
     silent = NOISE.replace("[seeds]\nnoise = 10\n", "")
-    assert "2 runs of each point would be the same" in campaign.check(write(STUDY, silent), fmus)[0]
+    assert "2 runs of each point would be the same" in check_study(write(STUDY, silent), fmus)[0]
     bare = NOISE.partition("[metrics")[0]
-    assert "nothing would be kept" in campaign.check(write(STUDY, bare), fmus)[0]
+    assert "nothing would be kept" in check_study(write(STUDY, bare), fmus)[0]
     named = NOISE.replace("[metrics.spread]", "[metrics.run]")
-    assert "metrics.run: a result has a column of that name" in campaign.check(write(STUDY, named), fmus)[0]
+    assert "metrics.run: a result has a column of that name" in check_study(write(STUDY, named), fmus)[0]
 
 
 def test_units_and_cells_of_rows_are_told_with_their_lines(write, fmus, tmp_path):
     study = write(STUDY.replace("seeds = 2", 'rows = "rows.csv"').replace('"source.slope" = [1.0, 2.0, 3.0]\n', ""))
     (tmp_path / "rows.csv").write_text("source.slope [mV/s]\n1.0\nsteep\n")
-    problems = campaign.check(study, fmus)
+    problems = check_study(study, fmus)
     assert (
         "ramps.toml, rows, `source.slope` (rows.csv, line 1, column 1): it is in `mV/s`, `V/s` is expected"
         in problems[0]
@@ -156,13 +156,13 @@ def test_wrong_cell_is_told_in_whichever_row(write, fmus, tmp_path, place, name,
     cells = [good] * 3_000
     cells[place] = wrong
     (tmp_path / "rows.csv").write_text("\n".join([name, *cells]))
-    found = campaign.check(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
+    found = check_study(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
     assert len(found) == 1 and told in found[0] and f"rows.csv, line {place + 2}," in found[0], found
 
 
 def test_wrong_sample_time_is_told_in_whichever_row(write, fmus, tmp_path):
     (tmp_path / "rows.csv").write_text("\n".join(["noise.sample_time", *["0.1", "0.05"] * 1_000, "0.07", "0.1"]))
-    found = campaign.check(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
+    found = check_study(write('title = "x"\nscenario = "demo"\nrows = "rows.csv"\n'), fmus)
     assert len(found) == 1 and "`sample_time` is 0.07 s" in found[0], found
 
 
@@ -170,12 +170,12 @@ def test_input_that_the_scenario_holds_constant_can_be_varied(write, fmus):
     gain = '[components.gain]\nfmu = "Gain"\n[inputs]\n"gain.u" = 1.0\n'
     gain = NOISE + gain + '[metrics.out]\nkind = "final"\nsignal = "gain.y"\n'
     study = write('title = "x"\nscenario = "demo"\n[grid]\n"gain.u" = [1.0, 2.0, 3.0]\n', gain)
-    values = campaign.run(study, fmus=fmus, workers=1, out=study.parent / "out").column("out")
+    values = campaign(study, fmus=fmus, workers=1, out=study.parent / "out").column("out")
     assert values == pytest.approx([values[0], 2.0 * values[0], 3.0 * values[0]]) and values[0] != 0.0
 
 
 def test_keys_of_studies_are_written_as_those_of_scenarios():
-    from gapsense.campaign.keys import STUDY as section
+    from gapsense.many.keys import STUDY as section
 
     assert all(isinstance(key, Key) and key.what for key in (*section.keys, *FILE.keys))
 
@@ -183,5 +183,5 @@ def test_keys_of_studies_are_written_as_those_of_scenarios():
 def test_plan_is_checked_with_the_sweep_of_the_scenario(write, fmus):
     swept = NOISE + '[sweep]\n"noise.sample_time" = [0.1, 0.2]\n'
     prepared = prepare(write(STUDY, swept), fmus)
-    assert prepared.plan.points == 12
-    assert [str(port) for port in prepared.plan.ports] == ["noise.sample_time", "source.slope", "source.inverted"]
+    assert prepared.many.plan.points == 12
+    assert [str(port) for port in prepared.many.plan.ports] == ["noise.sample_time", "source.slope", "source.inverted"]

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from studies_of_ramps import NOISE, STUDY
+from studies_of_ramps import NOISE, STUDY, rows
 
-from gapsense import campaign
+from gapsense import campaign, read_campaign
 from gapsense.problems import InputError
 from gapsense.version import __version__
 
@@ -73,10 +73,6 @@ def await_port(port: int) -> None:
         time.sleep(0.1)
 
 
-def rows(result):
-    return result.table().drop(["wall"]).to_pydict()
-
-
 def at(done_at: int, action: Callable[[], object]) -> Callable[[int, int], None]:
     """Progress that does something once when so many runs are done."""
     left = [action]
@@ -91,10 +87,10 @@ def at(done_at: int, action: Callable[[], object]) -> Callable[[int, int], None]
 @pytest.mark.parametrize("victim", [None, "worker"])
 def test_cluster_gives_the_table_of_one_process_also_if_a_worker_is_killed(write, fmus, cluster, tmp_path, victim):
     study, alone = write(MANY, LONG), tmp_path / "alone"
-    expected = campaign.run(study, 1, alone, fmus)
+    expected = campaign(study, 1, alone, fmus)
     made = cluster(2)
     killed = at(20, cluster.workers[0].kill if victim else lambda: None)
-    result = campaign.run(study, None, tmp_path / "cluster", fmus, made.address, progress=killed)
+    result = campaign(study, None, tmp_path / "cluster", fmus, made.address, progress=killed)
     assert (result.computed, result.failed) == (120, 0)
     assert (cluster.workers[0].poll() is not None) is (victim is not None)
     assert rows(result) == rows(expected)
@@ -108,27 +104,27 @@ def test_worker_with_a_nanny_and_threads_and_one_that_comes_late(write, fmus, cl
     made = cluster(0)
     made.add("--nthreads", "2", "--nworkers", "1")
     late = at(10, made.add)
-    result = campaign.run(study, None, tmp_path / "cluster", fmus, made.address, progress=late)
-    assert rows(result) == rows(campaign.run(study, 2, tmp_path / "alone", fmus))
+    result = campaign(study, None, tmp_path / "cluster", fmus, made.address, progress=late)
+    assert rows(result) == rows(campaign(study, 2, tmp_path / "alone", fmus))
 
 
 def test_killed_scheduler_ends_the_campaign_and_another_one_goes_on(write, fmus, cluster, tmp_path):
     study, out = write(MANY, LONG), tmp_path / "out"
     made = cluster(2)
     with pytest.raises(RuntimeError, match=r"scheduler has gone\. What was finished is kept"):
-        campaign.run(study, None, out, fmus, made.address, progress=at(20, made.scheduler.kill))
-    there = campaign.read(out).rows
+        campaign(study, None, out, fmus, made.address, progress=at(20, made.scheduler.kill))
+    there = read_campaign(out).rows
     assert 20 <= there < 120
-    result = campaign.run(study, None, out, fmus, cluster(2).address)
+    result = campaign(study, None, out, fmus, cluster(2).address)
     assert (result.rows, result.computed) == (120, 120 - there)
-    assert rows(result) == rows(campaign.run(study, 2, tmp_path / "alone", fmus))
+    assert rows(result) == rows(campaign(study, 2, tmp_path / "alone", fmus))
 
 
 CLIENT = """
 import sys
-from gapsense import campaign
+from gapsense import campaign, read_campaign
 told = lambda done, total: print(done, flush=True)
-campaign.run(sys.argv[1], None, sys.argv[2], fmus, sys.argv[3], progress=told)
+campaign(sys.argv[1], None, sys.argv[2], fmus, sys.argv[3], progress=told)
 """
 
 
@@ -139,11 +135,11 @@ def test_killed_client_goes_on_from_another_process_and_place(write, fmus, start
         told = int(process.stdout.readline())
     process.send_signal(signal.SIGKILL)
     told = max([told, *map(int, process.stdout.read().split())])
-    there = campaign.read(out).rows
+    there = read_campaign(out).rows
     assert told <= there < 120
-    result = campaign.run(study, 2, out, fmus)  # here, not there
+    result = campaign(study, 2, out, fmus)  # here, not there
     assert result.computed == 120 - there
-    assert rows(result) == rows(campaign.run(study, None, tmp_path / "other", fmus, made.address))
+    assert rows(result) == rows(campaign(study, None, tmp_path / "other", fmus, made.address))
 
 
 FAULTY = (
@@ -156,9 +152,9 @@ FAULTY = (
 def test_run_that_ends_its_process_is_a_row_and_ends_no_worker(write, fmus, cluster, tmp_path, fault):
     text = FAULTY.replace("FAULT", fault).replace("noise = 10", "noise = 10\ncoil = 0")
     study, made = write(STUDY, text.replace("stop = 100.0", "stop = 100.0\nstep_limit = 1.0")), cluster(1)
-    result = campaign.run(study, None, tmp_path / "out", fmus, made.address)
+    result = campaign(study, None, tmp_path / "out", fmus, made.address)
     assert [index for index, _ in result.errors(9)] == [2]
-    assert rows(result) == rows(campaign.run(study, 1, tmp_path / "alone", fmus))
+    assert rows(result) == rows(campaign(study, 1, tmp_path / "alone", fmus))
     assert cluster.workers[0].poll() is None
 
 
@@ -184,7 +180,7 @@ def test_files_and_fmus_come_to_workers_that_see_none_of_the_clients_folders(
                 continue
 
     monkeypatch.chdir(tmp_path)  # where the names that are given here say something, and there nothing
-    result = campaign.run(study.name, None, "out", mine.name, made.address, progress=watch)
+    result = campaign(study.name, None, "out", mine.name, made.address, progress=watch)
     assert result.failed == 0 and result.rows == 2 and not opened
 
 
@@ -192,7 +188,7 @@ def test_cluster_is_left_as_it_was(write, fmus, cluster, tmp_path):
     from distributed import Client
 
     made, places = cluster(1), Path(f"/proc/{cluster.workers[0].pid}/task")
-    campaign.run(write(), None, tmp_path / "out", fmus, made.address)
+    campaign(write(), None, tmp_path / "out", fmus, made.address)
     with Client(made.address, set_as_default=False) as client:
         assert client.run(lambda dask_worker: [name for name in dask_worker.plugins if "gapsense" in name]) == {
             address: [] for address in client.nthreads()
@@ -208,14 +204,14 @@ def descendants(tasks: Path) -> list[str]:
 
 
 def test_cluster_that_cannot_do_it_is_refused_with_what_to_do(write, fmus, cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("gapsense.campaign.cluster.PATIENCE", 3.0)
+    monkeypatch.setattr("gapsense.many.cluster.PATIENCE", 3.0)
     with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `tcp://127.0.0.1:9`"):
-        campaign.run(write(), None, tmp_path / "out", fmus, "tcp://127.0.0.1:9")
+        campaign(write(), None, tmp_path / "out", fmus, "tcp://127.0.0.1:9")
     for address in ("here", "", "tcp://", "tcp://here", "tls:nope", "mail://here:8786", "tcp://here:port"):
         with pytest.raises(InputError, match=rf"`{address}` is no address of a Dask scheduler \(.*Give one such as"):
-            campaign.run(write(), None, tmp_path / "out", fmus, address)
+            campaign(write(), None, tmp_path / "out", fmus, address)
     with pytest.raises(InputError, match=r"has no workers. Start some: `dask worker tcp://"):
-        campaign.run(write(), None, tmp_path / "out", fmus, cluster(0).address)
+        campaign(write(), None, tmp_path / "out", fmus, cluster(0).address)
 
 
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
@@ -250,9 +246,9 @@ def encrypted(monkeypatch):
 def test_encrypted_cluster_by_the_settings_of_dask(write, fmus, cluster, certificate, encrypted, tmp_path):
     encrypted(certificate)
     study, made = write(), cluster(1, "tls")
-    result = campaign.run(study, None, tmp_path / "out", fmus, made.address)
+    result = campaign(study, None, tmp_path / "out", fmus, made.address)
     assert made.address.startswith("tls://") and (result.rows, result.failed) == (12, 0)
-    assert rows(result) == rows(campaign.run(study, 1, tmp_path / "alone", fmus))
+    assert rows(result) == rows(campaign(study, 1, tmp_path / "alone", fmus))
 
 
 @pytest.mark.parametrize("wrong", ["none", "no client", "no file", "no certificate", "open"])
@@ -269,7 +265,7 @@ def test_settings_for_encryption_that_do_not_do_are_told(write, fmus, certificat
     encrypted({**certificate, **settings})
     address = "127.0.0.1:9" if wrong == "open" else "tls://127.0.0.1:9"
     with pytest.raises(InputError, match=why) as caught:
-        campaign.run(write(), None, tmp_path / "out", fmus, address)
+        campaign(write(), None, tmp_path / "out", fmus, address)
     assert len(caught.value.problems) == 1
 
 
@@ -281,7 +277,7 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     with pytest.raises(
         InputError, match=r"tcp://.*: Gapsense is not installed there \(no such package here\). Install"
     ):
-        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
+        campaign(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
     import shutil
 
     import gapsense
@@ -290,7 +286,7 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     shutil.copytree(Path(gapsense.__file__).parent, other, ignore=shutil.ignore_patterns("__pycache__"))
     (other / "units.py").write_text((other / "units.py").read_text() + "\n")
     with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
-        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
+        campaign(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
     (other / "version.py").write_text((other / "version.py").read_text().replace(__version__, "0.0.9"))
     with pytest.raises(InputError, match=r"it has Gapsense 0\.0\.9, 0\.1\.0 is expected\. Install that"):
-        campaign.run(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
+        campaign(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)

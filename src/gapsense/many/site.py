@@ -13,14 +13,11 @@ from typing import Any
 
 from distributed import WorkerPlugin, get_worker
 
-from gapsense._os.checked import Entry
 from gapsense._os.locks import temporary_folder
-from gapsense._os.workers import LOOK, Job, Server
-from gapsense.campaign.task import job
-from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense._os.workers import LOOK, Entry, Job, Server
 from gapsense.cosim.scenario.elements import Component
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.ledger import key
+from gapsense.many.key import key
+from gapsense.many.task import Many
 from gapsense.parameters import is_file
 from gapsense.tables import Value
 from gapsense.version import __version__
@@ -36,12 +33,9 @@ def identity() -> tuple[str, str]:
 
 @dataclass
 class Pack:
-    """What a worker gets once: the scenario, and the content of its FMUs and files by their paths at the client's."""
+    """What a worker gets once: the runs, and the content of FMUs and files by their paths at the client's."""
 
-    scenario: Scenario
-    descriptions: Descriptions
-    signals: tuple[str, ...]
-    decimation: int
+    many: Many
     files: dict[str, bytes]
     identity: tuple[str, str] = field(default_factory=identity)
 
@@ -83,13 +77,12 @@ class Site(WorkerPlugin):
 
     def made(self) -> Job:
         """What the processes do, with the files that are here."""
-        pack, here = self.pack, self.paths
-        scenario = pack.scenario
-        components = {name: located(component, here) for name, component in scenario.components.items()}
-        files = tuple(Path(here[str(file)]) for file in scenario.files)
-        moved = replace(scenario, components=components, files=files)
-        descriptions = {n: replace(d, path=Path(here[str(d.path)])) for n, d in pack.descriptions.items()}
-        return job(moved, descriptions, pack.signals, pack.decimation)
+        many, here = self.pack.many, self.paths
+        components = {name: located(component, here) for name, component in many.scenario.components.items()}
+        files = tuple(Path(here[str(file)]) for file in many.scenario.files)
+        descriptions = {n: replace(d, path=Path(here[str(d.path)])) for n, d in many.descriptions.items()}
+        moved = replace(many.scenario, components=components, files=files)
+        return replace(many, scenario=moved, descriptions=descriptions).job()
 
     def watch(self) -> None:
         """End processes that hang, and those that have nothing to do for long."""

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from gapsense.campaign.draws import DISTRIBUTIONS, METHODS, points
+from gapsense.many.draws import DISTRIBUTIONS, METHODS, points
 
 ORACLES = {  # of scipy.stats, which knows nothing of ours
     "uniform": ({"low": -2.0, "high": 3.0}, stats.uniform(-2.0, 5.0)),

@@ -6,40 +6,46 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gapsense.campaign import store as of
-from gapsense.campaign import summary
-from gapsense.campaign.columns import Columns
-from gapsense.campaign.result import read
-from gapsense.campaign.store import Manifest, Store
-from gapsense.campaign.worst import extremes
+from gapsense.many import store as of
+from gapsense.many import summary
+from gapsense.many.columns import Columns, contents
+from gapsense.many.result import FORMAT, KEY, read_campaign
+from gapsense.many.store import Store
+from gapsense.many.summary import extremes
 from gapsense.problems import InputError
 from gapsense.report import campaigns
 from gapsense.report.table import text
 
 FACTORS = {"a.x": ("double", "V"), "a.steps": ("int64", ""), "a.mode": ("string", ""), "a.flag": ("bool", "")}
-COLUMNS = Columns(FACTORS, {"up": "A", "noise": "A", "none": ""})
+COLUMNS = Columns(FACTORS, {"up": "A", "noise": "A", "none": ""}, texts={"a.mode": ["up", "down"]})
 ABOUT = {"title": "Draws", "scenario": "demo", "labels": {n: ["", n] for n in COLUMNS.metrics}}
+
+
+def stored(folder, entries, runs):
+    """A result of some runs."""
+    with Store(folder / "campaign.sqlite", KEY) as store:
+        store.describe({**ABOUT, "runs": runs, "format": FORMAT, "columns": COLUMNS.facts()})
+        store.add(*contents(COLUMNS, entries))
+    return read_campaign(folder)
 
 
 @pytest.fixture
 def made(tmp_path, monkeypatch):
     """Maker of a result of so many runs, one in 50 failed, and its values."""
-    monkeypatch.setattr(of, "FOLD_RUNS", 900)
+    monkeypatch.setattr(of, "GROUP", 900)
+    monkeypatch.setattr("gapsense.many.result.SOME", 700)
 
     def make(count: int):
         random = np.random.default_rng(2)
         x, noise = random.normal(5.0, 2.0, count), random.normal(size=count)
-        store = Store(tmp_path / "out", Manifest({**ABOUT, "runs": count}, COLUMNS))
         lines = []
         for k in range(count):
             values = {"a.x": x[k], "a.steps": k % 3, "a.mode": "up" if k % 2 else "down", "a.flag": k % 4 == 0}
             metrics = {"up": x[k] ** 3, "noise": noise[k], "none": None}
             end = {"error": "stuck"} if k % 50 == 7 else {"metrics": metrics, "wall": 0.1}
-            lines.append({"run": k, "seed": k, "values": values, **end})
-        for k in range(0, count, 500):
-            store.append(lines[k : k + 500])
+            lines.append({"index": k, "shift": k, "values": values, **end})
         good = np.arange(count) % 50 != 7
-        return read(tmp_path / "out"), x, np.where(good, x**3, np.nan)
+        return stored(tmp_path / "out", lines, count), x, np.where(good, x**3, np.nan)
 
     return make
 
@@ -116,10 +122,10 @@ def test_tables_say_what_there_is_and_what_failed(made):
 
 
 def test_result_without_runs_or_metrics_is_shown_and_not_drawn(tmp_path):
-    Store(tmp_path, Manifest({**ABOUT, "runs": 9}, COLUMNS))
-    assert text(*campaigns.summary(read(tmp_path))) == "Draws: demo, 0 of 9 runs, 0 failed"
+    result = stored(tmp_path, [], 9)
+    assert text(*campaigns.summary(result)) == "Draws: demo, 0 of 9 runs, 0 failed"
     with pytest.raises(InputError, match="no metrics to draw yet"):
-        campaigns.figure(read(tmp_path))
+        campaigns.figure(result)
 
 
 @pytest.mark.parametrize(("count", "many"), [(300, False), (2600, True)])
@@ -153,10 +159,9 @@ def test_histogram_has_all_runs_but_of_many_a_few_at_both_ends(made, count, most
     [((0.0, 10.0), [3, 2]), ((-1.0, 10.0), [0, 3]), ((0.0, 3.5), [3, 2]), ((0.0, np.inf), [0, 1])],
 )
 def test_what_has_no_sign_is_no_worse_for_being_small(tmp_path, bounds, expected):
-    store = Store(tmp_path / "out", Manifest({**ABOUT, "runs": 4}, COLUMNS))
     values = {"a.x": 1.0, "a.steps": 1, "a.mode": "up", "a.flag": True}
     metrics = [{"up": up, "noise": 0.0, "none": None} for up in (0.5, 3.0, 4.0, 7.0)]
-    store.append([{"run": k, "seed": k, "values": values, "metrics": m, "wall": 0.1} for k, m in enumerate(metrics)])
-    result = read(tmp_path / "out")
+    lines = [{"index": k, "shift": k, "values": values, "metrics": m, "wall": 0.1} for k, m in enumerate(metrics)]
+    result = stored(tmp_path / "out", lines, 4)
     found = extremes(result, summary.spread(result, "up"), bounds, 2)
     assert [one.run for one in found.worst] == expected
