@@ -171,7 +171,7 @@ def test_campaign_tells_which_runs_a_component_has_ended(write, foreign, tmp_pat
     folder = written(write, 2, ENDS).parent
     study = folder / "study.toml"
     study.write_text(f'title = "Ends"\nscenario = "{folder}"\n[grid]\n"a.end" = [0.5, 5.0]\n')
-    found = campaign.run(study, 1, tmp_path / "out", foreign)
+    found = campaign(study, 1, tmp_path / "out", foreign)
     assert found.failed == 0 and [run for run, _ in found.ended(5)] == [0]
     assert found.column("ended").tolist() == ["`a` ended the run at t = 0.5 s, in an orderly way; `stop` is 1 s.", None]
     assert [line for line in summary(found) if isinstance(line, str)][-1].startswith("run 0: `a` ended the run")

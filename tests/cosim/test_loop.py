@@ -24,7 +24,7 @@ from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.loop.build import LOOP
 from gapsense.cosim.run.loop.reference import in_python
-from gapsense.cosim.run.recording import ROWS, STEP, STOP, edge, median
+from gapsense.cosim.run.recording import ROWS, STEP, STOP, bin_edge, median
 from gapsense.cosim.scenario.input_signals import Player
 
 needs_library = pytest.mark.skipif(compiled.entry() is None, reason="the library is for Linux on x86-64")
@@ -152,7 +152,7 @@ def test_all_base_steps_are_done_and_timed(advancer):
     assert trial.recording.spread.sum(axis=1).tolist() == [20, 9, 20]
     for spread, longest, seconds in zip(trial.recording.spread, trial.recording.longest, trial.recording.seconds):
         last = int(np.flatnonzero(spread)[-1])
-        assert edge(last) <= longest < edge(last + 1)
+        assert bin_edge(last) <= longest < bin_edge(last + 1)
         assert longest <= seconds and 0.0 < median(spread, longest) <= longest
     assert trial.marks[ROWS] == 7 and not np.any(trial.recording.data == -1.0)
 

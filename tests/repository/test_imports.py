@@ -23,12 +23,11 @@ OF_KERNELS = (  # in order: each may import those before it
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked",
-    "ledger",
     "importable", "interrupts", "processes", "prestart", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"campaign", "control", "cosim", "embedded", "fmi", "lanes", "vectors"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"control", "cosim", "embedded", "fmi", "lanes", "many", "vectors"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     "__init__": set(),  # of kernels and _os
@@ -37,16 +36,17 @@ MAY_IMPORT = {
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi", "ports", "random"},
-    "vectors": NUMBERS - {"campaign", "control", "embedded"},
-    "campaign": GENERAL | {"campaign", "cosim"},
+    "vectors": NUMBERS - {"many", "control", "embedded"},
+    "many": GENERAL | {"many", "cosim", "vectors"},
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
     "identification": NUMBERS | {"identification", "report"},
     "runnable": NUMBERS | {"report"},
     "components": {"runnable"},
+    "functions": NUMBERS | {"identification", "report", "shipped"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "runnable"},
+    "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "functions", "runnable"},
     "studies": NUMBERS | {"report", "studies"},
     "scenarios": NUMBERS | {"identification", "report", "studies", "scenarios"},
     "command": NUMBERS | {"identification", "report", "studies", "scenarios", "cli"},
@@ -56,6 +56,8 @@ MAY_IMPORT = {
 REACHES_UP = {  # in functions
     "src/gapsense/cosim/show.py": {"report"},  # when someone wants to see a result
     "src/gapsense/cosim/run/engines.py": {"vectors"},  # when a scenario can do without FMUs
+    "src/gapsense/cosim/scenario/build.py": {"many"},  # when it is swept
+    "src/gapsense/cosim/__init__.py": {"many"},  # when `cosim.sweep` is asked for
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
@@ -64,7 +66,8 @@ PACKAGES = {  # beside the standard library
     **{part: {"numpy", "tomli"} for part in GENERAL},
     **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
-    "campaign": {"numpy", "scipy", "pyarrow", "distributed"},
+    "many": {"fmpy", "numpy", "scipy", "pyarrow", "distributed"},
+    "functions": {"numpy", "matplotlib", "rich"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
     "identification": {"numpy", "scipy", "matplotlib", "rich"},
@@ -159,7 +162,7 @@ STARTS = {  # and what they must not load
     "from gapsense.cli import loaded; loaded('run')": HEAVY | {"numpy", "email", "argparse"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
-    "import gapsense.cosim.run.apart, gapsense.cosim.run.worker": HEAVY | SHOWING,
+    "import gapsense.cosim.run.apart, gapsense.many.worker": HEAVY | SHOWING,
 }
 
 
@@ -173,11 +176,14 @@ def test_what_starts_often_loads_no_package_that_it_does_not_need(start):
     assert sorted(loaded & STARTS[start]) == []
 
 
-@pytest.mark.parametrize("package", [gapsense, cosim])
-def test_what_a_package_offers_is_what_type_checkers_are_told(package):
+OF_GAPSENSE = {**dict.fromkeys(gapsense.__all__, "gapsense.components"), **gapsense._PLACES}
+
+
+@pytest.mark.parametrize(("package", "offered"), [(gapsense, OF_GAPSENSE), (cosim, cosim.OFFERED)])
+def test_what_a_package_offers_is_what_type_checkers_are_told(package, offered):
     block = next(n for n in tree(Path(package.__file__)).body if isinstance(n, ast.If))
     told = {alias.asname: n.module for n in block.body if isinstance(n, ast.ImportFrom) for alias in n.names}
-    assert told == package.OFFERED
+    assert told == offered
     for name in told:
         assert not isinstance(getattr(package, name), ModuleType), name
 

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
-    from gapsense.cosim.sweep import sweep as sweep
-    from gapsense.cosim.sweep_table import Sweep as Sweep
+    from gapsense.many.sweep import sweep as sweep
+    from gapsense.many.sweep_table import Sweep as Sweep
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
@@ -65,11 +65,9 @@ OF_MODULES = {
     "scenario.records": ("Scenario",),
     "sensitivity": ("Growth", "sensitivity"),
     "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
-    "sweep": ("sweep",),
-    "sweep_table": ("Sweep",),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED["ScenarioError"] = "gapsense.problems"
+OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep_table"}
 
 
 def __getattr__(name: str) -> Any:

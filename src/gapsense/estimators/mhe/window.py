@@ -33,6 +33,7 @@ START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
 PAIRS = triangle(N)
 FIXED = 1e-6  # least standard deviation of a correction
+LOOSE = 13.0  # the same of damping, which dirt and wear change
 MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
 PACE = 7  # samples of a trial that are a piece of work
@@ -209,7 +210,8 @@ def priors(par: Parameters) -> list[Scalar]:
 
 def bounds(par: Parameters) -> list[Scalar]:
     """How far each correction may go: what is farther off than that is another device, or a fault."""
-    return [where(MOST * s < FARTHEST, MOST * s, FARTHEST) for s in priors(par)]
+    most = Device(*[MOST] * START)._replace(damping=LOOSE)
+    return [where(m * s < FARTHEST, m * s, FARTHEST) for m, s in zip(most, priors(par))]
 
 
 def start_deviation(par: Parameters) -> Scalar:
