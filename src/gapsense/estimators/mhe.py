@@ -49,7 +49,7 @@ from gapsense.estimators.mhe_watch import (
     watched,
     weight,
 )
-from gapsense.estimators.mhe_window import BAD, LOGARITHMS, work_on
+from gapsense.estimators.mhe_window import LOGARITHMS, work_on
 from gapsense.estimators.readings import (
     INNOVATION,
     LOST,
@@ -219,7 +219,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     doubtful = state.work._replace(doubt=where(is_strange(state.watch), 1.0, state.work.doubt))
     work, smoothed, caught = work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par)
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
-    is_told = _is_told_late(work, state.work.learnt, par)
+    is_told = _is_told_late(work, state.work.learnt)
     is_other = is_new | is_first | is_told
     believed = cond(is_other, lambda: put(state.believed, get(work.device, START)), lambda: state.believed)
     work = work._replace(follows=where(caught, 1.0, work.follows))
@@ -258,10 +258,10 @@ def _is_other(work: Work, par: Parameters) -> Scalar:
     return is_other
 
 
-def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
-    """What a window has told is so late, with `option.further`, that the causal estimate does not wait for the next."""
+def _is_told_late(work: Work, before: Learnt) -> Scalar:
+    """What a window has told is so late that the causal estimate does not wait for the next."""
     is_told, is_late = work.learnt.windows > before.windows, work.age > USUAL.later
-    return (par.option_further > 0.0) & is_told & is_late & (work.learnt.misfit < BAD)
+    return is_told & is_late & (work.learnt.rejected < 1.0)
 
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:

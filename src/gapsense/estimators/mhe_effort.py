@@ -7,12 +7,15 @@ from typing import NamedTuple
 from gapsense.estimators.mhe_parameters import Parameters
 from gapsense.estimators.mhe_records import START, Learnt, N, get, priors
 from gapsense.records import Scalar
-from gapsense.trace import clip, where
+from gapsense.trace import clip, not_, where
 
 Starts = tuple[dict[int, float], ...]
 
 # where a search begins if nothing explains the currents: fields of `Device`, and how many deviations off
-STARTS: Starts = tuple({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
+STARTS: Starts = (
+    *({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2)),
+    *({1: 2.0}, {5: 1.0}, {1: 2.0, 5: 1.0}),  # more losses than told
+)
 # the same with `option.further`, in deviations of what is known by now
 MORE_STARTS: Starts = (
     *({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2, 6)),
@@ -66,11 +69,19 @@ THOROUGH = Effort(
 )
 
 
+def is_untaught(learnt: Learnt, par: Parameters) -> Scalar:
+    """No window with a motion was explained so far, and the device may be far from the one told; with
+    `option.further` the search is thorough anyway.
+    """
+    return (learnt.explained < 1.0) & not_(par.option_further > 0.0)
+
+
 def effort(learnt: Learnt, par: Parameters) -> Effort:
     """What a window is worth; a search that will find nothing, as the last one, is not."""
     bad = clip(WORSE * learnt.misfit, THOROUGH.bad, USUAL.bad)
     thorough = THOROUGH._replace(bad=bad)
-    usual = [where(learnt.rejected > 0.0, hasty, one) for hasty, one in zip(HASTY, USUAL)]
+    is_hopeless = (learnt.rejected > 0.0) & not_(is_untaught(learnt, par))
+    usual = [where(is_hopeless, hasty, one) for hasty, one in zip(HASTY, USUAL)]
     return Effort(*(where(par.option_further > 0.0, more, one) for one, more in zip(usual, thorough)))
 
 

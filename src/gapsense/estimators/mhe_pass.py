@@ -169,7 +169,12 @@ def is_idle(walk: Walk) -> Scalar:
 
 def has_moved(walk: Walk) -> Scalar:
     """Whether there is a motion, or a part of one."""
-    return (walk.takeoff >= 0.0) | (walk.landings > 0.0) | (walk.still < 1.0)
+    return (walk.takeoff >= 0.0) | has_landed(walk) | (walk.still < 1.0)
+
+
+def has_landed(walk: Walk) -> Scalar:
+    """Whether there is a landing."""
+    return walk.landings > 0.0
 
 
 def _event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:

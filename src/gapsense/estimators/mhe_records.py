@@ -19,6 +19,7 @@ PAIRS = triangle(N)
 DERIVING, SOLVING, TRYING, RENEWING = 0.0, 1.0, 2.0, 3.0  # phases
 FIXED = 1e-6  # least standard deviation of a correction
 MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
+GUESSED = 3.0  # the same of eddy currents and hysteresis, of which only guesses are told
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
 
 
@@ -91,6 +92,7 @@ class Work(NamedTuple):
     least: Scalar = 1.0  # shortest length
     has_jumped: Scalar = 0.0  # 1: it began again with the resistance of a held voltage
     has_grown: Scalar = 0.0  # 1: it was made longer
+    lands: Scalar = 0.0  # 1: the mover has landed in the last pass with derivatives
     tries: Scalar = 0.0
     shortenings: Scalar = 0.0
     start: Scalar = 0.0  # of the starts that is tried, from 1 on; 0: none; -1: all were, none is better
@@ -135,7 +137,8 @@ def priors(par: Parameters) -> list[Scalar]:
 
 def bounds(par: Parameters) -> list[Scalar]:
     """How far each correction may go: what is farther off than that is another device, or a fault."""
-    return [where(MOST * s < FARTHEST, MOST * s, FARTHEST) for s in priors(par)]
+    most = Device(*[FARTHEST] * START)._replace(eddy=GUESSED, hysteresis=GUESSED)
+    return [where(MOST * s < far, MOST * s, far) for s, far in zip(priors(par), most)]
 
 
 def start_deviation(par: Parameters) -> Scalar:

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.mhe_effort import effort, start_of
+from gapsense.estimators.mhe_effort import effort, is_untaught, start_of
 from gapsense.estimators.mhe_model import Model, Point
 from gapsense.estimators.mhe_parameters import Parameters
-from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, has_moved, is_idle, walked
+from gapsense.estimators.mhe_pass import PACE, Smoothed, begun, has_landed, has_moved, is_idle, walked
 from gapsense.estimators.mhe_records import (
     DERIVING,
     FARTHEST,
@@ -49,11 +49,12 @@ LOGARITHMS = 9  # the first ones
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
-SHORTENED = 0.25  # of a step whose trial is worse than what it left
+SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
 LARGEST = 0.7  # step of a logarithm
 POOR = 2.0  # misfit of a window that goes before one that nothing explains, and what was learnt is wrong
 LITTLE, BAD = 0.03, 6.0  # of the cost that noise and model error make: see `_verdict`
+BAD_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teaches is as uncertain as its misfit is large
 GOOD = 1.5  # misfit of a window that others may go back to
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
@@ -172,7 +173,13 @@ def _solving(work: Work, par: Parameters) -> Work:
     pull = Pi @ d
     gradient = put(gradient, get(gradient, N) - pull)
     whole, total = get_matrix(work.normal) + Pi, work.walk.cost + d @ pull
-    known = work._replace(gradient=gradient, total=total, whole=put_matrix(work.whole, whole), tries=work.tries + 1.0)
+    known = work._replace(
+        gradient=gradient,
+        total=total,
+        whole=put_matrix(work.whole, whole),
+        lands=where(has_landed(work.walk), 1.0, 0.0),
+        tries=work.tries + 1.0,
+    )
     return _damped(known, 0.0, par)
 
 
@@ -255,6 +262,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     d = get(work.q, N) + get(work.change, N) - get(work.q_prior, N)
     total, misfit = walk.cost + d @ (get_matrix(work.prior) @ d), walk.cost / unit
     worth = effort(work.learnt, par)
+    loses = (work.lands > 0.0) & not_(has_landed(walk)) & is_untaught(work.learnt, par)
     is_last, is_bad = work.shortenings >= worth.retries, misfit > worth.bad
     missing, late = total - work.promised, work.age - work.end
     surprise = where(late > worth.late, missing, fabs(missing))
@@ -269,7 +277,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     return Verdict(
         total=total,
         misfit=misfit,
-        is_better=(total < work.total) | is_last,
+        is_better=((total < work.total) & not_(loses)) | is_last,
         is_final=is_final,
         grows=grows,
         seeks=seeks,
@@ -331,7 +339,8 @@ def _sought(work: Work, par: Parameters) -> Work:
 
 def _shortened(work: Work, n: Scalar, par: Parameters) -> Work:
     """A trial of a shorter step, the n-th one, or of none."""
-    change = where(n >= effort(work.learnt, par).retries, 0.0, SHORTENED) * get(work.change, N)
+    share = where(is_untaught(work.learnt, par), SHORTENED_UNTAUGHT, SHORTENED)
+    change = where(n >= effort(work.learnt, par).retries, 0.0, share) * get(work.change, N)
     return work._replace(shortenings=n, change=put(work.change, change), begins=1.0)
 
 
@@ -344,7 +353,8 @@ def _finished(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: P
         return cond(is_lost, lambda: _forgotten(told, par), lambda: _rejected(told, par))
 
     is_cut = work.end >= par.window_longest / par.sample_time  # no landing has ended it: what moved was no operation
-    most = where(is_cut & (work.doubt > 0.0), GOOD, BAD)
+    limit = where(is_untaught(work.learnt, par) & has_landed(work.walk), BAD_UNTAUGHT, BAD)
+    most = where(is_cut & (work.doubt > 0.0), GOOD, limit)
     return cond(misfit < most, lambda: _explained(told, misfit, par), rejected)
 
 
@@ -411,7 +421,8 @@ def _rejected(work: Work, par: Parameters) -> Work:
     """The currents were not explained: the parameters stay what they were.
 
     After some such windows in a row they go back to those of the last good window, and after as many more to what was
-    known at the start; then in turn.
+    known at the start; then in turn.  As long as nothing was explained, the
+    next window begins with what explains this one best.
     """
     n = work.learnt.rejected + 1.0
     is_back, is_blind = n == PATIENCE, n >= 2.0 * PATIENCE
@@ -428,13 +439,15 @@ def _rejected(work: Work, par: Parameters) -> Work:
         return vector([0.0] * START), _blind(par)
 
     q, Pi = cond(is_back, gone_back, lambda: cond(is_blind, blind, kept))
-    q, prior = put(work.q, [*q, 0.0]), put_matrix(work.prior, Pi)
-    return _opened(work._replace(q=q, prior=prior, origin=origin))
+    found, goes_on = get(work.q, START), is_untaught(work.learnt, par) & has_landed(work.walk)
+    opened = _opened(work._replace(q=put(work.q, [*q, 0.0]), prior=put_matrix(work.prior, Pi), origin=origin))
+    return opened._replace(q=put(opened.q, [*(where(goes_on, a, b) for a, b in zip(found, q)), 0.0]))
 
 
 def _is_behind(work: Work, par: Parameters) -> Scalar:
     """Whether more samples wait behind a window that nothing explained than are worth the work."""
-    is_new = (work.phase == DERIVING) & (work.begins > 0.0) & (work.end <= 0.0)
+    grows = is_untaught(work.learnt, par) & (work.has_grown > 0.0)
+    is_new = (work.phase == DERIVING) & (work.begins > 0.0) & (work.end <= 0.0) & not_(grows)
     return is_new & (work.learnt.misfit >= BAD) & (work.age > effort(work.learnt, par).backlog)
 
 
