@@ -21,6 +21,10 @@ from gapsense.studies.devices import RTS_VALVE
 NOISE = 30e-3  # of the voltage [V]
 HEALTHY, BROKEN, AFTER = 6, 5, 12  # cycles before, in and after a fault
 STROKE = RTS_VALVE.stop_upper - RTS_VALVE.stop_lower
+ONE_WAY = {
+    "lower stop lower": {"stop_lower": RTS_VALVE.stop_lower - 0.1 * STROKE},
+    "lower stop higher": {"stop_lower": RTS_VALVE.stop_lower + 0.1 * STROKE},
+}
 FAULTS = {
     "stuck at the upper stop": {"stop_lower": RTS_VALVE.stop_upper - 1e-7},
     "stuck at the lower stop": {"stop_upper": RTS_VALVE.stop_lower + 1e-7},
@@ -98,7 +102,7 @@ def broken(fault: str) -> Plant:
     voltage = np.where((k >= 0) & (k % CYCLE < HALF), 30.0, 0.0)
     later = HALF if fault == "stuck at the lower stop" else 0
     first, last = (START + n * CYCLE + later - 5 for n in (HEALTHY, HEALTHY + BROKEN))
-    pars = [tuple(flat(par)) for par in (RTS_VALVE, RTS_VALVE._replace(**FAULTS[fault]))]
+    pars = [tuple(flat(par)) for par in (RTS_VALVE, RTS_VALVE._replace(**{**FAULTS, **ONE_WAY}[fault]))]
     scalar, names = Kernel(reluctance_actuator).scalar, reluctance_actuator.Outputs._fields
     state, seen = scalar["initial"]((0.0, 0.0, 0.0), pars[0])
     found = [seen]
@@ -145,6 +149,18 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
     assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.05
     assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
     assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))
+
+
+@pytest.mark.parametrize("fault", ONE_WAY)
+def test_a_fault_that_shows_in_one_direction_stays_told(fault: str) -> None:
+    """Closings looked fine, and so `health` was 1 where the openings after them began: 20 and 35 % of the wrong time."""
+    s, seed = broken(fault), 4
+    found = run(blind(), rows(with_noise(s.voltage, seed), noisy(s, seed)))
+    k = np.arange(s.mode.size)
+    is_wrong = (np.abs(found["position"] - s.position) > 105e-6) & (k > START + HEALTHY * CYCLE - 10)
+    assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.01
+    assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
+    assert np.all(found["health"][-4 * CYCLE :] == 1.0)
 
 
 def test_a_command_that_no_motion_followed_is_told() -> None:

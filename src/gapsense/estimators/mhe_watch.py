@@ -23,6 +23,7 @@ ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere i
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
 KNOWN, YOUNG = 4.0, 6.0  # operations that were explained, after which innovations are judged, first with more patience
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
+BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 
 
@@ -44,7 +45,7 @@ class Watch(NamedTuple):
     surprise: Scalar  # mean of the innovations, of late [A]
     is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
     is_moving: Scalar  # 1: there was a motion in this operation
-    is_suspect: Scalar  # 1: an operation was strange, and none since then was not
+    suspicion: Scalar  # operations that must not be strange until one that was is forgotten
     was_commanded: Scalar  # 1: the command has changed
     has_moved: Scalar  # 1: there was a motion since then
     is_still: Scalar  # 1: there was none between the two changes before
@@ -133,7 +134,7 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 
 
 def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
-    """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
+    """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
     is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
@@ -149,13 +150,14 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
     limit = (1.0 + young) * most * usual
     is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
     is_other = (par.option_command > 0.0) & (fabs(seen.change) > 0.0)
+    less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
     return before._replace(
         edge=edge,
         spread=spread,
         surprise=surprise,
         is_strange=where(is_known & (fabs(surprise) > limit), 1.0, where(is_over, 0.0, before.is_strange)),
         is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        is_suspect=where(is_over, before.is_strange, before.is_suspect),
+        suspicion=where(is_over, where(before.is_strange > 0.0, BOTH, less), before.suspicion),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
         is_still=where(is_other, before.was_commanded * (1.0 - before.has_moved), before.is_still),
@@ -175,5 +177,5 @@ def _placed(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Point,
 
 
 def is_strange(watch: Watch) -> Scalar:
-    """Whether this operation is, or one was, and none since then was not."""
-    return (watch.is_strange > 0.0) | (watch.is_suspect > 0.0)
+    """Whether this operation is, or one was, and not two with a motion since then were not."""
+    return (watch.is_strange > 0.0) | (watch.suspicion > 0.0)
