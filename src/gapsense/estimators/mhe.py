@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe_effort import USUAL
+from gapsense.estimators.mhe_follow import Coil, Follow, Sample, first_follow, followed, noticed
 from gapsense.estimators.mhe_model import (
     Device,
     Point,
@@ -49,7 +50,7 @@ from gapsense.estimators.mhe_watch import (
     watched,
     weight,
 )
-from gapsense.estimators.mhe_window import LOGARITHMS, work_on
+from gapsense.estimators.mhe_window import LOGARITHMS, waits, work_on
 from gapsense.estimators.readings import (
     INNOVATION,
     LOST,
@@ -91,6 +92,7 @@ class State(NamedTuple):
     believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
     held: Held
     watch: Watch
+    follow: Follow
     work: Work
     samples: Samples
     fluxes: Annotated[Array, Memory(RING)]  # of the last trial
@@ -187,7 +189,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         Held(held=0.0, held_level=u, held_voltage=u, held_current=0.0, held_drift=0.0, held_resistance=0.0, zero=0.0),
         (zeros(RING), zeros(RING)),
     )
-    learns = (held, first_watch(par), work, samples)
+    learns = (held, first_watch(par), first_follow(), work, samples)
     state = State(inputs.command, vector(at), zeros(len(d)), *learns, *smoothed)
     fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
     shown = Shown(
@@ -217,7 +219,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
     first = model(par, device(par))
     doubtful = state.work._replace(doubt=where(is_strange(state.watch), 1.0, state.work.doubt))
-    work, smoothed, caught = work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par)
+    follow = state.follow
+    work, smoothed, caught = cond(
+        follow.is_on > 0.0,
+        lambda: (waits(doubtful, before), smoothed, False),
+        lambda: work_on(doubtful, samples, smoothed, before, R, inputs.time, first, par),
+    )
     is_first, is_new = state.work.begins > 1.0, caught & (work.follows < 1.0)
     is_told = _is_told_late(work, state.work.learnt)
     is_other = is_new | is_first | is_told
@@ -225,7 +232,13 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     work = work._replace(follows=where(caught, 1.0, work.follows))
     m = with_device(first, Device(*get(believed, START)))
     before = Point(*cond(is_told, lambda: vector(point(*before[:4], before.voltage, m)), lambda: state.causal))
-    at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+    seen = Sample(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
+
+    def by_model() -> tuple[Array, Array]:
+        at = cond(caught, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+        return at, follow.covariance
+
+    at, covariance = cond(follow.is_on > 0.0, lambda: followed(before, follow, seen, m), by_model)
     now = Point(*at)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
     seen = Seen(
@@ -234,10 +247,21 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         jump=u - before.voltage,
         is_edge=is_edge,
         change=inputs.command - state.last_command,
+        is_fed_back=follow.is_on,
     )
     watch = watched(heard, seen, now, work.learnt, m, par)
+    coil = Coil(
+        is_large=watch.is_large > 0.0,
+        is_edge=is_edge,
+        pulls=fabs(held.held_current) > LARGE * par.noise_current,
+        resistance=_resistance(held, par),
+    )
+    follow = noticed(follow._replace(covariance=covariance), coil, now, m)
+    is_back = (state.follow.is_on > 0.0) & (follow.is_on + follow.is_futile < 1.0)
+    is_old = work.age > par.window_longest / par.sample_time
+    work = work._replace(age=where(is_back & is_old, RING, work.age))
     work, shown = _published(work, samples.newest, smoothed, now, inputs.time, par)
-    state = State(inputs.command, at, believed, held, watch, work, samples, *smoothed)
+    state = State(inputs.command, at, believed, held, watch, follow, work, samples, *smoothed)
     causes = {
         INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
         LOST: not_(has_voltage & has_current),

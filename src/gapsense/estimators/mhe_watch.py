@@ -43,6 +43,7 @@ class Watch(NamedTuple):
     edge: Edge
     spread: Scalar  # variance of the places of edges, of late
     surprise: Scalar  # mean of the innovations, of late [A]
+    is_large: Scalar  # 1: it is too large now
     is_strange: Scalar  # 1: it was too large in this operation, which begins with an edge of the voltage
     is_moving: Scalar  # 1: there was a motion in this operation
     suspicion: Scalar  # operations that must not be strange until one that was is forgotten
@@ -59,11 +60,12 @@ class Seen(NamedTuple):
     jump: Scalar  # of the voltage
     is_edge: Scalar  # 1: that is an edge
     change: Scalar  # of the command
+    is_fed_back: Scalar  # 1: the current was fed back
 
 
 def first_watch(par: Parameters) -> Watch:
     """Nothing was noticed yet."""
-    return Watch(par.noise_current, 0.0, Edge(0.0, 0.0, 0.0), ANYWHERE, *[0.0] * 7)
+    return Watch(par.noise_current, 0.0, Edge(0.0, 0.0, 0.0), ANYWHERE, *[0.0] * 8)
 
 
 def weight(par: Parameters) -> Scalar:
@@ -148,6 +150,7 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
     most = where(par.option_further > 0.0, STRANGE_SOFT, STRANGE)
     young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
     limit = (1.0 + young) * most * usual
+    is_large = is_known & (fabs(surprise) > limit)
     is_over = is_edge & (before.is_strange + before.is_moving > 0.0)
     is_other = (par.option_command > 0.0) & (fabs(seen.change) > 0.0)
     less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
@@ -155,7 +158,8 @@ def watched(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par
         edge=edge,
         spread=spread,
         surprise=surprise,
-        is_strange=where(is_known & (fabs(surprise) > limit), 1.0, where(is_over, 0.0, before.is_strange)),
+        is_large=where(is_large, 1.0, 0.0),
+        is_strange=where(is_large | (seen.is_fed_back > 0.0), 1.0, where(is_over, 0.0, before.is_strange)),
         is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
         suspicion=where(is_over, where(before.is_strange > 0.0, BOTH, less), before.suspicion),
         was_commanded=where(is_other, 1.0, before.was_commanded),

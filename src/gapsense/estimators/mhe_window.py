@@ -108,6 +108,12 @@ def work_on(
     return work, smoothed, (work.phase == DERIVING) & (work.begins < 1.0) & (work.walk.done >= work.age)
 
 
+def waits(work: Work, causal: Point) -> Work:
+    """No work while the current is fed back; what waits for too long is given up."""
+    work = work._replace(age=work.age + 1.0)
+    return cond(work.age > RING - 2.0 * PACE, lambda: _given_up(work, causal), lambda: work)
+
+
 def _given_up(work: Work, causal: Point) -> Work:
     """The memory is full before the window is solved: the next one begins where the causal estimate is."""
     learnt = work.learnt._replace(given_up=work.learnt.given_up + 1.0)
