@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from experiment import WATCHED, Experiment, common, component_steps, real_rates
 
-from gapsense.cosim.instance import GET, SET, STEP
-from gapsense.cosim.master import Master
-from gapsense.cosim.part import Part
+from gapsense.cosim.fmu.instance import GET, SET, STEP
+from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.part import Part
 
 FLAGS = ("-std=c99", "-O2", "-Wall", "-shared", "-fPIC")
 Outcome = tuple[float, int, dict[str, float]]

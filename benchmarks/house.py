@@ -87,8 +87,8 @@ def run(folder: Path) -> None:
 
 def trace_mhe() -> None:
     """The kernel of `Mhe`, called with symbols."""
-    from gapsense.estimators import mhe
-    from gapsense.kernel import Kernel
+    from gapsense.estimators.mhe import mhe
+    from gapsense.kernels.kernel import Kernel
 
     Kernel(mhe).traced()
 

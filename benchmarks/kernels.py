@@ -27,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "kernels"
 from c_code import CKernel
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.lanes import Code, stepped
-from gapsense.records import flat
+from gapsense.kernels.lanes import Code, stepped
+from gapsense.kernels.layout import flat
 
 STEPS, DRAWN = 200, 50  # steps of a sequence; different runs in a batch, which is filled with copies of them
 BATCHES, STEPS_OVER_RUNS = (1000, 10000), 20

@@ -11,12 +11,12 @@ from typing import Any
 from c_loop import replay
 from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, real_rates
 
-from gapsense.cosim.elements import Port
-from gapsense.cosim.master import Master
-from gapsense.cosim.run import run_once
+from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.run import run_once
+from gapsense.cosim.scenario.elements import Port
 from gapsense.fmi.components import kernel_parameters
 from gapsense.fmi.ports import Component
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 Outcome = tuple[float, int, dict[str, float]]
 Step = Callable[[Any, Any, Any], Any]

@@ -17,14 +17,14 @@ import fmpy
 from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, reference, start_values
 from fmpy.fmi2 import FMU2Slave
 
-from gapsense.cosim.elements import Port
+from gapsense.cosim.scenario.elements import Port
 
 Outcome = tuple[float, int, dict[str, float]]
 
 
 def fmpy_loop(fmus: Path) -> Outcome:
     """Gauss-Seidel with fmpy's methods, one setReal and one getReal per variable, as its examples do."""
-    from gapsense.cosim.master import Master
+    from gapsense.cosim.run.master import Master
 
     experiment = common(fmus)
     scenario = experiment[0]

@@ -25,9 +25,9 @@ from rich.console import Console
 from rich.table import Table
 
 import gapsense
-from gapsense.cosim.master import Master
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.run import run_once
+from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.run import run_once
 
 CONSOLE = Console(width=120) if not sys.stdout.isatty() else Console()
 FMUS = {"Python": ROOT / "build" / "fmus", "native": ROOT / "build" / "native"}

@@ -14,9 +14,9 @@ import pytest
 import typer.testing
 from hypothesis import HealthCheck, settings
 
-from gapsense import locks
+from gapsense._os import locks
+from gapsense._os.native import NativeError
 from gapsense.fmi.native.platforms import chosen, compilers
-from gapsense.native import NativeError
 
 ROOT = Path(__file__).resolve().parents[1]
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed

@@ -30,7 +30,7 @@ def said(name: str, unit: str, description: str, **more: float) -> Port:
 COMPONENT = Component(
     name="Mhe",
     description="Moving-horizon estimator: position from voltage and current only; learns the device from each motion",
-    kernel="gapsense.estimators.mhe",
+    kernel="gapsense.estimators.mhe.mhe",
     stop_time=2.0,
     step_size=20e-6,
     resources=("fringing_29.csv",),

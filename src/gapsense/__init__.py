@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from gapsense.components import Semera as Semera
     from gapsense.components import Sensor as Sensor
     from gapsense.components import SolenoidValve as SolenoidValve
-    from gapsense.cosim.model import Scenario as Scenario
     from gapsense.cosim.prepare import check as check
-    from gapsense.cosim.record import Result as Result
-    from gapsense.cosim.record import read_result as read_result
-    from gapsense.cosim.run import run as run
+    from gapsense.cosim.result.result import Result as Result
+    from gapsense.cosim.result.result import read_result as read_result
+    from gapsense.cosim.run.run import run as run
+    from gapsense.cosim.scenario.build import Scenario as Scenario
     from gapsense.cosim.sweep import sweep as sweep
 
 COMPONENTS = (
@@ -59,10 +59,10 @@ COMPONENTS = (
 )
 OFFERED = {
     **dict.fromkeys(COMPONENTS, "gapsense.components"),
-    "Scenario": "gapsense.cosim.model",
-    **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.record"),
+    "Scenario": "gapsense.cosim.scenario.build",
+    **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
     "check": "gapsense.cosim.prepare",
-    "run": "gapsense.cosim.run",
+    "run": "gapsense.cosim.run.run",
     "sweep": "gapsense.cosim.sweep",
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import sleep
@@ -11,10 +11,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from gapsense.checked import Entry, append_lines, damage, fingerprint, read_lines
-from gapsense.files import naming, sha256
-from gapsense.locks import lock
-from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE
+from gapsense._os.checked import Entry, append_lines, damage, fingerprint, read_lines
+from gapsense._os.files import naming, sha256
+from gapsense._os.locks import lock
+from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE, SCENARIOS
 
 LOG = logging.getLogger(__name__)
 PAUSE = 0.1  # seconds between two looks whether a file is free
@@ -27,16 +27,16 @@ def key(facts: Any) -> str:
 
 
 def sources() -> dict[str, str]:
-    """Hash of every source file of this package and of the port tables, whose start values studies take.
+    """Hash of every source file of this package, of the port tables, whose start values studies take, and of studies.
 
     Taken anew each time, since it may be edited while a program runs. A checkout and what is installed from it agree.
     """
-    return {**hashes(PACKAGE, but=INSTALLED), **hashes(COMPONENTS)}
+    return {**hashes(PACKAGE, but=INSTALLED), **hashes(COMPONENTS), **hashes(SCENARIOS, (".py",))}
 
 
-def hashes(folder: Path, but: Path | None = None) -> dict[str, str]:
+def hashes(folder: Path, endings: Collection[str] = SOURCES, but: Path | None = None) -> dict[str, str]:
     """Hash of every source file below a folder, by its path from there on, `but` those of a folder inside."""
-    files = sorted(p for p in folder.rglob("*") if p.suffix in SOURCES and not (but and p.is_relative_to(but)))
+    files = sorted(p for p in folder.rglob("*") if p.suffix in endings and not (but and p.is_relative_to(but)))
     return {path.relative_to(folder.parent).as_posix(): sha256(path) for path in files}
 
 

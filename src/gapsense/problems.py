@@ -10,7 +10,7 @@ from sysconfig import get_path
 from traceback import extract_tb
 
 PACKAGE = Path(__file__).parent
-FOUNDATIONS = (PACKAGE, PACKAGE / "emit", PACKAGE / "fmi")
+FOUNDATIONS = (PACKAGE, *(PACKAGE / name for name in ("_os", "kernels", "kernels/emit", "fmi")))
 LIBRARIES = tuple(map(get_path, ("stdlib", "purelib", "platlib")))
 SHOWN = 12  # names listed in a message before it says how many more there are
 

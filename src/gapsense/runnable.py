@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.native import own_compiler
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.sentences import say
 from gapsense.fmi.values import ValuesError, fields, wrong_value
-from gapsense.kernel import Kernel
-from gapsense.native import own_compiler
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.parameters import read_parameters
 from gapsense.problems import ScenarioError, suggest
-from gapsense.records import names
 
 Floats = npt.NDArray[np.float64]
 SAMPLE_TIME = "sample_time"

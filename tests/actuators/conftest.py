@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gapsense.actuators import solenoid_valve
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "oracles")]
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gapsense.actuators import motion, play_actuator, pot_magnet, reluctance_actuator, solenoid_valve
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 PLANTS = {
     "solenoid_valve": (solenoid_valve, 30.0, 20e-3),

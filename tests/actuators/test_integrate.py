@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gapsense.integrate import CLOSENESS, crossing, equal_parts, next_part, rk4, rk4_until
+from gapsense.kernels.integrate import CLOSENESS, crossing, equal_parts, next_part, rk4, rk4_until
 
 
 def oscillation(count):

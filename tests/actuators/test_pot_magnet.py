@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.actuators import pot_magnet
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 KERNEL = Kernel(pot_magnet)

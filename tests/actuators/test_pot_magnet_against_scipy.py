@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gapsense.actuators import pot_magnet
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 MU_0 = 1.257e-6

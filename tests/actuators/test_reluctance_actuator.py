@@ -11,8 +11,8 @@ from scipy.integrate import quad
 from gapsense.actuators import hysteresis, solenoid_valve
 from gapsense.actuators import reluctance_actuator as actuator
 from gapsense.actuators.magnetics import MU_0
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE, VALVE
 
 STEP = 0.1e-3

@@ -8,7 +8,7 @@ from reluctance_dop853 import Oracle
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.tables import read_table
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE
 
 TIME = 1e-7  # contact and release [s]

@@ -10,9 +10,9 @@ from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
 from gapsense.actuators import valve_steps
-from gapsense.kernel import Kernel
-from gapsense.lanes import over_runs
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import over_runs
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 
 REST = valve.Inputs(0.0, 0.0, 0.0)

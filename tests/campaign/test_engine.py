@@ -184,7 +184,7 @@ def test_killed_worker_processes_lose_nothing(write, fmus, tmp_path):
 
     def kill(done, total):  # what came together is told together
         if len(killed) < 2 and 3 + 12 * len(killed) <= done < total - 6:
-            own = [pid for pid in children() if b"gapsense.processes" in command(pid)]
+            own = [pid for pid in children() if b"gapsense._os.processes" in command(pid)]
             killed.append(max(own, key=seconds))  # it has done runs: one that is killed at its start ends them all
             os.kill(killed[-1], signal.SIGKILL)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gapsense.campaign.plan import Block, Plan
 from gapsense.campaign.study import Study, read_study
-from gapsense.cosim.elements import Port
+from gapsense.cosim.scenario.elements import Port
 
 
 def load_study(path: Path) -> Study:

@@ -7,7 +7,7 @@ from studies_of_ramps import NOISE, STUDY
 
 from gapsense import campaign
 from gapsense.campaign.prepare import prepare
-from gapsense.cosim.keys import FILE
+from gapsense.cosim.scenario.keys import FILE
 from gapsense.problems import ScenarioError
 from gapsense.tables import Key
 

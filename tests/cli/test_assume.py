@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import write_columns
+from gapsense._os.files import write_columns
+from gapsense.identification.transfer import read_sets
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.transfer import read_sets
 
-sys.path.append(str(Path(__file__).parents[1] / "studies"))
+sys.path.append(str(Path(__file__).parents[1] / "identification"))
 from valve_records import columns, write
 
 PAR = VALVE._replace(
@@ -163,7 +163,7 @@ def test_fmus_are_built_with_assumed_values_but_not_without_a_word(gapsense, mon
 
 
 def test_gap_law_asks_for_the_turns_and_marks_what_rests_on_assumed_ones(gapsense):
-    table = Path(__file__).parents[1] / "studies" / "records" / "takaha-inductance.csv"
+    table = Path(__file__).parents[1] / "identification" / "records" / "takaha-inductance.csv"
     done = gapsense("gap-law", table)
     assert done.exit_code == 2 and "`coil.turns` (" in done.stderr and "--turns" in done.stderr
     done = gapsense("gap-law", table, "--assume")

@@ -14,7 +14,7 @@ import typer
 
 from gapsense.cli import app
 from gapsense.cli.common import reported
-from gapsense.trace import TraceError
+from gapsense.kernels.trace import TraceError
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = sorted(typer.main.get_command(app).commands)
@@ -328,7 +328,7 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus, engine):
 
 
 def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
-    monkeypatch.setattr("gapsense.cosim.loop.library.BINARY", Path("none.so"))
+    monkeypatch.setattr("gapsense.cosim.run.loop.library.BINARY", Path("none.so"))
     done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1, "--engine", "fmu")
     assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.studies.identification.transfer import parameters_of, read_values
+from gapsense.identification.transfer import parameters_of, read_values
 
-TABLE = Path(__file__).resolve().parents[1] / "studies" / "records" / "takaha-inductance.csv"
+TABLE = Path(__file__).resolve().parents[1] / "identification" / "records" / "takaha-inductance.csv"
 
 
 def test_command_writes_a_set_that_the_valve_takes(gapsense, tmp_path, monkeypatch):

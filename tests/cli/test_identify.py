@@ -14,11 +14,11 @@ import fmpy
 import numpy as np
 import pytest
 
+from gapsense._os.files import read_columns
 from gapsense.cosim import run
-from gapsense.files import read_columns
+from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.valve.model import simulate
 from gapsense.studies.devices import VALVE
-from gapsense.studies.identification.valve.model import simulate
-from gapsense.studies.records.checks import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
 DT, REST, PERIODS, SAMPLES, ON = 50e-6, 10, 2, 320, 100
@@ -131,7 +131,7 @@ def test_missing_mode_is_said_and_what_to_do(data, gapsense, fmus, monkeypatch):
     assert "HybridEkf: its `health` is 0 most of the time" in every.stderr and "\nSemera:" not in every.stderr
 
 
-RECORDS = Path(__file__).parents[1] / "studies" / "records"
+RECORDS = Path(__file__).parents[1] / "identification" / "records"
 WRONG = {
     "unknown model": (["identify", "fit.csv", "--model", "relay"], ["--model", "`relay`", "solenoid_valve"]),
     "no file": (["identify", "none.csv"], ["none.csv", "No such file"]),

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import read_columns
-from gapsense.studies.identification.transfer import read_values
-from gapsense.studies.records.checks import read_record
-from gapsense.studies.records.flux import estimate
-from gapsense.studies.records.operations import operations
+from gapsense._os.files import read_columns
+from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.measurements.flux import estimate
+from gapsense.identification.measurements.operations import operations
+from gapsense.identification.transfer import read_values
 
-RECORDS = Path(__file__).parents[1] / "studies" / "records"
+RECORDS = Path(__file__).parents[1] / "identification" / "records"
 TUBE, EMPTY = RECORDS / "tube-150-raw.csv", RECORDS / "empty-162-raw.csv"
 SHARE = 0.03  # of the largest flux linkage
 

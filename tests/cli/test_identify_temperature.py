@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "studies"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "identification"))
 
 from valve_records import write
 

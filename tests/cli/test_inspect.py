@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-RECORDS = Path(__file__).resolve().parents[1] / "studies" / "records"
+RECORDS = Path(__file__).resolve().parents[1] / "identification" / "records"
 
 
 def told(gapsense, *arguments):

@@ -126,7 +126,7 @@ LOADED = (
     "gapsense.cli",
     "typing",
     "pathlib",
-    "gapsense.interrupts",
+    "gapsense._os.interrupts",
     "gapsense.studies",
     "typer",
     "numpy",
@@ -135,7 +135,7 @@ LOADED = (
 )
 
 
-@pytest.mark.parametrize("module", [*LOADED, "gapsense.studies.semera.command", "fmpy"])
+@pytest.mark.parametrize("module", [*LOADED, "gapsense.scenarios.semera_valve.study", "fmpy"])
 def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypatch, module):
     (temporary := tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
@@ -269,7 +269,7 @@ def write(_):
 """
 ASKING = """
 import busy
-from gapsense.processes import Process
+from gapsense._os.processes import Process
 
 process = Process(busy.prepare)
 process.prepare(busy.prepare, None)

@@ -5,15 +5,9 @@ from __future__ import annotations
 from contextlib import contextmanager
 
 import pytest
+from gapsense.scenarios.soft_landing import core_fit as fit
 
-from gapsense.studies.reduced_fit import fit
-
-COMMANDS = {
-    "soft-landing": "soft_landing",
-    "study reference-cycle": "soft_landing",
-    "study observability-rts": "observability_rts",
-    "study reduced-fit": "reduced_fit",
-}
+COMMANDS = ("soft-landing", "study reference-cycle", "study observability-rts", "study reduced-fit")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -25,7 +19,7 @@ def test_progress_rises_to_all_that_is_to_be_done(gapsense, monkeypatch, command
         told.append([])
         yield lambda done, total: told[-1].append((done, total))
 
-    monkeypatch.setattr(f"gapsense.studies.{COMMANDS[command]}.command.bar", bar)
+    monkeypatch.setattr("gapsense.scenarios.soft_landing.study.bar", bar)
     monkeypatch.setattr(fit, "SIMPLER", dict(list(fit.SIMPLER.items())[:2]))
     assert gapsense(*command.split()).exit_code == 0
     for steps in told:

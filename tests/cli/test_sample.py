@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.files import read_columns
+from gapsense._os.files import read_columns
+from gapsense.identification.transfer import read_sets
+from gapsense.identification.valve.file import BY_NAME
 from gapsense.shipped import RECORDS, record
-from gapsense.studies.identification.transfer import read_sets
-from gapsense.studies.identification.valve.file import BY_NAME
 
 MAKER = runpy.run_path(str(RECORDS / "make_sample_valve.py"))
 FITTED = ("coil.turns", "core.reluctance", "core.saturation", "mover.mass", "spring.stiffness", "coil.resistance")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gapsense._os.native import ZIG
 from gapsense.fmi.native import platforms
-from gapsense.native import ZIG
 
 SCRIPT = [Path(sys.executable).with_name("gapsense")]
 MODULE = [sys.executable, "-m", "gapsense"]

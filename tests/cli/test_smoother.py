@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gapsense.files import read_columns
+from gapsense._os.files import read_columns
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -10,9 +10,9 @@ from drivers import ROOT
 from parts import FOLDERS, Part
 from trials import HOSTS, largest_difference
 
+from gapsense._os.native import ZIG, zig_version
 from gapsense.fmi.components import load_component
 from gapsense.fmi.native import package
-from gapsense.native import ZIG, zig_version
 
 TOLERANCE = 1e-6  # of the nominal value: the C library of Windows rounds exp, log and tanh in its own way
 RESULTS = ROOT / "build" / "hosts"

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gapsense.control import laws
 from gapsense.control.records import LAW, Law
-from gapsense.records import zeros
+from gapsense.kernels.layout import zeros
 
 PAR = parameters()
 FIRST = laws.first(PAR.closing_travel, PAR)

@@ -7,7 +7,7 @@ import pytest
 from commanded import commanded, inputs, parameters
 
 from gapsense.control import run_to_run
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 OFF, LEARNING, TRACKING, BACK = 0.0, 1.0, 2.0, 4.0  # as the port table says
 PAR = parameters(sample_time=100e-6)  # few samples

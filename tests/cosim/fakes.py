@@ -8,17 +8,17 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gapsense.cosim.elements import Component, Connection, Experiment, Port
+from gapsense._os.processes import new_marks
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch
-from gapsense.cosim.input_signals import Player
-from gapsense.cosim.instance import Instance
-from gapsense.cosim.instance3 import Instance3
-from gapsense.cosim.loop import Work
-from gapsense.cosim.part import Layout, Part
-from gapsense.cosim.recording import STOP, Recording
-from gapsense.cosim.variables import Variable
-from gapsense.processes import new_marks
+from gapsense.cosim.fmu.instance import Instance
+from gapsense.cosim.fmu.instance3 import Instance3
+from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.run.loop import Work
+from gapsense.cosim.run.part import Layout, Part
+from gapsense.cosim.run.recording import STOP, Recording
+from gapsense.cosim.scenario.elements import Component, Connection, Experiment, Port
+from gapsense.cosim.scenario.input_signals import Player
 
 REFERENCES, VALUES = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
 INT, SIZE, DOUBLE, BOOL, ANY = ctypes.c_int, ctypes.c_size_t, ctypes.c_double, ctypes.c_bool, ctypes.c_void_p

@@ -8,9 +8,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gapsense.cosim import archive, check
-from gapsense.cosim.archive import UnusableError
-from gapsense.cosim.descriptions import describe
+from gapsense.cosim import check
+from gapsense.cosim.fmu import archive
+from gapsense.cosim.fmu.archive import UnusableError
+from gapsense.cosim.fmu.descriptions import describe
 
 XML = "modelDescription.xml"
 EXCHANGE = '<ModelExchange modelIdentifier="Gain"/>'

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import ScenarioError, check, run, sweep
-from gapsense.cosim.archive import UnusableError
-from gapsense.cosim.descriptions import describe
+from gapsense.cosim.fmu.archive import UnusableError
+from gapsense.cosim.fmu.descriptions import describe
 
 HEAD = 'title = "Arrays"\n[experiment]\nstop = 0.5\nbase_step = 0.1\n'
 REST = """

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gapsense.cosim import run
-from gapsense.cosim.difference import Difference
-from gapsense.cosim.edges import edges, moved, reach
-from gapsense.cosim.grids import sampled
-from gapsense.cosim.pairs import (
+from gapsense.cosim.result.difference import Difference
+from gapsense.cosim.result.edges import edges, moved, reach
+from gapsense.cosim.result.grids import sampled
+from gapsense.cosim.result.pairs import (
     Trajectories,
     Window,
     compare_results,
@@ -25,8 +25,8 @@ from gapsense.cosim.pairs import (
     paired,
     read_trajectories,
 )
-from gapsense.cosim.record import Run, Signal
-from gapsense.cosim.scenario import Baseline, Tolerance
+from gapsense.cosim.result.result import Run, Signal
+from gapsense.cosim.scenario.records import Baseline, Tolerance
 from gapsense.problems import InputError
 
 TIMES = np.arange(101) * 1e-3

@@ -9,9 +9,9 @@ import pytest
 from test_compare_cli import gapsense, results, three  # noqa: F401  # three results, of 11 rows each
 
 from gapsense import Scenario
-from gapsense.checked import SEAL, sealed
+from gapsense._os.checked import SEAL, sealed
 from gapsense.cosim import compare_results, test_scenario, update_baseline
-from gapsense.cosim.grids import apart
+from gapsense.cosim.result.grids import apart
 
 TIMES = 2e-5 * np.arange(801.0)
 CHANGES = {

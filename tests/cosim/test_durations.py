@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gapsense.cosim.durations import BINS, edge, median, place
+from gapsense.cosim.run.durations import BINS, edge, median, place
 
 WITHIN = st.floats(edge(0), edge(BINS), exclude_max=True)
 

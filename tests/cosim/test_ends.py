@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import FmuError, Master, prepare, read_result, run, run_once
-from gapsense.cosim.loop import library
+from gapsense.cosim.run.loop import library
 
 TEXT = """
 title = "Ends"

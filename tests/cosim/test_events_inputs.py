@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gapsense.cosim import run
 from gapsense.cosim.events.noise import noise
-from gapsense.random import normal
+from gapsense.kernels.random import normal
 
 BASE, COUNT = 0.1, 20
 NUMBER = st.floats(-9.0, 9.0).map(lambda x: round(x, 3))

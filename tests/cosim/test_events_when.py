@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import FmuError, run
-from gapsense.cosim.loop import library
+from gapsense.cosim.run.loop import library
 
 BASE, COUNT = 0.1, 20
 WATCHED = f"""{HEAD}

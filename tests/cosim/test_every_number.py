@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from gapsense.cosim import FmuError, ScenarioError, check, keys, run
-from gapsense.cosim.document import Document
+from gapsense.cosim import FmuError, ScenarioError, check, run
+from gapsense.cosim.scenario import keys
+from gapsense.cosim.scenario.document import Document
 from gapsense.tables import Section
 from gapsense.tables import parsed as read
 

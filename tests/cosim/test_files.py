@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from gapsense._os.plain_files import read_bytes
 from gapsense.cli import app
 from gapsense.cosim import check
-from gapsense.plain_files import read_bytes
 
 SECRET = "hunter2"
 CONTENTS = {

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from gapsense.cosim import load_sections
-from gapsense.cosim.keys import FILE
-from gapsense.cosim.load import read_draft
+from gapsense.cosim.scenario import read_sections as load_sections
+from gapsense.cosim.scenario.keys import FILE
+from gapsense.cosim.scenario.read import read_draft
 from gapsense.parameters import PARAMETER_SET, read_parameters
 from gapsense.tables import TABLES, Key, Section, Table
 

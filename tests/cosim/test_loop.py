@@ -18,15 +18,15 @@ from faulty import FAULTY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gapsense._os.interrupts import counted
 from gapsense.cosim import run
-from gapsense.cosim.durations import edge, median
 from gapsense.cosim.events.actor import Effect
-from gapsense.cosim.input_signals import Player
-from gapsense.cosim.loop import compiled, library
-from gapsense.cosim.loop.build import LOOP
-from gapsense.cosim.loop.reference import in_python
-from gapsense.cosim.recording import ROWS, STEP, STOP
-from gapsense.interrupts import counted
+from gapsense.cosim.run.durations import edge, median
+from gapsense.cosim.run.loop import compiled, library
+from gapsense.cosim.run.loop.build import LOOP
+from gapsense.cosim.run.loop.reference import in_python
+from gapsense.cosim.run.recording import ROWS, STEP, STOP
+from gapsense.cosim.scenario.input_signals import Player
 
 needs_library = pytest.mark.skipif(library.entry() is None, reason="the library is for Linux on x86-64")
 

@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
-from gapsense.cosim.elements import Experiment
-from gapsense.cosim.instance import summary
-from gapsense.cosim.loop import library
+from gapsense.cosim.fmu.instance import summary
+from gapsense.cosim.run.loop import library
+from gapsense.cosim.scenario.elements import Experiment
 
 GRIDS = st.tuples(st.integers(1, 4), st.integers(0, 3))
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 import gapsense
 from gapsense import Scenario
 from gapsense.cosim import FmuError, ScenarioError, check, read_result, run
-from gapsense.cosim.content import plain
-from gapsense.cosim.instance import Instance
+from gapsense.cosim.fmu.instance import Instance
+from gapsense.cosim.scenario.content import plain
 from gapsense.problems import InputError
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gapsense.cosim import check, run
-from gapsense.cosim.input_signals import BLOCK, Played
+from gapsense.cosim.scenario.input_signals import BLOCK, Played
 
 LAG = """
 title = "Signal"

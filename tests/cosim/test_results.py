@@ -11,11 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gapsense.cosim import check, find_scenarios, read_result, record, run, test_scenarios, update_baseline, write_junit
-from gapsense.cosim.measure import measure_all
-from gapsense.cosim.metrics import KINDS, Measured
-from gapsense.cosim.scenario import Metric
-from gapsense.files import read_columns, sha256, write_atomically
+from gapsense._os.files import read_columns, sha256, write_atomically
+from gapsense.cosim import check, find_scenarios, read_result, run, test_scenarios, update_baseline, write_junit
+from gapsense.cosim.result import result as record
+from gapsense.cosim.result.measure import measure_all
+from gapsense.cosim.result.metrics import KINDS, Measured
+from gapsense.cosim.scenario.records import Metric
 from gapsense.problems import InputError
 
 METRIC = '[metrics.{name}]\nkind = "{kind}"\nsignal = "{signal}"\n{more}\n'
@@ -302,7 +303,7 @@ def changed_baseline(path, fmus, name, rows, by):
     file = path.parent / "baseline.csv"
     columns = read_columns(file)
     columns[name][rows] += by
-    from gapsense.files import write_columns
+    from gapsense._os.files import write_columns
 
     write_atomically(file, lambda f: write_columns(f, columns))
 

@@ -8,10 +8,10 @@ from operator import itemgetter
 import pytest
 import unflushed
 
-from gapsense import spare
+from gapsense._os import prestart as spare
+from gapsense._os.prestart import ahead
 from gapsense.cosim import ScenarioError, run, sweep
-from gapsense.cosim.unpacked import is_needed
-from gapsense.spare import ahead
+from gapsense.cosim.fmu.unpacked import is_needed
 
 
 def answer_of(process):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Master, load, prepare, run, run_once
-from gapsense.cosim.elements import Experiment
-from gapsense.cosim.finished import times
-from gapsense.cosim.measure import measure_all
-from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.scenario import Metric, Record
-from gapsense.cosim.signals import matching
+from gapsense.cosim.result.measure import measure_all
+from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.run.finished import times
+from gapsense.cosim.scenario.elements import Experiment
+from gapsense.cosim.scenario.records import Metric, Record
+from gapsense.cosim.scenario.signals import matching
 
 
 @pytest.mark.parametrize("start", [0.0, -0.3, 1.0 / 3.0])

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
-from gapsense.cosim.changes import changed
 from gapsense.cosim.provenance import bounds
+from gapsense.cosim.scenario.changes import changed
 from gapsense.cosim.sweep import key_of
 from gapsense.cosim.sweep_table import is_table, read_sidecar
 from gapsense.ledger import Ledger
@@ -181,7 +181,7 @@ def test_changed_package_is_computed_again(write, fmus, tmp_path):
     computed, *old = swept()
     assert computed == 2
     assert swept() == [0, *old]
-    metrics = package / "cosim" / "metrics.py"
+    metrics = package / "cosim" / "result" / "metrics.py"
     assert metrics.read_text().count("np.std(") == 1
     metrics.write_text(metrics.read_text().replace("np.std(", "2.0 * np.std("))
     assert swept() == [2, *(2.0 * value for value in old)]

@@ -12,8 +12,9 @@ from test_every_number import WHOLE
 from typer.testing import CliRunner
 
 from gapsense.cli import app
-from gapsense.cosim import check, keys
-from gapsense.cosim.document import Document
+from gapsense.cosim import check
+from gapsense.cosim.scenario import keys
+from gapsense.cosim.scenario.document import Document
 from gapsense.tables import Section, parsed
 
 MORE = """

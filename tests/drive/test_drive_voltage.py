@@ -15,9 +15,9 @@ from gapsense.drive import drive_voltage as drive
 from gapsense.drive.bridge import Kind
 from gapsense.drive.drive_voltage import Inputs, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
-from gapsense.kernel import Kernel
-from gapsense.lanes import Code
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Code
+from gapsense.kernels.layout import flat
 
 KERNEL = Kernel(drive)
 TIMES = [0.0, 4e-3, 4e-3, 10e-3, 10e-3, 20e-3, 31e-3]

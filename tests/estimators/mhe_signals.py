@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from c_code import CKernel
+from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
 
-from gapsense.emit import compiled
-from gapsense.estimators import mhe
-from gapsense.estimators.mhe_model import (
+from gapsense.estimators.mhe import mhe
+from gapsense.estimators.mhe.model import (
     Device,
     Model,
     Point,
     advance,
-    corrected,
+    apply_corrections,
     current,
     device,
     mean_of,
@@ -27,9 +27,9 @@ from gapsense.estimators.mhe_model import (
     point,
 )
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel, trace
-from gapsense.records import Scalar, fields, flat, names, record
-from gapsense.studies.estimators.parameters import VALVE, Valve, reduced
+from gapsense.kernels.emit import compiled
+from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.layout import Scalar, fields, flat, names, record
 
 KERNEL = Kernel(mhe)
 T_S, START = 20e-6, 11  # sampling period; correction of the flux linkage at the start
@@ -84,7 +84,7 @@ def at_rest(m: Model, lam: float = 0.0) -> Point:
 
 def corrected_run(par: mhe.Parameters, q: np.ndarray, voltage: np.ndarray) -> Run:
     """The model with corrections q (12,) from rest on."""
-    m = model(par, corrected(device(par), q[:START]))
+    m = model(par, apply_corrections(device(par), q[:START]))
     return model_run(at_rest(m, q[START]), voltage[1:].tolist(), m)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from valve_signals import T_S
 
 from gapsense.estimators import ertss
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 
 KERNEL = Kernel(ertss)
 SHOWN = ("position", "velocity", "flux_linkage", "position_std", "velocity_std")

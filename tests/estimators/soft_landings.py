@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import soft_plant
+from gapsense.scenarios.estimators.parameters import VALVE, reduced
 
-from gapsense.estimators import mhe
+from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.lanes import stepped
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import stepped
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import VALVE, reduced
 
 CYCLE, CLOSED, CYCLES, RUNS = 20e-3, 9.8e-3, 8, 6  # [s], [s], cycles of each run, runs
 LEAD, MOTION, TAIL, LAST = 1.2e-3, 3.4e-3, 2.2e-3, 0.12e-3  # of a motion [s], and its end at constant speed [m]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.actuators import reluctance_actuator as actuator
-from gapsense.records import Scalar
-from gapsense.trace import clip, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, where
 
 Parameters = actuator.Parameters
 GAIN, MOST = 0.04, 30.0  # of the feedback, times the sampling period [Wb to V s]; voltage of the bridge, both ways

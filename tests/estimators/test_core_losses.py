@@ -14,7 +14,6 @@ from table_i import defaults
 from test_ukf import record as ukf_record
 from valve_signals import exact, valve
 
-from gapsense.derivative import linearise
 from gapsense.estimators import ekf, ertss, ukf
 from gapsense.estimators.core_losses import advanced, bent, lossy
 from gapsense.estimators.ekf import process_noise, tuning
@@ -23,9 +22,10 @@ from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.readings import believed
 from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalised, transition
 from gapsense.estimators.rts import smooth_record
-from gapsense.kernel import Kernel
-from gapsense.linalg import vector
-from gapsense.records import flat, names
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names
+from gapsense.kernels.linalg import vector
 
 LOSSES = {"core_eddy": 1e-3, "core_hysteresis": 10e-3, "core_turnover": 2e-3, "core_bend": 8e6}
 KERNELS = {module: Kernel(module) for module in (ekf, ertss, ukf)}

@@ -15,8 +15,8 @@ from table_i import QUIET, defaults
 from valve_signals import Signals, exact, valve
 
 from gapsense.estimators import ekf
-from gapsense.kernel import Kernel
-from gapsense.records import flat, names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names
 
 KERNEL = Kernel(ekf)
 

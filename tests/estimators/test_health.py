@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
 from kernel_cases import components
 from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
 
 from gapsense.estimators import ekf, readings, ukf
 from gapsense.estimators.watch import stationary
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import VALVE, gap_table, tabulated
 
 KERNEL, BLIND = Kernel(ekf), Kernel(ukf)
 PAPER = 0.0  # memory of the current error [s]

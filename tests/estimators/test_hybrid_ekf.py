@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from magnet_signals import PLANTS, PULSES, T_S, changes_of, exact, magnet
 
-from gapsense.derivative import linearise
 from gapsense.estimators import hybrid_ekf
 from gapsense.estimators.hybrid_ekf import Held, Inputs, extrapolated, model, moving, resting
-from gapsense.kernel import Kernel
-from gapsense.linalg import vector
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.linalg import vector
 
 KERNEL = Kernel(hybrid_ekf)
 both = pytest.mark.parametrize("orientation", sorted(PLANTS))

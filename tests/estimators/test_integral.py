@@ -9,7 +9,7 @@ from signals import DT, REST, Signal, valve_like
 
 from gapsense.estimators import integral
 from gapsense.estimators.readings import LOST
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 KERNEL = Kernel(integral)
 PAR = integral.Parameters(

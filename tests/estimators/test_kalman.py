@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, smooth
-from gapsense.linalg import matrix, vector
+from gapsense.kernels.linalg import matrix, vector
 
 SEEDS = st.integers(0, 10**6)
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import wrong
 from mhe_plant import CYCLE, CYCLES, START, T_S, errors, noisy, plant, published, says
 from mhe_signals import at_rest, blind, entry_of, kernel, model_run, rows, run, state_of
 
-from gapsense.estimators import mhe_window, readings
-from gapsense.estimators.mhe_model import device, model
+from gapsense.estimators import readings
+from gapsense.estimators.mhe import solve
+from gapsense.estimators.mhe.model import device, model
 from gapsense.estimators.rts import motions
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators.parameters import wrong
 
 # behaviour
 
@@ -124,6 +125,12 @@ def test_a_new_window_knows_nothing_of_the_search_in_the_last_one() -> None:
     """Nor of its tries; one that was given up in the midst of a search would judge its first trial by that."""
     c = kernel()
     c.call("initial", (0.0, 0.0, 0.0, 0.0), blind())
-    work = state_of(c).work._replace(start=3.0, tries=2.0, end=100.0, has_grown=1.0, has_jumped=1.0)
-    opened = mhe_window._opened(work)
-    assert (opened.start, opened.tries, opened.end, opened.has_grown, opened.has_jumped) == (0.0,) * 5
+    work = state_of(c).work
+    work = work._replace(
+        window=work.window._replace(end=100.0, has_grown=1.0, has_jumped=1.0),
+        fit=work.fit._replace(tries=2.0),
+        search=work.search._replace(start_index=3.0),
+    )
+    opened = solve._open_window(work)
+    assert (opened.search.start_index, opened.fit.tries) == (0.0, 0.0)
+    assert (opened.window.end, opened.window.has_grown, opened.window.has_jumped) == (0.0, 0.0, 0.0)

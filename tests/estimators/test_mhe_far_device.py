@@ -15,8 +15,8 @@ from mhe_signals import blind, rows, run
 
 from gapsense.actuators import play_actuator
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.lanes import stepped
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import stepped
 
 PLAY = kernel_parameters(own("play_actuator"), {})
 WRONG = ("mover_mass", "spring_stiffness", "damping", "gap_slope", "coil_resistance", "core_reluctance",

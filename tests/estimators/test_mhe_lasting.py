@@ -13,9 +13,9 @@ from soft_landings import balance
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
-from gapsense.estimators.mhe_records import MOST
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.estimators.mhe.window import MOST
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
 
 NOISE = 30e-3  # of the voltage [V]
@@ -153,7 +153,7 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
 
 @pytest.mark.parametrize("fault", ONE_WAY)
 def test_a_fault_that_shows_in_one_direction_stays_told(fault: str) -> None:
-    """Closings looked fine, and so `health` was 1 where the openings after them began: 20 and 35 % of the wrong time."""
+    """Closings looked fine, and `health` was 1 where the openings after them began: 20 and 35 % of the wrong time."""
     s, seed = broken(fault), 4
     found = run(blind(), rows(with_noise(s.voltage, seed), noisy(s, seed)))
     k = np.arange(s.mode.size)

@@ -8,17 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import VALVE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mhe_signals import START, T_S, at_rest, blind, corrected_run, model_run, true_device
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import least_squares
 
-from gapsense.estimators import mhe, mhe_model
 from gapsense.estimators.gap import bump, gap_law
-from gapsense.estimators.mhe_model import Model, Point, derived, device, model
-from gapsense.linalg import matrix
-from gapsense.studies.estimators.parameters import VALVE
+from gapsense.estimators.mhe import mhe
+from gapsense.estimators.mhe import model as mhe_model
+from gapsense.estimators.mhe.model import Model, Point, device, differentiate, model
+from gapsense.kernels.linalg import matrix
 
 ALL = tuple(range(START + 1))
 PULSE = np.r_[np.zeros(11), np.full(350, 30.0), np.zeros(400)]  # closes, is held, opens, rests
@@ -172,7 +173,7 @@ def by_tangents(par: mhe.Parameters, voltage: np.ndarray, block: int) -> tuple[n
         on_stop = points[k, 2] in (m.lower, m.upper)
         if (on_stop and moved) or k - since >= block:
             mean = 0.5 * (voltage[k - 1] + voltage[k])
-            T, J = derived(T, ALL, Point(*points[k].tolist()), float(mean), float(k - since), on_stop, m)
+            T, J = differentiate(T, ALL, Point(*points[k].tolist()), float(mean), float(k - since), on_stop, m)
             since = k
             rows.append((k, np.array(J, float)))
         moved = not on_stop

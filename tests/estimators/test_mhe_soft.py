@@ -12,7 +12,7 @@ from mhe_signals import blind, kernel, rows, run, state_of
 from soft_landings import RUNS, Told, estimated, landings, told
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.estimators import mhe, mhe_effort, mhe_records, mhe_window
+from gapsense.estimators.mhe import mhe, solve, window
 from gapsense.studies.devices import RTS_VALVE, driven
 
 LONG = [pytest.param(20e-6, restitution, marks=pytest.mark.slow) for restitution in (0.0, 0.3)]
@@ -51,7 +51,9 @@ def test_the_causal_estimate_does_not_wait_for_late_work(age: float, rejected: f
     c = kernel()
     c.call("initial", (0.0, 0.0, 0.0, 0.0), blind())
     work = state_of(c).work
-    told_now = work._replace(age=age, learnt=work.learnt._replace(windows=1.0, rejected=rejected))
+    told_now = work._replace(
+        window=work.window._replace(age=age), learnt=work.learnt._replace(windows=1.0, rejected=rejected)
+    )
     assert mhe._is_told_late(told_now, work.learnt) == expected
     assert not mhe._is_told_late(told_now, told_now.learnt)
 
@@ -91,10 +93,10 @@ def test_more_work_is_done_where_more_is_learnt() -> None:
     c = kernel()
     c.call("initial", (0.0, 0.0, 0.0, 0.0), blind())
     learnt = state_of(c).work.learnt
-    assert mhe_effort.effort(learnt, blind()) == mhe_effort.USUAL
+    assert solve.effort(learnt, blind()) == solve.USUAL_EFFORT
     for misfit, bad in ((0.4, 1.0), (0.8, 1.6), (50.0, 6.0)):
-        found = mhe_effort.effort(learnt._replace(misfit=misfit), blind(option_further=1.0))
-        assert found == mhe_effort.THOROUGH._replace(bad=bad)
+        found = solve.effort(learnt._replace(misfit=misfit), blind(option_further=1.0))
+        assert found == solve.THOROUGH._replace(bad=bad)
 
 
 def test_starts_are_some_deviations_off() -> None:
@@ -113,23 +115,24 @@ def test_starts_are_some_deviations_off() -> None:
         18: {10: 0.04},
     }
     for n, changes in expected.items():
-        found = mhe_effort.start_of(float(n), learnt, blind(option_further=1.0))
-        assert found == pytest.approx([changes.get(k, 0.0) for k in range(mhe_records.N)])
-    usual = mhe_effort.start_of(1.0, learnt, blind())
-    assert usual == pytest.approx([-0.04 if k == 7 else 0.0 for k in range(mhe_records.N)])
+        found = solve.start_of(float(n), learnt, blind(option_further=1.0))
+        assert found == pytest.approx([changes.get(k, 0.0) for k in range(window.N)])
+    usual = solve.start_of(1.0, learnt, blind())
+    assert usual == pytest.approx([-0.04 if k == 7 else 0.0 for k in range(window.N)])
 
 
 @pytest.mark.parametrize(("n", "more"), [(0.0, 0.0), (1.0, 0.03), (2.0, 0.3), (4.0, 30.0), (5.0, 0.0)])
 def test_a_step_is_sought_again_with_more_on_the_diagonal(n: float, more: float) -> None:
     """But the last time without, for its inverse is to be the posterior."""
-    c, par, size = kernel(), blind(option_further=1.0), len(mhe_records.PAIRS)
+    c, par, size = kernel(), blind(option_further=1.0), len(window.PAIRS)
     c.call("initial", (0.0, 0.0, 0.0, 0.0), par)
     whole = np.random.default_rng(1).uniform(1.0, 2.0, size).tolist()
-    work = mhe_window._damped(state_of(c).work._replace(whole=whole), n, par)
-    factors = [1.0 + more * (i == j) for i, j in mhe_records.PAIRS]
-    np.testing.assert_allclose(work.normal, np.multiply(whole, factors), rtol=1e-12)
-    assert work.phase == mhe_records.SOLVING and work.shortenings == n
-    assert mhe_window.damping(work, n, blind()) == 0.0
+    work = state_of(c).work
+    work = solve._damp(work._replace(fit=work.fit._replace(whole=whole)), n, par)
+    factors = [1.0 + more * (i == j) for i, j in window.PAIRS]
+    np.testing.assert_allclose(work.fit.normal, np.multiply(whole, factors), rtol=1e-12)
+    assert work.phase == window.Phase.solving and work.fit.shortenings == n
+    assert solve.damping(work, n, blind()) == 0.0
 
 
 @pytest.mark.parametrize(("further", "before", "forgets"), [(1.0, 9.0, True), (1.0, 0.5, False), (0.0, 9.0, False)])
@@ -138,12 +141,16 @@ def test_it_begins_again_after_two_windows_that_nothing_explains(further: float,
     c, par = kernel(), blind(option_further=further)
     c.call("initial", (0.0, 0.0, 0.0, 0.0), par)
     state = state_of(c)
-    known = [0.05] * mhe_records.START + [0.0]
-    work = state.work._replace(learnt=state.work.learnt._replace(misfit=before), q_prior=known, q=[1.0] * 12, end=9.0)
-    work = work._replace(normal=[-1.0 * (i == j) for i, j in mhe_records.PAIRS], age=500.0)
-    after = mhe_window._finished(work, 9.0, state.samples, 1.0, par)
-    assert (after.age > mhe_records.RING - 1.0) == forgets and after.learnt.misfit == 9.0
-    np.testing.assert_array_equal(after.q_prior, [0.0] * mhe_records.N if forgets else known)
+    known = [0.05] * window.START + [0.0]
+    work, normal = state.work, [-1.0 * (i == j) for i, j in window.PAIRS]
+    work = work._replace(
+        window=work.window._replace(end=9.0, age=500.0),
+        fit=work.fit._replace(q_prior=known, q=[1.0] * 12, normal=normal),
+        learnt=work.learnt._replace(misfit=before),
+    )
+    after = solve._finish(work, 9.0, state.samples, 1.0, par)
+    assert (after.window.age > window.RING - 1.0) == forgets and after.learnt.misfit == 9.0
+    np.testing.assert_array_equal(after.fit.q_prior, [0.0] * window.N if forgets else known)
 
 
 def test_more_pace_tells_the_same_sooner() -> None:

@@ -13,11 +13,12 @@ from lossy_valve import square_wave
 from mhe_signals import START, at_rest, blind, model_run, rows, run, state_of, true_device
 from scipy.optimize import least_squares
 
-from gapsense import linalg
-from gapsense.estimators import mhe, mhe_records
-from gapsense.estimators.mhe_model import corrected, device, model, point
-from gapsense.linalg import matrix
-from gapsense.records import triangle
+from gapsense.estimators.mhe import mhe
+from gapsense.estimators.mhe.model import apply_corrections, device, model, point
+from gapsense.estimators.mhe.window import Work
+from gapsense.kernels import linalg
+from gapsense.kernels.layout import triangle
+from gapsense.kernels.linalg import matrix
 
 ALL = tuple(range(START + 1))
 LEARNT = (0, 1, 2, 3, 4, 5, 6, 7, START)  # corrections without the further ones
@@ -80,20 +81,20 @@ def windows(name: str, further: float = 0.0) -> list[Window]:
     return [_window(states[k], states[k + 1], int(k)) for k in done]
 
 
-def _window(work: mhe_records.Work, after: mhe_records.Work, newest: int) -> Window:
+def _window(work: Work, after: Work, newest: int) -> Window:
     prior = np.empty((START + 1, START + 1))
-    for value, (i, j) in zip(work.prior, triangle(START + 1)):
+    for value, (i, j) in zip(work.fit.prior, triangle(START + 1)):
         prior[i, j] = prior[j, i] = value
-    vectors = (work.origin, work.q + work.change, work.q_prior)
+    vectors = (work.window.origin, work.fit.q + work.fit.change, work.fit.q_prior)
     origin, q, q_prior = (np.array(v, float) for v in vectors)
-    first, deviations = newest - int(work.age), np.array(after.learnt.deviations, float)
-    return Window(first, first + int(work.end), origin, q, q_prior, prior, deviations)
+    first, deviations = newest - int(work.window.age), np.array(after.learnt.deviations, float)
+    return Window(first, first + int(work.window.end), origin, q, q_prior, prior, deviations)
 
 
 def residuals(q: np.ndarray, w: Window, name: str, par: mhe.Parameters) -> np.ndarray:
     """Of the currents, which do not count at edges, and of the arrival cost, in their deviations."""
     u, i = (signal[w.first : w.last + 1] for signal in record(name))
-    m = model(par, corrected(device(par), q[:START]))
+    m = model(par, apply_corrections(device(par), q[:START]))
     lam, h, z, v, u_first = w.origin.tolist()
     found = model_run(point(lam + q[START], h, z, v, u_first, m), u[1:].tolist(), m).current
     counts = np.abs(np.diff(u)) <= par.edge + 6.0 * np.sqrt(2.0) * par.noise_voltage
@@ -168,7 +169,7 @@ def test_the_window_begins_where_the_last_one_ended() -> None:
     found, par = windows("model"), blind()
     assert found[0].first == 0 and [w.last for w in found[:-1]] == [w.first for w in found[1:]]
     w, after = found[4:6]
-    m = model(par, corrected(device(par), w.q[:START]))
+    m = model(par, apply_corrections(device(par), w.q[:START]))
     lam, h, z, v, u = w.origin.tolist()
     voltage = record("model")[0][w.first + 1 : w.last + 1].tolist()
     last = model_run(point(lam + w.q[START], h, z, v, u, m), voltage, m).points[-1]

@@ -18,8 +18,8 @@ from gapsense.actuators import pot_magnet, solenoid_valve
 from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
 from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.studies.devices import POT_MAGNET, VALVE, driven
 
 Columns = Mapping[str, np.ndarray]

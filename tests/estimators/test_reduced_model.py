@@ -11,7 +11,6 @@ from reduced_model_textbook import TABLE_I
 from scipy.interpolate import CubicSpline
 from table_i import defaults
 
-from gapsense.derivative import linearise
 from gapsense.estimators import ekf
 from gapsense.estimators.reduced_model import (
     Held,
@@ -24,6 +23,7 @@ from gapsense.estimators.reduced_model import (
     rest,
     transition,
 )
+from gapsense.kernels.derivative import linearise
 
 MODEL = normalised(defaults(ekf, process_current_error_memory=0.0))
 STATES = [

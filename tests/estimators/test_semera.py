@@ -17,8 +17,8 @@ from signals import DT, REST, TABLE_II, Signal, valve_like
 
 from gapsense.estimators import semera
 from gapsense.estimators.readings import LOST
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 
 KERNEL = Kernel(semera)
 AFTER = REST + 400  # first sample of the second cycle

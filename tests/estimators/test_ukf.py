@@ -18,7 +18,7 @@ from gapsense.actuators import solenoid_valve
 from gapsense.estimators import readings, ukf
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.valve_model import Held
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import VALVE as SOLENOID_VALVE
 from gapsense.studies.devices import driven
 

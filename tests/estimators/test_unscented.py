@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.unscented import columns, condition_on_last, moments, pair
-from gapsense.linalg import vector
+from gapsense.kernels.linalg import vector
 
 SPREADS = (3.0, 5.0, 8.0, 20.0)
 

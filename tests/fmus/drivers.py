@@ -274,7 +274,7 @@ COMPONENT = COMPONENT._replace(
 )
 """
 SECOND_KERNEL = '''
-from gapsense.records import flat, names, record
+from gapsense.kernels.layout import flat, names, record
 
 from {kernel} import Inputs, Outputs, Parameters, State
 from {kernel} import initial as first_initial

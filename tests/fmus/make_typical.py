@@ -18,7 +18,7 @@ from drivers import ROOT
 sys.path.insert(0, str(ROOT / "src"))
 
 from gapsense import cosim
-from gapsense.cosim.scenario import Record
+from gapsense.cosim.scenario.records import Record
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.picture import FILE, drawn
 

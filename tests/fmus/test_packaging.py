@@ -20,7 +20,7 @@ from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.package import build, check_records
 from gapsense.fmi.page import html
 from gapsense.fmi.ports import Component
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 COMPONENT = """
 from gapsense.fmi.ports import Component, choice, input_, output, parameter, table
@@ -42,7 +42,7 @@ COMPONENT = Component(
 KERNEL = """
 from typing import Annotated, NamedTuple
 
-from gapsense.records import Array, Choice, Scalar, Table
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
 
 
 class Law(Choice):
@@ -302,7 +302,7 @@ MISTAKES = {
     "derivative by a constant": (
         KERNEL_FILE,
         GAIN,
-        "__import__('gapsense.derivative').derivative.derivative(par.gain, 1.0)",
+        "__import__('gapsense.kernels.derivative').derivative.derivative(par.gain, 1.0)",
         ["kernel.py:36", "a derivative by the constant 1.0"],
     ),
     "wrong arguments": (

@@ -14,8 +14,8 @@ from parts import FOLDERS, Part, sample_time, tuned
 from gapsense.fmi.components import load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
-from gapsense.kernel import Kernel
-from gapsense.records import flat, names, record
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names, record
 
 Function = Callable[..., tuple[Any, Any]]
 SHORT = STEPS // 6

@@ -13,8 +13,8 @@ import pytest
 from hosting import in_host, raw
 from parts import Part
 
+from gapsense._os.native import NativeError
 from gapsense.fmi.shim.build import SHIM
-from gapsense.native import NativeError
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")]
 

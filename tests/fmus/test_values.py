@@ -14,8 +14,8 @@ from parts import FOLDERS
 from gapsense.fmi.components import kernel_of, kernel_parameters, load_component
 from gapsense.fmi.ports import Component, Limit, choice, option, parameter, seed, table
 from gapsense.fmi.values import ValuesError, fields, problems
-from gapsense.records import fields as record_fields
-from gapsense.records import leaves
+from gapsense.kernels.layout import fields as record_fields
+from gapsense.kernels.layout import leaves
 
 CURVE = "x,y\n0,1\n1,2\n"
 COMPONENT = Component(

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.emit import C, Graph
-from gapsense.kernel import Kernel
-from gapsense.records import fields, flat, names
+from gapsense.kernels.emit import C, Graph
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import fields, flat, names
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 

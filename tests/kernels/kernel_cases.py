@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from gapsense.fmi.tables import column_name, read_table
-from gapsense.kernel import Kernel
-from gapsense.records import fields, leaves, names, record, triangle
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import fields, leaves, names, record, triangle
 
 PACKAGES = ("gapsense.actuators", "gapsense.control", "gapsense.estimators", "gapsense.drive", "gapsense.sensor")
 CONTRACT = ("Parameters", "State", "Inputs", "Outputs", "initial", "step")

@@ -19,8 +19,8 @@ from kernel_cases import (
     parameters,
 )
 
-from gapsense.lanes import Code
-from gapsense.records import flat, names, record
+from gapsense.kernels.lanes import Code
+from gapsense.kernels.layout import flat, names, record
 
 RUNS = 8
 FEW, MANY = (3, 30), (8, 50)  # random sequences, and their lengths

@@ -10,9 +10,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from c_code import build_graph
 
-from gapsense.emit import Graph, Numpy, Python, namespace
-from gapsense.kernel import trace
-from gapsense.records import Array, Memory, Table
+from gapsense.kernels.emit import Graph, Numpy, Python, namespace
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.layout import Array, Memory, Table
 
 
 class Inputs(NamedTuple):

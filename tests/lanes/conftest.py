@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
 
-from gapsense.native import own_compiler
+from gapsense._os.native import own_compiler
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 from traced import graph
 
-from gapsense.lanes import Code, over_runs, plan, stepped
-from gapsense.lanes.kernels import plan_of
-from gapsense.records import flat, names
-from gapsense.trace import where
+from gapsense.kernels.lanes import Code, over_runs, plan, stepped
+from gapsense.kernels.lanes.kernels import plan_of
+from gapsense.kernels.layout import flat, names
+from gapsense.kernels.trace import where
 
 RUNS, SAMPLES = 11, 40  # a number of runs that no vector divides
 LARGE = 2500  # nodes of a graph whose C takes seconds to compile
@@ -69,7 +69,7 @@ def test_numpy_gives_the_same_but_for_rounding(name, monkeypatch):
     by_numpy = plan_of.__wrapped__(k, SAMPLES, ())
     by_numpy.__dict__["library"] = None
     found = stepped(k, columns, par)
-    monkeypatch.setattr("gapsense.lanes.kernels.plan_of", lambda *_: by_numpy)
+    monkeypatch.setattr("gapsense.kernels.lanes.kernels.plan_of", lambda *_: by_numpy)
     expected = stepped(k, columns, par)
     scale = np.maximum(np.abs(expected), 1e-3 * np.abs(expected).max(axis=(0, 2), keepdims=True))
     assert np.all(np.abs(found - expected) <= 1e-9 * scale)
@@ -83,7 +83,7 @@ def test_runs_may_have_tables_of_their_own(in_c, compiler, monkeypatch):
     factors = 1.0 + 0.01 * np.arange(RUNS)
     names_, place = names(kernel(name).module.Parameters), next(k for k, v in enumerate(par) if isinstance(v, list))
     plans = plan_of.__wrapped__(kernel(name), SAMPLES, ())
-    monkeypatch.setattr("gapsense.lanes.kernels.plan_of", lambda *_: plans)
+    monkeypatch.setattr("gapsense.kernels.lanes.kernels.plan_of", lambda *_: plans)
     if not in_c:
         plans.__dict__["library"] = None
     values = np.array(par[place])

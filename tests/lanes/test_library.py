@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from traced import graph
 
-from gapsense.lanes import Code, library, plan
+from gapsense.kernels.lanes import Code, library, plan
 
 SRC = Path(library.__file__).resolve().parents[2]
 TRY = """
 import sys
 from traced import graph
-from gapsense.lanes import Code, plan
+from gapsense.kernels.lanes import Code, plan
 code = Code(graph(lambda a, b, c: a * b + c))
 made = plan(lambda given: code(given), given=3)
 print(made.run(2, given=[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]).tolist(), made.library is not None)

@@ -13,10 +13,10 @@ import pytest
 from c_code import build_graph
 from traced import Parameters, State, graph
 
-from gapsense.kernel import trace
-from gapsense.lanes import Array, Code, plan
-from gapsense.lanes.library import compiled, source, tuned
-from gapsense.trace import (
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.lanes import Array, Code, plan
+from gapsense.kernels.lanes.library import compiled, source, tuned
+from gapsense.kernels.trace import (  # fmt: skip
     cond,
     cos,
     exp,
@@ -32,7 +32,7 @@ from gapsense.trace import (
     store,
     tanh,
     where,
-)  # fmt: skip
+)
 
 ODD = (0.0, -0.0, 1.0, -1.0, 2.5, -7.3, 1e-300, 1e300, float("inf"), float("-inf"), float("nan"))
 

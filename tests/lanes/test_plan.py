@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from traced import Pair, graph
 
-from gapsense.lanes import Array, Code, plan
-from gapsense.lanes.program import KEEP, NOWHERE, TAKE
+from gapsense.kernels.lanes import Array, Code, plan
+from gapsense.kernels.lanes.program import KEEP, NOWHERE, TAKE
 
 SAMPLES, RUNS = 40, 13
 

@@ -14,7 +14,7 @@ from gapsense.embedded.code import number
 from gapsense.embedded.design import Design
 from gapsense.embedded.export import export
 from gapsense.embedded.members import members, type_name
-from gapsense.records import names
+from gapsense.kernels.layout import names
 
 HERE = Path(__file__).parent
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")

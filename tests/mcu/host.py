@@ -10,7 +10,7 @@ from typing import Any
 from gapsense.embedded.design import Design
 from gapsense.embedded.example import record, sample_time, signals
 from gapsense.embedded.export import export
-from gapsense.records import names
+from gapsense.kernels.layout import names
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ("-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")

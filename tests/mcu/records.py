@@ -12,7 +12,7 @@ import numpy as np
 from host import ROOT
 
 from gapsense import cosim
-from gapsense.cosim.scenario import Record
+from gapsense.cosim.scenario.records import Record
 from gapsense.fmi.components import find_components, kernel_of, load_component
 
 

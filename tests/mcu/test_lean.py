@@ -17,8 +17,8 @@ from c_code import build
 
 from gapsense.estimators import semera, semera_lean
 from gapsense.fmi.components import kernel_parameters
-from gapsense.kernel import Kernel
-from gapsense.records import flat, names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names
 
 Array = npt.NDArray[np.float64]
 DT, OUTPUTS = 50e-6, len(names(semera.Outputs))

@@ -13,7 +13,7 @@ from test_robust import gcc, sanitized  # noqa: F401
 from unpacked_native import Unpacked, compiled_host
 
 from gapsense.fmi.components import kernel_of
-from gapsense.records import fields, names
+from gapsense.kernels.layout import fields, names
 
 EVERY = 20_011  # numbers of large memories
 

@@ -14,11 +14,11 @@ from drivers import ROOT
 from parts import FOLDERS, Part
 from unpacked_native import bits, compiled_host, expected, outputs, unpack
 
+from gapsense._os.native import ZIG, zig_version
 from gapsense.fmi.components import load_component
 from gapsense.fmi.native import package
 from gapsense.fmi.native.compile import FAT_ALIGNMENT, FAT_MAGIC, fat, timeless
 from gapsense.fmi.native.platforms import NO_FOLDING, PLATFORMS
-from gapsense.native import ZIG, zig_version
 
 ZIG_CC = (sys.executable, "-m", "ziglang", "cc", "-target")
 ROUNDED_OTHERWISE = ("mhe", "reluctance_actuator", "run_to_run")  # by exp, log or tanh of the C library for Windows

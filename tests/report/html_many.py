@@ -10,8 +10,8 @@ import numpy as np
 from gapsense.campaign.columns import Columns
 from gapsense.campaign.store import Manifest, Store
 from gapsense.cosim import sweep_table
-from gapsense.cosim.elements import Port
-from gapsense.cosim.scenario import Points
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Points
 from gapsense.cosim.sweep_table import Sweep
 
 ABOUT: dict[str, Any] = {

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from gapsense.cosim import Result
-from gapsense.cosim.metrics import Measured
-from gapsense.cosim.record import Run, Signal, Timing
+from gapsense.cosim.result.metrics import Measured
+from gapsense.cosim.result.result import Run, Signal, Timing
 
 UNITS = {"position": "m", "position_std": "m", "current": "A", "innovation": "A", "innovation_std": "A", "mode": "1"}
 WIRES = ("drive.voltage -> plant.voltage", "plant.current -> filter.current", "filter.position -> drive.reference")

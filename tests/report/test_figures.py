@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.semera_valve.show import LABELS, snr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -15,7 +16,6 @@ from matplotlib.image import imread
 from gapsense.cosim import load, run
 from gapsense.report import plot as figures
 from gapsense.studies.figures import drawer
-from gapsense.studies.semera.show import LABELS, snr
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gapsense.cosim import load, read_result, run
-from gapsense.cosim.elements import Port
-from gapsense.cosim.metrics import rms
-from gapsense.cosim.record import Signal
+from gapsense.cosim.result.metrics import rms
+from gapsense.cosim.result.result import Signal
+from gapsense.cosim.scenario.elements import Port
 from gapsense.report.html import curves, layout, thin
 from gapsense.report.html.consistency import consistency
 from gapsense.report.html.layout import Wire

@@ -21,14 +21,14 @@ from test_html_page import EVIL, Page
 from typer.testing import CliRunner
 
 from gapsense import campaign
+from gapsense._os.checked import SEAL, sealed
 from gapsense.campaign.store import read_manifest, write_manifest
 from gapsense.campaign.summary import spread
 from gapsense.campaign.worst import distance, extremes, rows
-from gapsense.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.changes import changed
 from gapsense.cosim.provenance import kind
+from gapsense.cosim.scenario.changes import changed
 from gapsense.problems import InputError
 from gapsense.report.html import many_plots
 from gapsense.report.html.many import read_many

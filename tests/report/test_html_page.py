@@ -19,10 +19,10 @@ import pytest
 from html_results import made
 from typer.testing import CliRunner
 
-from gapsense.checked import SEAL, sealed
+from gapsense._os.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.record import Timing
+from gapsense.cosim.result.result import Timing
 from gapsense.problems import InputError
 from gapsense.report.html.page import write_report
 

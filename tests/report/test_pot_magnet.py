@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gapsense.scenarios.pot_magnet.figure import LABELS, last_edge
 
 from gapsense.studies.figures import drawer
-from gapsense.studies.pot_magnet.show import LABELS, last_edge
 
 
 def test_figures_4_to_7_have_their_panels_and_curves(magnet):

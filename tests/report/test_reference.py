@@ -10,7 +10,7 @@ import pytest
 from jsonschema import Draft7Validator
 
 from gapsense.cli import _reference as of_commands
-from gapsense.cosim.load import read_draft
+from gapsense.cosim.scenario.read import read_draft
 from gapsense.report import reference
 
 if sys.version_info >= (3, 11):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.semera_valve.show import run_tables
 from rich.console import Console
 
 from gapsense.cosim import Sweep, load
@@ -15,7 +16,6 @@ from gapsense.cosim.regression import Check, Outcome
 from gapsense.fmi.ports import Component, input_
 from gapsense.report import runs as tables
 from gapsense.report.table import quantity, table, text
-from gapsense.studies.semera.show import run_tables
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 

@@ -26,8 +26,8 @@ from typer.testing import CliRunner
 from gapsense import campaign
 from gapsense.cli import app
 from gapsense.cosim import check
-from gapsense.cosim.document import Document
-from gapsense.cosim.load import read_draft
+from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import read_draft
 from gapsense.tables import merged
 
 if sys.version_info >= (3, 11):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SRC = ROOT / "src" / "gapsense"
 FOLDERS = ("src", "fmus", "scenarios", "tests", "docs", "benchmarks", ".ci")
 TEXT = (".py", ".md", ".toml", ".txt", ".csv", ".c", ".h", ".css", ".yml", ".yaml", "")
-PYTHON = sorted(SRC.rglob("*.py"))
+SCENARIOS = ROOT / "scenarios"  # the package `gapsense.scenarios`
+PYTHON = sorted([*SRC.rglob("*.py"), *SCENARIOS.rglob("*.py")])
 BUILD = ROOT / "build_fmus.py"
 MODULES = [*(path for path in PYTHON if path != SRC / "__init__.py"), BUILD]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -97,13 +98,25 @@ def part_of(path: Path) -> str:
     """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
     if path == BUILD or path.name == "command.py":
         return path.stem
-    return path.relative_to(SRC).parts[0].removesuffix(".py")
+    if path.name == "study.py" and path.is_relative_to(SCENARIOS):
+        return "command"
+    return _part(name_parts(path)[1:])
+
+
+def name_parts(path: Path) -> tuple[str, ...]:
+    """Parts of the full name of a module of the package; those of scenarios/ are in `gapsense.scenarios`."""
+    return ("gapsense", *path.relative_to(ROOT if path.is_relative_to(SCENARIOS) else SRC).with_suffix("").parts)
+
+
+def _part(names: Sequence[str]) -> str:
+    """A module of the foundations, `kernels` and `_os`, is a part by itself: their order is held too."""
+    return names[1] if names[0] in ("kernels", "_os") and len(names) > 1 else names[0]
 
 
 @cache
 def imports(path: Path) -> list[tuple[str, int]]:
     """Full names that a file imports, wherever in it, with their lines."""
-    package = path.relative_to(SRC.parent).parts[:-1] if path != BUILD else ()
+    package = name_parts(path)[:-1] if path != BUILD else ()
     found = []
     for node in nodes(path):
         if isinstance(node, ast.Import):
@@ -131,9 +144,7 @@ def circles() -> list[list[str]]:
 
     Whoever imports a module from a package needs the package as well.
     """
-    names = {
-        ".".join(path.relative_to(SRC.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in PYTHON
-    }
+    names = {".".join(name_parts(path)).removesuffix(".__init__"): path for path in PYTHON}
     place = {name: k for k, name in enumerate(names)}
     graph = np.zeros((len(names), len(names)), dtype=bool)
     for name, path in names.items():
@@ -150,7 +161,7 @@ def ours(path: Path) -> Iterator[tuple[str, int]]:
     for name, line in imports(path):
         top, _, rest = name.partition(".")
         if top == "gapsense" and rest:
-            yield rest.partition(".")[0], line
+            yield _part(rest.split(".")), line
 
 
 def others(path: Path) -> Iterator[tuple[str, int]]:

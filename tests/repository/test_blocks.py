@@ -14,8 +14,8 @@ import pytest
 from pages import FENCE, blocks, read
 from sources import ROOT
 
+from gapsense._os.native import NativeError
 from gapsense.fmi.native.platforms import chosen, compilers
-from gapsense.native import NativeError
 
 if sys.version_info >= (3, 11):
     import tomllib

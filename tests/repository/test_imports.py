@@ -18,19 +18,20 @@ from gapsense import cosim
 from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
-    "version", "units", "records", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random",
+    "version", "units", "layout", "trace", "emit", "derivative", "linalg", "integrate", "interpolate", "random",
     "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked",
     "ledger",
-    "importable", "interrupts", "processes", "spare", "workers",
+    "importable", "interrupts", "processes", "prestart", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
 NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"campaign", "control", "cosim", "embedded", "fmi", "lanes", "vectors"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
+    "__init__": set(),  # of kernels and _os
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "control": FOUNDATIONS | {"control", "estimators"},
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
@@ -41,30 +42,34 @@ MAY_IMPORT = {
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
+    "identification": NUMBERS | {"identification", "report"},
     "runnable": NUMBERS | {"report"},
     "components": {"runnable"},
     "pytest_plugin": {"cosim", "report", "tables"},
-    "cli": NUMBERS | {"report", "ssp", "studies", "cli", "__main__", "runnable"},
-    "studies": NUMBERS | {"report", "studies"},
-    "command": NUMBERS | {"report", "studies", "cli"},
+    "cli": NUMBERS | {"identification", "report", "ssp", "studies", "cli", "__main__", "runnable"},
+    "studies": NUMBERS | {"identification", "report", "studies"},
+    "scenarios": NUMBERS | {"identification", "report", "studies", "scenarios"},
+    "command": NUMBERS | {"identification", "report", "studies", "scenarios", "cli"},
     "build_fmus": {"__main__"},
     "__main__": {"cli"},
 }
 REACHES_UP = {  # in functions
     "src/gapsense/cosim/show.py": {"report"},  # when someone wants to see a result
-    "src/gapsense/cosim/engines.py": {"vectors"},  # when a scenario can do without FMUs
+    "src/gapsense/cosim/run/engines.py": {"vectors"},  # when a scenario can do without FMUs
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
     "fmi": {"pythonfmu", "markdown_it"},
-    "embedded": set(),
+    **{part: set() for part in ("__init__", "embedded")},
     **{part: {"numpy", "tomli"} for part in GENERAL},
     **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
     "campaign": {"numpy", "scipy", "pyarrow", "distributed"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
+    "identification": {"numpy", "scipy", "matplotlib", "rich"},
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
+    "scenarios": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"bokeh", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
@@ -148,11 +153,11 @@ def test_one_module_alone_says_how_another_python_is_started():
 
 HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"
 STARTS = {  # and what they must not load
-    "import gapsense, gapsense.cosim, gapsense.cosim.ahead": HEAVY | SHOWING | {"numpy"},
+    "import gapsense, gapsense.cosim, gapsense.cosim.run.ahead": HEAVY | SHOWING | {"numpy"},
     "import gapsense.cli": HEAVY | {"numpy"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
-    "import gapsense.cosim.apart_child, gapsense.cosim.worker": HEAVY | SHOWING,
+    "import gapsense.cosim.run.apart_child, gapsense.cosim.run.worker": HEAVY | SHOWING,
 }
 
 
@@ -181,7 +186,7 @@ def folders(folder: Path) -> set[str]:
 
 COMMANDS = typer.main.get_command(app).commands
 FOUND_BY_WALKING = {
-    "studies": folders(SRC / "studies"),
+    "studies": {path.parent.name for path in PYTHON if path.name == "study.py"},
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),

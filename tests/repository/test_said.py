@@ -10,7 +10,7 @@ from functools import cache
 import pytest
 from sources import PYTHON, ROOT, SRC, tree
 
-from gapsense.cosim.metrics import KINDS
+from gapsense.cosim.result.metrics import KINDS
 
 PAGES = ("foreign-fmus", "import", "troubleshooting")
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)

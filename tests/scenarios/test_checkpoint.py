@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare, run
-from gapsense.cosim.apart import Plan, Watch, record_apart
-from gapsense.cosim.checkpoint import keeper
-from gapsense.cosim.subject import Subject
+from gapsense.cosim.run.apart import Plan, Watch, record_apart
+from gapsense.cosim.run.checkpoint import keeper
+from gapsense.cosim.run.subject import Subject
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CASES = [

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import run
-from gapsense.cosim.metrics import intercept, loop_area
+from gapsense.cosim.result.metrics import intercept, loop_area
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "oracles"))

@@ -18,7 +18,7 @@ from gapsense.cosim import Master, prepare, run, run_once
 from gapsense.fmi.components import find_components, kernel_of, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.tables import column_name, read_table
-from gapsense.records import fields
+from gapsense.kernels.layout import fields
 
 if sys.version_info >= (3, 11):
     import tomllib

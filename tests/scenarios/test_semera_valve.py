@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gapsense.cosim.load import load
+from gapsense.cosim.scenario.read import load
 from gapsense.cosim.sweep import sweep
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"

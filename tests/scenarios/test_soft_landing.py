@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.soft_landing import cycle
+from gapsense.scenarios.soft_landing.reference import process_noise
+from gapsense.scenarios.soft_landing.setting import nominal, unvaried
+from gapsense.scenarios.soft_landing.show import LABELS, smoothed
+from gapsense.scenarios.soft_landing.table import deviation, voltage_table, write
+from gapsense.scenarios.soft_landing.trajectory import FIG_5
 
 from gapsense import cosim
 from gapsense.fmi.tables import read_table
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.figures import drawer
-from gapsense.studies.smoother.models import nominal, unvaried
-from gapsense.studies.smoother.reference import process_noise
-from gapsense.studies.soft_landing import cycle
-from gapsense.studies.soft_landing.show import LABELS, smoothed
-from gapsense.studies.soft_landing.table import deviation, voltage_table, write
-from gapsense.studies.soft_landing.trajectory import FIG_5
 
 if sys.version_info >= (3, 11):
     import tomllib

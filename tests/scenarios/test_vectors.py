@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gapsense import campaign, cosim
+from gapsense._os.native import own_compiler
 from gapsense.cosim import FmuError, load, prepare, read_result, run, sweep
-from gapsense.cosim.finished import finished
-from gapsense.cosim.subject import Subject
+from gapsense.cosim.run.finished import finished
+from gapsense.cosim.run.subject import Subject
 from gapsense.fmi.components import own
 from gapsense.fmi.package import build
-from gapsense.native import own_compiler
 from gapsense.vectors.engine import Vectors, obstacle
 
 pytestmark = pytest.mark.skipif(own_compiler() is None, reason="needs a C compiler")

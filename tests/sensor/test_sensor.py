@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from gapsense.kernel import Kernel
-from gapsense.lanes import over_runs
-from gapsense.records import flat, record
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import over_runs
+from gapsense.kernels.layout import flat, record
 from gapsense.sensor import sensor
 from gapsense.sensor.sensor import Inputs, Parameters, State
 

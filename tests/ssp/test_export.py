@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from packages import SCENARIO
 
 from gapsense.cosim import check, run
-from gapsense.cosim.variables import Variable
+from gapsense.cosim.fmu.variables import Variable
 from gapsense.problems import InputError, ScenarioError
 from gapsense.ssp.bring import bring
 from gapsense.ssp.export import export

@@ -436,7 +436,7 @@ def test_archives_of_strangers_are_not_trusted(tmp_path, name):
 
 
 def test_a_zip_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("gapsense.cosim.archive.SMALL_CONTENT", 10**6)
+    monkeypatch.setattr("gapsense.cosim.fmu.archive.SMALL_CONTENT", 10**6)
     path = archive(tmp_path / "a.ssp", SSD, ("resources/a.fmu", bytes(2 * 10**6)), compression=zipfile.ZIP_DEFLATED)
     with pytest.raises(InputError, match="times its size"):
         bring(path, tmp_path / "mine")

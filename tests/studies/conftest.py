@@ -9,9 +9,8 @@ import pytest
 
 sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("kernels", "oracles", "estimators", "studies"))
 
-from gapsense.studies.smoother.models import fitted, nominal
-from gapsense.studies.smoother.study import Study
-from gapsense.studies.soft_landing.cycle import Samples, reference, sampled
+from gapsense.scenarios.soft_landing.cycle import Samples, reference, sampled
+from gapsense.scenarios.soft_landing.setting import Study, fitted, nominal
 
 
 @pytest.fixture(scope="session")

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.bounded_ukf import errors as bounded_ukf
+from gapsense.scenarios.bounded_ukf import show
+from gapsense.scenarios.bounded_ukf.errors import HALF, REST, SAMPLES, VOLTAGES, WRONG, Errors
 from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.estimators import ukf
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 from gapsense.report.table import text
-from gapsense.studies.bounded_ukf import errors as bounded_ukf
-from gapsense.studies.bounded_ukf import show
-from gapsense.studies.bounded_ukf.errors import HALF, REST, SAMPLES, VOLTAGES, WRONG, Errors
 
 ROBUST, PAPER, OPEN = "bounded UKF, robust", "bounded UKF, paper", "open loop"
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gapsense.scenarios.soft_landing.batch import Variant, normalised_errors
+from gapsense.scenarios.soft_landing.consistency import BOUND, INTERVAL, consistency
 from scipy.stats import chi2
-
-from gapsense.studies.smoother.batch import Variant, normalised_errors
-from gapsense.studies.smoother.consistency import BOUND, INTERVAL, consistency
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 

@@ -5,24 +5,24 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators import core, scenario
+from gapsense.scenarios.estimators import measures as benchmark
+from gapsense.scenarios.estimators import parameters as known
+from gapsense.scenarios.estimators import show as drawn
+from gapsense.scenarios.estimators.contenders import CONTENDERS, EKF, Contender
 from matplotlib.image import imread
 from typer.testing import CliRunner
 from valve_signals import exact
 
 from gapsense.cli import app
 from gapsense.cosim import load, prepare, run
-from gapsense.cosim.record import Result, Run, Timing
-from gapsense.cosim.signals import recorded_signals
+from gapsense.cosim.result.result import Result, Run, Timing
+from gapsense.cosim.scenario.signals import recorded_signals
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.estimators import core, scenario
-from gapsense.studies.estimators import measures as benchmark
-from gapsense.studies.estimators import parameters as known
-from gapsense.studies.estimators import show as drawn
-from gapsense.studies.estimators.contenders import CONTENDERS, EKF, Contender
 from gapsense.studies.figures import drawer
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import FmuError, ScenarioError
-from gapsense.cosim.feed import feed
+from gapsense.cosim.fmu.feed import feed
 from gapsense.estimators import semera
 from gapsense.fmi.components import load_component
-from gapsense.kernel import Kernel
-from gapsense.records import names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 
 ROOT = Path(__file__).resolve().parents[2]
 DT = 50e-6

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gapsense.scenarios.pot_magnet import deviations as study
+from gapsense.scenarios.pot_magnet import show as drawings
 
 from gapsense.estimators import hybrid_ekf as kernel_module
 from gapsense.fmi.components import load_component
-from gapsense.kernel import Kernel
-from gapsense.records import flat
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat
 from gapsense.report import plot as figures
 from gapsense.report.table import text
 from gapsense.studies.devices import POT_MAGNET
-from gapsense.studies.hybrid_ekf import deviations as study
-from gapsense.studies.hybrid_ekf import show as drawings
 
 FMUS = Path(__file__).resolve().parents[2] / "fmus"
 

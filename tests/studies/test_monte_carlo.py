@@ -11,12 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wrong_models import filter_parameters
-
-from gapsense import ledger
-from gapsense.estimators.rts import motions, smooth_record
-from gapsense.studies.smoother.batch import Tuning, Variant, Varied
-from gapsense.studies.smoother.comparison import (
+from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
+from gapsense.scenarios.soft_landing.comparison import (
     ESTIMATORS,
     WIDTHS,
     compare,
@@ -27,9 +23,23 @@ from gapsense.studies.smoother.comparison import (
     squared_errors,
     trajectories,
 )
-from gapsense.studies.smoother.models import CHUNK, chunks, errors, noise, perturbed
-from gapsense.studies.smoother.show import orderings
-from gapsense.studies.smoother.study import drawn, noise_of_width, operation_of, study_of, tuning
+from gapsense.scenarios.soft_landing.setting import (
+    CHUNK,
+    chunks,
+    drawn,
+    errors,
+    noise,
+    noise_of_width,
+    operation_of,
+    perturbed,
+    study_of,
+    tuning,
+)
+from gapsense.scenarios.soft_landing.smoother_show import orderings
+from wrong_models import filter_parameters
+
+from gapsense import ledger
+from gapsense.estimators.rts import motions, smooth_record
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
@@ -148,8 +158,8 @@ def test_study_survives_json(coarse):
 COMPARE = """
 import json, os, sys
 from pathlib import Path
-from gapsense.studies.smoother.comparison import compare
-from gapsense.studies.smoother.study import study_of
+from gapsense.scenarios.soft_landing.comparison import compare
+from gapsense.scenarios.soft_landing.setting import study_of
 study = study_of(json.loads(Path(sys.argv[1]).read_text()))
 end = lambda done, total: os._exit(9) if done == 3 else None
 compare(study, json.loads(sys.argv[3]), int(sys.argv[4]), 2, Path(sys.argv[2]), end)

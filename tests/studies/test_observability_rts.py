@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import reduced_model_textbook as textbook
+from gapsense.scenarios.soft_landing.cycle import reference, sampled
+from gapsense.scenarios.soft_landing.observability import (
+    along_reference_cycle,
+    counts,
+    rank,
+    samples_needed,
+    scales,
+    windows,
+)
+from gapsense.scenarios.soft_landing.reference import reference_states
+from gapsense.scenarios.soft_landing.setting import nominal, unvaried
 from reduced_model_textbook import TABLE_I
 
 from gapsense.report.table import text
-from gapsense.studies.observability_rts.samples import along_reference_cycle, rank, samples_needed, scales, windows
-from gapsense.studies.observability_rts.show import counts
-from gapsense.studies.smoother.models import nominal, unvaried
-from gapsense.studies.smoother.reference import reference_states
-from gapsense.studies.soft_landing.cycle import reference, sampled
 
 MODEL = nominal()
 LANDINGS = [250, 750]

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gapsense.scenarios.profiles import experiment
+from gapsense.scenarios.profiles import show as drawn
 from matplotlib.image import imread
 
 from gapsense.cosim import run, sweep
 from gapsense.report import plot as figures
 from gapsense.report.table import text
 from gapsense.studies.figures import drawer
-from gapsense.studies.profiles import experiment
-from gapsense.studies.profiles import show as drawn
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 

@@ -7,14 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gapsense.scenarios.soft_landing import core_fit as fit
+from gapsense.scenarios.soft_landing.core_fit import (
+    PUBLISHED,
+    fit_core,
+    integrated_flux,
+    of_reference_cycle,
+    standard_errors,
+)
 from scipy.signal import lfilter
 
 from gapsense.actuators import solenoid_valve
 from gapsense.estimators.reduced_model import current, gap_law, normalised
 from gapsense.fmi.components import kernel_parameters
 from gapsense.studies.devices import VALVE, driven
-from gapsense.studies.reduced_fit import fit
-from gapsense.studies.reduced_fit.fit import PUBLISHED, fit_core, integrated_flux, of_reference_cycle, standard_errors
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})

@@ -8,6 +8,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gapsense.scenarios.run_to_run import comparison as study
+from gapsense.scenarios.run_to_run import converter, forward, late, searches, show
+from gapsense.scenarios.run_to_run import figure as scenario
+from gapsense.scenarios.run_to_run.actuators import WRONG, drawn
+from gapsense.scenarios.run_to_run.chain import Chain, Running
+from gapsense.scenarios.run_to_run.conditions import CHANGED, CONDITIONS, factors, piece, samples
+from gapsense.scenarios.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
+from gapsense.scenarios.run_to_run.loops import LAWS, Loop, controller, loop_of
+from gapsense.scenarios.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
 from typer.testing import CliRunner
 
 from gapsense.cli import app
@@ -16,18 +25,11 @@ from gapsense.control.mover import make_mover
 from gapsense.control.profile import flux
 from gapsense.control.records import CLOSING, OPENING
 from gapsense.control.tracking import planned
-from gapsense.cosim.load import load
+from gapsense.cosim.scenario.read import load
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
-from gapsense.records import flat, names, record
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names, record
 from gapsense.report.table import text
-from gapsense.studies.run_to_run import converter, forward, late, scenario, searches, show, study
-from gapsense.studies.run_to_run.actuators import WRONG, drawn
-from gapsense.studies.run_to_run.chain import Chain, Running
-from gapsense.studies.run_to_run.conditions import CHANGED, CONDITIONS, factors, piece, samples
-from gapsense.studies.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
-from gapsense.studies.run_to_run.loops import LAWS, Loop, controller, loop_of
-from gapsense.studies.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = CONDITIONS["plain"]

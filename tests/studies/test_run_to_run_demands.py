@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gapsense.scenarios.estimators.parameters import VALVE, blind
+from gapsense.scenarios.run_to_run.chain import Chain, Running
+from gapsense.scenarios.run_to_run.comparison import SEED, TUNED_ON, compared
+from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, samples
+from gapsense.scenarios.run_to_run.cycles import NEVER, Outcome
+from gapsense.scenarios.run_to_run.loops import loop_of
+from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, quantile, verdicts
+from gapsense.scenarios.run_to_run.taught import CORES
 
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.estimators.parameters import VALVE, blind
-from gapsense.studies.run_to_run.chain import Chain, Running
-from gapsense.studies.run_to_run.conditions import CONDITIONS, LEARNING, samples
-from gapsense.studies.run_to_run.cycles import NEVER, Outcome
-from gapsense.studies.run_to_run.loops import loop_of
-from gapsense.studies.run_to_run.measures import DEMANDS, LAST, quantile, verdicts
-from gapsense.studies.run_to_run.study import SEED, TUNED_ON, compared
-from gapsense.studies.run_to_run.taught import CORES
 
 HELD_OUT = 6
 FEWER = 60  # actuators of the conditions of longer or many rows

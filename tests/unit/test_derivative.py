@@ -14,10 +14,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from traced import Inputs, Outputs, Parameters, State, compiled, python_text, run_python
 
-from gapsense.derivative import derivative, jacobian, linearise
-from gapsense.emit import Python
-from gapsense.kernel import trace
-from gapsense.trace import (
+from gapsense.kernels.derivative import derivative, jacobian, linearise
+from gapsense.kernels.emit import Python
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.trace import (
     TraceError,
     cond,
     cos,

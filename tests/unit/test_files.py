@@ -8,7 +8,7 @@ import io
 import numpy as np
 import pytest
 
-from gapsense.files import header, naming, read_columns, split_header, write_columns
+from gapsense._os.files import header, naming, read_columns, split_header, write_columns
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ from typing import Annotated, NamedTuple
 
 import pytest
 
-from gapsense.emit import indexing
 from gapsense.fmi.components import find_components, kernel_of, kernel_parameters, load_component, own
-from gapsense.kernel import Kernel
-from gapsense.records import Array, Memory, Scalar, Whole, flat, names, zeros
+from gapsense.kernels.emit import indexing
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import Array, Memory, Scalar, Whole, flat, names, zeros
+from gapsense.kernels.trace import TraceError, load, loop, store, where
 from gapsense.shipped import ROOT
-from gapsense.trace import TraceError, load, loop, store, where
 
 SIZE = 8
 KERNELS = {folder.name: folder for folder in find_components(ROOT / "fmus")}

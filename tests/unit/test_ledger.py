@@ -70,7 +70,8 @@ def test_other_numpy_changes_the_key(package, monkeypatch):
 
 def test_our_package_has_sources():
     names = set(ledger.sources())
-    files = ("ledger.py", "cosim/metrics.py", "actuators/motion.py", "cosim/loop/loop.c")
+    files = ("ledger.py", "cosim/result/metrics.py", "actuators/motion.py", "cosim/run/loop/loop.c")
     assert {f"gapsense/{file}" for file in files} <= names
     assert {"fmus/ekf/component.py", "fmus/ekf/fringing_29.csv"} <= names  # studies take their start values
+    assert "scenarios/soft_landing/study.py" in names and "scenarios/soft_landing/baseline.csv" not in names
     assert not [name for name in names if "pycache" in name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gapsense.linalg import (
+from gapsense.kernels.linalg import (
     deviation,
     diagonal,
     identity,

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from gapsense import files, locks
-from gapsense.files import write_atomically
+from gapsense._os import files, locks
+from gapsense._os.files import write_atomically
 
 SRC = Path(__file__).resolve().parents[2] / "src"
 OTHER = """
 import sys
 from pathlib import Path
-from gapsense import files, locks
+from gapsense._os import files, locks
 {code}
 print("ready", flush=True)
 sys.stdin.readline()

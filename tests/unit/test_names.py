@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_cases import kernel_modules
 
-from gapsense.emit.names import renamed
-from gapsense.kernel import Kernel
+from gapsense.kernels.emit.names import renamed
+from gapsense.kernels.kernel import Kernel
 
 NESTED = """
     a, b, _ = given

@@ -8,10 +8,10 @@ from typing import Annotated, Any, NamedTuple
 import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.emit import C, Graph, Python, namespace, needed
-from gapsense.kernel import trace
-from gapsense.records import Array, Memory, flat, names, zeros
-from gapsense.trace import load, loop, store
+from gapsense.kernels.emit import C, Graph, Python, namespace, needed
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.layout import Array, Memory, flat, names, zeros
+from gapsense.kernels.trace import load, loop, store
 
 LENGTH = 20
 

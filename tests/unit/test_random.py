@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from gapsense import random
-from gapsense.kernel import Kernel
-from gapsense.lanes import Code
-from gapsense.linalg import vector
-from gapsense.records import Array, Scalar, Vector, flat
+from gapsense.kernels import random
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Code
+from gapsense.kernels.layout import Array, Scalar, Vector, flat
+from gapsense.kernels.linalg import vector
 
 RUNS = 100_000
 

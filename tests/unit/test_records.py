@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pytest
 
-from gapsense.records import (
+from gapsense.kernels.layout import (
     Array,
     Choice,
     Covariance,

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 import gapsense
 from gapsense import runnable
+from gapsense._os.native import own_compiler
 from gapsense.cli import _stubs
 from gapsense.fmi.components import find_components, load_component
-from gapsense.native import own_compiler
 from gapsense.shipped import COMPONENTS
 
 FOLDERS = {load_component(folder).name: folder for folder in find_components(COMPONENTS)}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from gapsense.emit import Graph, Python, split
-from gapsense.kernel import STEP, trace
-from gapsense.trace import cond, where
+from gapsense.kernels.emit import Graph, Python, split
+from gapsense.kernels.kernel import STEP, trace
+from gapsense.kernels.trace import cond, where
 
 
 class Parameters(NamedTuple):

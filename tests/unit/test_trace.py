@@ -26,10 +26,10 @@ from traced import (
     run_python,
 )
 
-from gapsense.emit import C, Numpy, Python
-from gapsense.kernel import trace
-from gapsense.records import Array, Memory, zeros
-from gapsense.trace import (
+from gapsense.kernels.emit import C, Numpy, Python
+from gapsense.kernels.kernel import trace
+from gapsense.kernels.layout import Array, Memory, zeros
+from gapsense.kernels.trace import (
     Tape,
     TraceError,
     clip,

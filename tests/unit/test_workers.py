@@ -6,8 +6,8 @@ from queue import Queue
 
 import pytest
 
+from gapsense._os.workers import awaited
 from gapsense.ledger import Ledger
-from gapsense.workers import awaited
 
 
 def never():

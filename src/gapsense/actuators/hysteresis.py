@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
-from gapsense.records import Scalar
-from gapsense.trace import clip, cond, exp, fabs, log, square, tanh, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, cond, exp, fabs, log, square, tanh, where
 
 SMALL = 0.1  # argument below which the Langevin function is taken from its series
 UNSATURABLE = 1e9  # factor of M_sat and a by which the core becomes linear at the same initial slope

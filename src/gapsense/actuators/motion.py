@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from gapsense.records import Scalar
-from gapsense.trace import fabs, square, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import fabs, square, where
 
 CLOSED, MOVING, OPEN = 1.0, 2.0, 3.0
 CREEP = 2e-3  # speed at which half of the dry friction acts [m/s]

@@ -16,10 +16,10 @@ from typing import Annotated, Any, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import Circuit
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.integrate import equal_parts, least, next_part, rk4_until
-from gapsense.linalg import total, vector
-from gapsense.records import Array, Scalar, Vector
-from gapsense.trace import clip, cond, loop, not_, square, where
+from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.kernels.layout import Array, Scalar, Vector
+from gapsense.kernels.linalg import total, vector
+from gapsense.kernels.trace import clip, cond, loop, not_, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FINENESS, REFINEMENT = 0.05, 256.0  # micro-step in time constants of the flux; it is shortened at most so many times

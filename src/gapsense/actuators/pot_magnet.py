@@ -23,9 +23,9 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 from gapsense.actuators.motion import Contact, hardest, rebound
-from gapsense.integrate import equal_parts, least, next_part, rk4_until
-from gapsense.records import Choice, Scalar
-from gapsense.trace import clip, cond, fabs, loop, not_, square, where
+from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.trace import clip, cond, fabs, loop, not_, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
 MICRO_STEPS = 10_000_000  # at most, per communication step

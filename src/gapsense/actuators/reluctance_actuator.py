@@ -15,9 +15,9 @@ from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import Gap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
-from gapsense.integrate import equal_parts
-from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, fabs, loop, square, where
+from gapsense.kernels.integrate import equal_parts
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.trace import clip, fabs, loop, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FLUX_FINENESS = 0.05  # micro-step at most, in time constants of the flux

@@ -9,9 +9,9 @@ from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
 from gapsense.actuators.magnetics import Gap, LocalGap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.integrate import crossing, least, next_part, rk4
-from gapsense.records import Scalar
-from gapsense.trace import cond, fabs, not_, where
+from gapsense.kernels.integrate import crossing, least, next_part, rk4
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import cond, fabs, not_, where
 
 REFINEMENT = 256.0  # a micro-step is shortened at most so many times
 UNSEEN = 1e-10  # flux, magnetization (in those of saturation) and gap (in strokes) by which a switch may come late

@@ -16,9 +16,9 @@ from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Rest, Sums, Valve, gap_at, micro_step
-from gapsense.integrate import equal_parts
-from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, loop, sqrt, square, where
+from gapsense.kernels.integrate import equal_parts
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.trace import clip, loop, sqrt, square, where
 
 
 class GapLaw(Choice):

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.integrate import crossing, least, next_part, rk4, rk4_until
-from gapsense.records import Scalar
-from gapsense.trace import cond, loop, not_, square, where
+from gapsense.kernels.integrate import crossing, least, next_part, rk4, rk4_until
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import cond, loop, not_, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux errors below 1e-9 where the core saturates

@@ -21,13 +21,13 @@ from distributed.client import FutureCancelledError
 from distributed.comm.addressing import parse_address
 from distributed.comm.registry import get_backend
 
+from gapsense._os.checked import Entry
+from gapsense._os.workers import LOOK, Answers, Pending
 from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
 from gapsense.campaign.site import Pack, Site, identity, perform
 from gapsense.campaign.task import asked
-from gapsense.checked import Entry
 from gapsense.problems import InputError
-from gapsense.workers import LOOK, Answers, Pending
 
 PATIENCE = 30.0  # seconds until there must be an answer, or a worker
 AHEAD = 2  # tasks per thread of the cluster, so that none waits for us

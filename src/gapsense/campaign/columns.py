@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 
 from gapsense.campaign.prepare import OWN_COLUMNS, Prepared
-from gapsense.cosim.metrics import unit_of
-from gapsense.cosim.signals import matching, recorded_signals
-from gapsense.cosim.variables import Variable
+from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.result.metrics import unit_of
+from gapsense.cosim.scenario.signals import matching, recorded_signals
 from gapsense.tables import Value
 
 TYPES = {"Real": pa.float64(), "Integer": pa.int64(), "Boolean": pa.bool_(), "String": pa.string()}

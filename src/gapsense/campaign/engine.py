@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
+from gapsense._os.checked import Entry, fingerprint
+from gapsense._os.files import PART
+from gapsense._os.workers import Executor, Local, Progress, work
 from gapsense.campaign.columns import columns_of
 from gapsense.campaign.prepare import Prepared, prepare
 from gapsense.campaign.result import Campaign, read
 from gapsense.campaign.store import MANIFEST, STUDY, Manifest, Store, put, read_manifest
 from gapsense.campaign.task import asked, local_job
-from gapsense.checked import Entry, fingerprint
-from gapsense.cosim.ahead import AUTO, FMU, VECTORS, sweep_ahead
-from gapsense.cosim.engines import VectorExecutor, refuse_unknown, vector_executor
 from gapsense.cosim.provenance import provenance
-from gapsense.cosim.subject import Subject
-from gapsense.files import PART
+from gapsense.cosim.run.ahead import AUTO, FMU, VECTORS, sweep_ahead
+from gapsense.cosim.run.engines import VectorExecutor, refuse_unknown, vector_executor
+from gapsense.cosim.run.subject import Subject
 from gapsense.ledger import alone, sources
 from gapsense.problems import InputError, ScenarioError
-from gapsense.workers import Executor, Local, Progress, work
 
 LOCK = ".lock"
 

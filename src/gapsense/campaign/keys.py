@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.campaign.draws import DISTRIBUTIONS, METHODS
-from gapsense.cosim.keys import always
+from gapsense.cosim.scenario.keys import always
 from gapsense.parameters import is_file
 from gapsense.tables import COUNT, INDEX, LIST, NUMBER, POSITIVE, TABLE, TABLES, TEXT, TEXTS, Key, Section
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.elements import Port
-from gapsense.cosim.scenario import telling
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import telling
 from gapsense.tables import Value
 
 FEW = 1000  # values of a block that are all looked at, and points

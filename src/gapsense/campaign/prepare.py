@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.checked import fingerprint
+from gapsense._os.files import SHOWN
 from gapsense.campaign.plan import Block, Plan
 from gapsense.campaign.study import Study, read_study
-from gapsense.checked import fingerprint
-from gapsense.cosim.ahead import AUTO
-from gapsense.cosim.check import check_scenario, read_descriptions
-from gapsense.cosim.check_record import unmatched
-from gapsense.cosim.check_values import taken
-from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.document import scenario_file
-from gapsense.cosim.engines import folder_of
-from gapsense.cosim.fingerprint import deciding, facts
-from gapsense.cosim.load import read_draft
+from gapsense.cosim.check.record import unmatched
+from gapsense.cosim.check.scenario import check_scenario, read_descriptions
+from gapsense.cosim.check.values import taken
+from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.prepare import find_fmus
-from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.signals import signals
-from gapsense.cosim.worker import thrifty
-from gapsense.files import SHOWN
+from gapsense.cosim.run.ahead import AUTO
+from gapsense.cosim.run.engines import folder_of
+from gapsense.cosim.run.worker import thrifty
+from gapsense.cosim.scenario.document import scenario_file
+from gapsense.cosim.scenario.fingerprint import deciding, facts
+from gapsense.cosim.scenario.read import read_draft
+from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.signals import signals
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 

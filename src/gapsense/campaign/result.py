@@ -15,6 +15,8 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
+from gapsense._os.checked import damage
+from gapsense._os.files import naming
 from gapsense.campaign.columns import SIGNALS, UNIT, Line
 from gapsense.campaign.store import (
     AGAIN,
@@ -27,9 +29,7 @@ from gapsense.campaign.store import (
     read_manifest,
     without_signals,
 )
-from gapsense.checked import damage
-from gapsense.cosim.kinds import CAMPAIGN, other_kind
-from gapsense.files import naming
+from gapsense.cosim.scenario.kinds import CAMPAIGN, other_kind
 from gapsense.problems import InputError, suggest
 
 Vector = npt.NDArray[Any]

@@ -13,17 +13,17 @@ from typing import Any
 
 from distributed import WorkerPlugin, get_worker
 
+from gapsense._os.checked import Entry
+from gapsense._os.locks import temporary_folder
+from gapsense._os.workers import LOOK, Job, Server
 from gapsense.campaign.task import job
-from gapsense.checked import Entry
-from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.elements import Component
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.scenario.elements import Component
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.ledger import key
-from gapsense.locks import temporary_folder
 from gapsense.parameters import is_file
 from gapsense.tables import Value
 from gapsense.version import __version__
-from gapsense.workers import LOOK, Job, Server
 
 REST = 60.0  # seconds after which a process is ended that nobody asks
 Asked = tuple[int, Mapping[str, Any]]  # number and request

@@ -23,9 +23,9 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
+from gapsense._os.checked import SEAL, append_lines, damage, is_sealed, read_lines, sealed
+from gapsense._os.files import naming, read_json, sha256, state, write_atomically
 from gapsense.campaign.columns import SIGNALS, Columns, Line, from_facts
-from gapsense.checked import SEAL, append_lines, damage, is_sealed, read_lines, sealed
-from gapsense.files import naming, read_json, sha256, state, write_atomically
 from gapsense.problems import InputError
 
 LOG = logging.getLogger(__name__)

@@ -13,12 +13,12 @@ from gapsense.campaign.draws import DISTRIBUTIONS, points
 from gapsense.campaign.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
 from gapsense.campaign.keys import STUDY as STUDY_KEYS
 from gapsense.campaign.plan import Block, Plan
-from gapsense.cosim.document import scenario_file
-from gapsense.cosim.elements import Port
 from gapsense.cosim.events.event import SECTION
-from gapsense.cosim.kinds import STUDY, other_kind
-from gapsense.cosim.load_sections import by_port, read_rows, split
-from gapsense.cosim.scenario import MOST_RUNS, RowsColumn, product
+from gapsense.cosim.scenario.document import scenario_file
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.kinds import STUDY, other_kind
+from gapsense.cosim.scenario.read_sections import by_port, read_rows, split
+from gapsense.cosim.scenario.records import MOST_RUNS, RowsColumn, product
 from gapsense.parameters import is_file, located
 from gapsense.shipped import example
 from gapsense.tables import LIST, TABLES, Table, read_toml

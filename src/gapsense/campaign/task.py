@@ -6,17 +6,17 @@ from base64 import b64encode
 from pickle import dumps
 from typing import Any
 
+from gapsense._os.checked import Entry
+from gapsense._os.processes import Died, Marks
+from gapsense._os.workers import Job
 from gapsense.campaign.plan import Plan
 from gapsense.campaign.prepare import Prepared
 from gapsense.campaign.worker import CampaignRuns
-from gapsense.checked import Entry
-from gapsense.cosim.apart import limit_of
-from gapsense.cosim.descriptions import Descriptions
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.run.apart import limit_of
+from gapsense.cosim.run.worker import request
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.cosim.sweep import death_entry
-from gapsense.cosim.worker import request
-from gapsense.processes import Died, Marks
-from gapsense.workers import Job
 
 TRIES = 2  # of a run whose process dies: somebody may have ended it
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.record import Result
-from gapsense.cosim.signals import matching
-from gapsense.cosim.worker import Runs
+from gapsense.cosim.result.result import Result
+from gapsense.cosim.run.worker import Runs
+from gapsense.cosim.scenario.signals import matching
 
 
 class CampaignRuns(Runs):

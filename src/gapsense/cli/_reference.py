@@ -9,8 +9,8 @@ from typing import Any
 
 import typer
 
+from gapsense._os.files import write_atomically
 from gapsense.cli import app
-from gapsense.files import write_atomically
 from gapsense.report.reference import rewritten
 
 PAGE = "commands.md"

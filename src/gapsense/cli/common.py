@@ -22,8 +22,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gapsense import cosim, interrupts
-from gapsense.plain_files import refuse_unwritable
+from gapsense import cosim
+from gapsense._os import interrupts
+from gapsense._os.plain_files import refuse_unwritable
 from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
@@ -120,7 +121,7 @@ Native = Annotated[bool, typer.Option("--native", help="Use the native FMUs in b
 
 def folder(path: Path) -> Path:
     """A folder to write to; the name of a file is refused."""
-    from gapsense.cosim.sidecar import ENDINGS
+    from gapsense.cosim.result.sidecar import ENDINGS
 
     if path.suffix.lower() in (".csv", *ENDINGS) and not path.is_dir():
         raise typer.BadParameter(f"`{path}` found, a folder expected. Correct it.")
@@ -227,8 +228,8 @@ def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
     """Folder of the FMUs that options choose, if they do."""
     if not native:
         return fmus
-    from gapsense.cosim.document import scenario_file
     from gapsense.cosim.prepare import find_fmus
+    from gapsense.cosim.scenario.document import scenario_file
 
     folder = find_fmus(scenario_file(scenario), NATIVE_FOLDER)
     if fmus:
@@ -271,7 +272,7 @@ def reported() -> Iterator[None]:
 
 def mendable() -> tuple[type[Exception], ...]:
     """Types of errors that come from what a user gave."""
-    from gapsense.trace import TraceError  # here, so that what needs no arrays starts fast
+    from gapsense.kernels.trace import TraceError  # here, so that what needs no arrays starts fast
 
     return OSError, ValueError, TraceError
 

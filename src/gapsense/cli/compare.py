@@ -13,8 +13,8 @@ from gapsense.cli import common as cli
 from gapsense.problems import InputError
 
 if TYPE_CHECKING:
-    from gapsense.cosim.difference import Comparison
-    from gapsense.cosim.scenario import Baseline
+    from gapsense.cosim.result.difference import Comparison
+    from gapsense.cosim.scenario.records import Baseline
 
 RTOL, EDGE_STEPS = 1e-9, 1
 
@@ -44,7 +44,7 @@ def compare(
 
     Signals that differ come first, three lines each. Exit code 1 if something differs.
     """
-    from gapsense.cosim.pairs import Window, compare_trajectories, paired, read_trajectories
+    from gapsense.cosim.result.pairs import Window, compare_trajectories, paired, read_trajectories
 
     how = tolerance(rtol, atol, edge_steps, tolerances or ())
     window = Window(tuple(signals or ("*",)), after, before)
@@ -64,7 +64,7 @@ def compare(
 
 def tolerance(rtol: float, atol: float, edge_steps: int, exceptions: Sequence[str]) -> Baseline:
     """Tolerances of all signals; an InputError has all that is wrong with them."""
-    from gapsense.cosim.scenario import Baseline, Tolerance
+    from gapsense.cosim.scenario.records import Baseline, Tolerance
 
     own, problems = {}, []
     for text in exceptions:

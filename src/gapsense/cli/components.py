@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import cosim
+from gapsense._os.plain_files import refuse_unwritable
 from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
-from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import InputError, number_of
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
@@ -58,7 +58,7 @@ def build(
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
-    from gapsense.studies.identification.transfer import read_sets, taken
+    from gapsense.identification.transfer import read_sets, taken
 
     every = components_folder(root)
     folders = find_components(every, names or ())
@@ -90,9 +90,9 @@ def fmus(folders: list[Path], to: Path, values: Values) -> Built:
 
 def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] | None, *, with_arrays: bool) -> Built:
     """Build the native FMUs."""
+    from gapsense._os.native import NativeError
     from gapsense.fmi.native import package
     from gapsense.fmi.native.platforms import chosen
-    from gapsense.native import NativeError
 
     names = [name for text in platforms or () for name in text.replace(",", " ").split()]
     try:
@@ -143,7 +143,7 @@ def info(
     fmus: Fmus = None,
 ) -> None:
     """Show the ports and parameters of a component or of any FMU, with units, start values and ranges."""
-    from gapsense.cosim.facts import find_file, read_facts
+    from gapsense.cosim.fmu.facts import find_file, read_facts
     from gapsense.cosim.prepare import find_fmus
     from gapsense.report import runs
 
@@ -155,7 +155,7 @@ def info(
 
 def listed(title: str, files: list[Path], base: Path) -> None:
     """Show scenarios by what you type to run them: those that come with Gapsense by their names."""
-    from gapsense.cosim.load import read_draft
+    from gapsense.cosim.scenario.read import read_draft
     from gapsense.report import runs
 
     named = {p.parent.name if base == ROOT else str(p.parent.relative_to(base)): read_draft(p).scenario for p in files}

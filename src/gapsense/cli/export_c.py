@@ -69,7 +69,7 @@ def given(
 ) -> dict[Path, dict[str, Value]]:
     """Start values of parameters for each component that has them: those of files, and over them the settings."""
     from gapsense.fmi.components import load_component
-    from gapsense.studies.identification.transfer import taken
+    from gapsense.identification.transfer import taken
 
     values = taken(folders, files, known) if files else {folder: {} for folder in folders}
     names = {folder: {port.name for port in load_component(folder).of("parameter")} for folder in folders}

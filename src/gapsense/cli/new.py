@@ -13,8 +13,8 @@ from typing import Annotated
 
 import typer
 
+from gapsense._os.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.cli.common import command, show
-from gapsense.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 
@@ -57,7 +57,7 @@ def write(to: Path, called: Path) -> None:
 
 def copy(to: Path, source: Path) -> None:
     """The files of an example, and those of other examples that it names."""
-    shutil.copytree(source, to, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results"))
+    shutil.copytree(source, to, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", "*.py", "__pycache__"))
     file = to / "scenario.toml"
     text = file.read_text(encoding="utf-8")
     (to / "parameters").mkdir(exist_ok=True)

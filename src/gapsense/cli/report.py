@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from gapsense._os.plain_files import read_bytes, refuse_unwritable
 from gapsense.cli.common import Output, command, notice, written
-from gapsense.plain_files import read_bytes, refuse_unwritable
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"

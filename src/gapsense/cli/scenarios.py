@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from gapsense import cosim
+from gapsense._os.interrupts import counted
+from gapsense._os.plain_files import refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli.compare import draw
-from gapsense.cosim.ahead import run_ahead, sweep_ahead
-from gapsense.cosim.document import scenario_file
-from gapsense.interrupts import counted
-from gapsense.plain_files import refuse_unwritable
+from gapsense.cosim.run.ahead import run_ahead, sweep_ahead
+from gapsense.cosim.scenario.document import scenario_file
 from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed
@@ -128,7 +128,7 @@ def sweep(
     engine = cli.engine_of(engine, native)
     fmus = cli.chosen(scenario, fmus, engine == "native")
     with sweep_ahead(workers, engine), cli.bar("sweeping") as progress:
-        from gapsense.cosim.loop import language  # here, while the workers start
+        from gapsense.cosim.run.loop import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)

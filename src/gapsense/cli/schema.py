@@ -21,7 +21,7 @@ def schema(
 
     Name it in the first line of a scenario: `#:schema scenario.schema.json`.
     """
-    from gapsense.files import write_atomically
+    from gapsense._os.files import write_atomically
     from gapsense.report import reference
 
     text = json.dumps(reference.schema(), indent=2)

@@ -11,8 +11,8 @@ from gapsense.control.mover import gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
-from gapsense.records import Scalar
-from gapsense.trace import cond, floor, load, sqrt, square, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import cond, floor, load, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]

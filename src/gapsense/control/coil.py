@@ -5,8 +5,8 @@ from __future__ import annotations
 from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
-from gapsense.records import Scalar
-from gapsense.trace import clip, fabs, not_, square, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, fabs, not_, square, where
 
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.records import LONGEST, Inputs, Parameters, State
-from gapsense.linalg import total
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, floor, load, not_, store, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import total
+from gapsense.kernels.trace import clip, floor, load, not_, store, where
 
 GAIN = 0.3  # part of an error that is corrected at once
 LARGEST = 0.3e-3  # what counts of it [Wb]

@@ -7,8 +7,8 @@ from gapsense.control.bend import landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
-from gapsense.records import Array, Scalar
-from gapsense.trace import cond, not_, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 GOOD = 3.5  # misfit of a window that is solved well

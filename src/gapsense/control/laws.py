@@ -7,9 +7,9 @@ floor below which it does not come for a while.
 from __future__ import annotations
 
 from gapsense.control.records import LAW, Law, Parameters
-from gapsense.linalg import diagonal, matrix, vector
-from gapsense.records import Array, Scalar, triangle
-from gapsense.trace import load, store, where
+from gapsense.kernels.layout import Array, Scalar, triangle
+from gapsense.kernels.linalg import diagonal, matrix, vector
+from gapsense.kernels.trace import load, store, where
 
 BEFORE = (0.2, 0.15, 0.2)  # standard deviations of a, b, q before anything is learnt
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle

@@ -15,9 +15,9 @@ from gapsense.control.mover import Motion, Mover, depth, make_mover, moved, squa
 from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
-from gapsense.linalg import diagonal, matrix, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, load, log, square, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import diagonal, matrix, vector
+from gapsense.kernels.trace import clip, cond, fabs, load, log, square, where
 
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, gap, make_gap
-from gapsense.linalg import vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, exp, square, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, exp, square, where
 
 LIGHT, FLAT, FARTHEST, STRONGEST = 1e-3, 1e-3, 5.0, 1e6  # beyond these an estimator talks nonsense
 OUTSIDE = 0.1e-3  # way behind a stop on which the magnet's force still changes [m]

@@ -21,9 +21,9 @@ from gapsense.control.records import (
     State,
 )
 from gapsense.control.tracking import believed, mover_of
-from gapsense.linalg import vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, not_, sqrt, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
 
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 3.0  # hard impacts, although a contact was listened to

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.control.mover import Mover, balance, squared_flux
-from gapsense.records import Scalar
-from gapsense.trace import clip, cond, sqrt, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, cond, sqrt, where
 
 BENT = 1.4  # slope at the start of the lead, over its mean
 BIAS, FROM = 0.025, 0.8  # of the square of the flux linkage, from this share of the travel on

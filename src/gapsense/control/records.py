@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.records import COUNT, Array, Choice, Count, Memory, Scalar, Table, Vector, Whole
+from gapsense.kernels.layout import COUNT, Array, Choice, Count, Memory, Scalar, Table, Vector, Whole
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories

@@ -34,9 +34,9 @@ from gapsense.control.records import (
 )
 from gapsense.control.tracking import believed, is_late, tracked
 from gapsense.estimators.readings import can_be_read
-from gapsense.linalg import total, vector
-from gapsense.records import Scalar, zeros
-from gapsense.trace import cond, fabs, where
+from gapsense.kernels.layout import Scalar, zeros
+from gapsense.kernels.linalg import total, vector
+from gapsense.kernels.trace import cond, fabs, where
 
 FASTEST = 1e3  # impact speed that can be [m/s]
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits

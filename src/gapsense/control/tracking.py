@@ -6,8 +6,8 @@ from gapsense.control import correction
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import Operation, flux, is_planned
 from gapsense.control.records import LONGEST, Parameters, Running, State
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, fabs, not_, store, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.trace import clip, cond, fabs, not_, store, where
 
 GAIN = 2000.0  # of the flux linkage [1/s]
 FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]

@@ -13,56 +13,56 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gapsense.cosim.changes import changed as changed
-    from gapsense.cosim.checkpoint import Checkpoint as Checkpoint
-    from gapsense.cosim.compare import compare as compare
-    from gapsense.cosim.failure import FmuError as FmuError
     from gapsense.cosim.junit import write_junit as write_junit
-    from gapsense.cosim.load import load as load
-    from gapsense.cosim.master import Master as Master
-    from gapsense.cosim.metrics import Measured as Measured
-    from gapsense.cosim.pairs import compare_results as compare_results
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.prepare import prepare as prepare
     from gapsense.cosim.prepare import remarks as remarks
-    from gapsense.cosim.record import Result as Result
-    from gapsense.cosim.record import read_result as read_result
     from gapsense.cosim.regression import Outcome as Outcome
     from gapsense.cosim.regression import Update as Update
     from gapsense.cosim.regression import find_scenarios as find_scenarios
     from gapsense.cosim.regression import test_scenario as test_scenario
     from gapsense.cosim.regression import test_scenarios as test_scenarios
     from gapsense.cosim.regression import update_baseline as update_baseline
-    from gapsense.cosim.run import run as run
-    from gapsense.cosim.run import run_once as run_once
-    from gapsense.cosim.scenario import Scenario as Scenario
+    from gapsense.cosim.result.compare import compare as compare
+    from gapsense.cosim.result.metrics import Measured as Measured
+    from gapsense.cosim.result.pairs import compare_results as compare_results
+    from gapsense.cosim.result.result import Result as Result
+    from gapsense.cosim.result.result import read_result as read_result
+    from gapsense.cosim.result.sidecar import own_file as own_file
+    from gapsense.cosim.result.sidecar import refuse_other as refuse_other
+    from gapsense.cosim.result.sidecar import relative as relative
+    from gapsense.cosim.result.sidecar import result_file as result_file
+    from gapsense.cosim.run.checkpoint import Checkpoint as Checkpoint
+    from gapsense.cosim.run.failure import FmuError as FmuError
+    from gapsense.cosim.run.master import Master as Master
+    from gapsense.cosim.run.run import run as run
+    from gapsense.cosim.run.run import run_once as run_once
+    from gapsense.cosim.scenario.changes import changed as changed
+    from gapsense.cosim.scenario.read import load as load
+    from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
-    from gapsense.cosim.sidecar import own_file as own_file
-    from gapsense.cosim.sidecar import refuse_other as refuse_other
-    from gapsense.cosim.sidecar import relative as relative
-    from gapsense.cosim.sidecar import result_file as result_file
     from gapsense.cosim.sweep import sweep as sweep
     from gapsense.cosim.sweep_table import Sweep as Sweep
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
-    "changes": ("changed",),
-    "checkpoint": ("Checkpoint",),
-    "compare": ("compare",),
+    "scenario.changes": ("changed",),
+    "run.checkpoint": ("Checkpoint",),
+    "result.compare": ("compare",),
     "junit": ("write_junit",),
-    "load": ("load",),
-    "master": ("Master",),
-    "metrics": ("Measured",),
-    "pairs": ("compare_results",),
+    "scenario.read": ("load",),
+    "run.master": ("Master",),
+    "result.metrics": ("Measured",),
+    "result.pairs": ("compare_results",),
     "prepare": ("check", "prepare", "remarks"),
-    "failure": ("FmuError",),
-    "record": ("Result", "read_result"),
+    "run.failure": ("FmuError",),
+    "result.result": ("Result", "read_result"),
     "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
-    "run": ("run", "run_once"),
-    "scenario": ("Scenario",),
+    "run.run": ("run", "run_once"),
+    "scenario.records": ("Scenario",),
     "sensitivity": ("Growth", "sensitivity"),
-    "sidecar": ("own_file", "refuse_other", "relative", "result_file"),
+    "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
     "sweep": ("sweep",),
     "sweep_table": ("Sweep",),
 }

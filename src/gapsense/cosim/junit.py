@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from gapsense._os.files import write_atomically
 from gapsense.cosim.regression import Outcome
-from gapsense.files import write_atomically
 
 
 def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.cosim.check import check_scenario, read_descriptions
-from gapsense.cosim.check_values import taken
-from gapsense.cosim.coarse import remarks as on_grid
-from gapsense.cosim.descriptions import Description
-from gapsense.cosim.document import Source, scenario_file
-from gapsense.cosim.load import load, read_draft
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.check.coarse import remarks as on_grid
+from gapsense.cosim.check.scenario import check_scenario, read_descriptions
+from gapsense.cosim.check.values import taken
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.scenario.document import Source, scenario_file
+from gapsense.cosim.scenario.read import load, read_draft
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import ScenarioError
 from gapsense.shipped import FMU_FOLDER, ROOT
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.sidecar import relative
-from gapsense.cosim.subject import versions
+from gapsense.cosim.result.sidecar import relative
+from gapsense.cosim.run.subject import versions
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.tables import Value
 
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component

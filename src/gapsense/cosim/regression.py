@@ -10,19 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from gapsense.cosim.ahead import FMU, run_ahead
-from gapsense.cosim.compare import compare, selected, thinned
-from gapsense.cosim.difference import Comparison
-from gapsense.cosim.document import Document, Source, scenario_file
-from gapsense.cosim.engines import folder_of, refuse_unknown, run_as_vectors
-from gapsense.cosim.failure import FmuError
-from gapsense.cosim.load import load, read_draft
-from gapsense.cosim.record import TIME, Result
-from gapsense.cosim.run import run
-from gapsense.cosim.scenario import Baseline, Scenario
-from gapsense.cosim.sidecar import read_sidecar
-from gapsense.files import write_atomically, write_columns
-from gapsense.plain_files import unfit, unwritable
+from gapsense._os.files import write_atomically, write_columns
+from gapsense._os.plain_files import unfit, unwritable
+from gapsense.cosim.result.compare import compare, selected, thinned
+from gapsense.cosim.result.difference import Comparison
+from gapsense.cosim.result.result import TIME, Result
+from gapsense.cosim.result.sidecar import read_sidecar
+from gapsense.cosim.run.ahead import FMU, run_ahead
+from gapsense.cosim.run.engines import folder_of, refuse_unknown, run_as_vectors
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.run.run import run
+from gapsense.cosim.scenario.document import Document, Source, scenario_file
+from gapsense.cosim.scenario.read import load, read_draft
+from gapsense.cosim.scenario.records import Baseline, Scenario
 from gapsense.problems import ScenarioError
 from gapsense.tables import parsed, read_toml
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gapsense.cosim.metrics import Measured, Vector
+from gapsense.cosim.result.metrics import Measured, Vector
 
 
 def plot(result: Any, patterns: Sequence[str]) -> Any:

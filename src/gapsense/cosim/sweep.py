@@ -17,36 +17,36 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.checked import Entry
-from gapsense.cosim.ahead import AUTO, FMU, VECTORS, sweep_ahead
-from gapsense.cosim.apart import limit_of
-from gapsense.cosim.changes import OVER
-from gapsense.cosim.descriptions import Description, Descriptions
-from gapsense.cosim.document import Document, Source
-from gapsense.cosim.elements import Port
-from gapsense.cosim.engines import folder_of, refuse_unknown, vector_executor
+from gapsense._os.checked import Entry
+from gapsense._os.importable import facts, importable_name
+from gapsense._os.plain_files import refuse_unwritable
+from gapsense._os.processes import Died, Marks
+from gapsense._os.workers import Job, Progress, complete
 from gapsense.cosim.events.event import unit_of_key
-from gapsense.cosim.fingerprint import deciding
-from gapsense.cosim.metrics import unit_of
-from gapsense.cosim.order import execution_order
+from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.provenance import provenance
-from gapsense.cosim.record import Measure
-from gapsense.cosim.recording import death
-from gapsense.cosim.scenario import MOST_RUNS, Points, Scenario, product
-from gapsense.cosim.sidecar import is_whole, refuse_other, relative
-from gapsense.cosim.signals import recorded_signals
-from gapsense.cosim.subject import Subject
+from gapsense.cosim.result.metrics import unit_of
+from gapsense.cosim.result.result import Measure
+from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
+from gapsense.cosim.run.ahead import AUTO, FMU, VECTORS, sweep_ahead
+from gapsense.cosim.run.apart import limit_of
+from gapsense.cosim.run.engines import folder_of, refuse_unknown, vector_executor
+from gapsense.cosim.run.recording import death
+from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.worker import Runs, request, thrifty
+from gapsense.cosim.scenario.changes import OVER
+from gapsense.cosim.scenario.document import Document, Source
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.fingerprint import deciding
+from gapsense.cosim.scenario.order import execution_order
+from gapsense.cosim.scenario.records import MOST_RUNS, Points, Scenario, product
+from gapsense.cosim.scenario.signals import recorded_signals
 from gapsense.cosim.sweep_table import Sweep
 from gapsense.cosim.sweep_table import save as save_table
-from gapsense.cosim.worker import Runs, request, thrifty
-from gapsense.importable import facts, importable_name
 from gapsense.ledger import Ledger, kept, key
-from gapsense.plain_files import refuse_unwritable
 from gapsense.problems import ScenarioError
-from gapsense.processes import Died, Marks
 from gapsense.tables import Value
-from gapsense.workers import Job, Progress, complete
 
 LOG = logging.getLogger(__name__)
 

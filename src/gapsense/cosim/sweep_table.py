@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.checked import SEAL, is_sealed, sealed
-from gapsense.cosim.ahead import FMU
+from gapsense._os.checked import SEAL, is_sealed, sealed
+from gapsense._os.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.cosim.provenance import kind
-from gapsense.cosim.scenario import Points
+from gapsense.cosim.run.ahead import FMU
+from gapsense.cosim.scenario.records import Points
 from gapsense.cosim.show import frame, sweep_html
-from gapsense.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
 from gapsense.problems import InputError
 from gapsense.tables import Value
 

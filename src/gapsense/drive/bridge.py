@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from gapsense.drive.curve import positive
 from gapsense.drive.pulses import ALWAYS, Pulse, Wave
-from gapsense.records import Choice, Scalar
-from gapsense.trace import clip, fabs, floor, where
+from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.trace import clip, fabs, floor, where
 
 
 class Kind(Choice):

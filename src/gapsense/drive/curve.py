@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, floor, load, locate, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.trace import clip, cond, floor, load, locate, where
 
 
 class Curve(NamedTuple):

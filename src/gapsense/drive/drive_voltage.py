@@ -15,8 +15,8 @@ from typing import Annotated, NamedTuple
 from gapsense.drive.bridge import Bridge, Kind, wave
 from gapsense.drive.curve import Curve, positive, tabulated
 from gapsense.drive.pulses import ALWAYS, Pulse, Wave, levels, pulsed
-from gapsense.records import Array, Choice, Scalar, Table, flat, record
-from gapsense.trace import clip, cond, fabs, not_, where
+from gapsense.kernels.layout import Array, Choice, Scalar, Table, flat, record
+from gapsense.kernels.trace import clip, cond, fabs, not_, where
 
 
 class Waveform(Choice):

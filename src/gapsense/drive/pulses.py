@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.drive.curve import positive
-from gapsense.records import Scalar
-from gapsense.trace import fabs, floor, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import fabs, floor, where
 
 ALWAYS = -1e30  # phase at which a wave without a beginning begins
 

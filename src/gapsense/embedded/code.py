@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.emit import C, Graph
-from gapsense.records import names
-from gapsense.trace import UNARY, Expr, Place, Region, memory_of
+from gapsense.kernels.emit import C, Graph
+from gapsense.kernels.layout import names
+from gapsense.kernels.trace import UNARY, Expr, Place, Region, memory_of
 
 LARGEST, LEAST = 3.4028234e38, 1.5e-45  # of float
 LONGEST_QUOTE = 100

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense.emit import HARMLESS_IN_C, Graph, Python, needed, split
 from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
-from gapsense.kernel import Kernel
+from gapsense.kernels.emit import HARMLESS_IN_C, Graph, Python, needed, split
+from gapsense.kernels.kernel import Kernel
 from gapsense.problems import InputError, suggest
 
 REALS = ("float", "double")

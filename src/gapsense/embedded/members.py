@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, get_type_hints
 
 from gapsense.embedded.code import quote
 from gapsense.embedded.design import Design
-from gapsense.emit import Graph
-from gapsense.emit.c import WHOLE
 from gapsense.fmi.ports import Port
 from gapsense.fmi.tables import column_name
-from gapsense.records import fields, names
+from gapsense.kernels.emit import Graph
+from gapsense.kernels.emit.c import WHOLE
+from gapsense.kernels.layout import fields, names
 
 FIELD = re.compile(r"\s+(\w+): .*?(?:#\s*(.*))?$")
 ENTRY = re.compile(r"_\d+$")

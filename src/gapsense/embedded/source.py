@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from gapsense.embedded.code import Function, constant_table, number
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
+from gapsense.kernels.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
 from gapsense.version import __version__
 
 WIDTH = 110

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.derivative import linearise
 from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, fix, predict, project
 from gapsense.estimators.reduced_model import (
@@ -30,9 +29,10 @@ from gapsense.estimators.reduced_model import (
     stay,
 )
 from gapsense.estimators.watch import EARLY, PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
-from gapsense.linalg import deviation, diagonal, vector
-from gapsense.records import Array, Covariance, Scalar, Vector
-from gapsense.trace import clip, cond, fabs, not_, square, where
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
+from gapsense.kernels.linalg import deviation, diagonal, vector
+from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

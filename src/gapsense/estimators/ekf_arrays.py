@@ -13,8 +13,8 @@ from gapsense.estimators.reduced_model import (
     POSITION_PREV,
     normalised,
 )
-from gapsense.linalg import matrix
-from gapsense.records import Array, Covariance
+from gapsense.kernels.layout import Array, Covariance
+from gapsense.kernels.linalg import matrix
 
 ROWS = ("position", "velocity", "flux_linkage", "current_error", "force_error")
 

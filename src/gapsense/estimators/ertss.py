@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.derivative import linearise
 from gapsense.estimators import ekf, kinks, readings
 from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
@@ -43,8 +42,9 @@ from gapsense.estimators.reduced_model import (
     normalised,
     transition,
 )
-from gapsense.records import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
-from gapsense.trace import clip, cond, fabs, load, store, where
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
+from gapsense.kernels.trace import clip, cond, fabs, load, store, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
-from gapsense.interpolate import spline
-from gapsense.records import Array, Scalar, Table
-from gapsense.trace import cond, log, square, where
+from gapsense.kernels.interpolate import spline
+from gapsense.kernels.layout import Array, Scalar, Table
+from gapsense.kernels.trace import cond, log, square, where
 
 
 class Gap(NamedTuple):

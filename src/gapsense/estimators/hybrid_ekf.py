@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.derivative import linearise
 from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
 from gapsense.estimators.watch import counted, is_far, near, patient
-from gapsense.linalg import deviation, diagonal, matrix, vector
-from gapsense.records import Array, Choice, Covariance, Scalar, Vector, flat, record
-from gapsense.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.layout import Array, Choice, Covariance, Scalar, Vector, flat, record
+from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
+from gapsense.kernels.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
 LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.hybrid_ekf import Parameters, State
-from gapsense.records import Array, Covariance
+from gapsense.kernels.layout import Array, Covariance
 
 ROWS = ("current_estimated", "position", "velocity")
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.readings import LOST, Health, can_be_read, health, most_current
-from gapsense.records import Array, Count, Memory, Scalar, Whole, zeros
-from gapsense.trace import fabs, load, not_, sqrt, store, where
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
+from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
 SPARE = 2 * LENGTH  # element that takes the writes after that

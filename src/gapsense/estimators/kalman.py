@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from gapsense.linalg import ROUNDING, identity, ldl, nonnegative, outer, pivot, solve, symmetric
-from gapsense.records import Array, Scalar
-from gapsense.trace import clip, cond, square, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import ROUNDING, identity, ldl, nonnegative, outer, pivot, solve, symmetric
+from gapsense.kernels.trace import clip, cond, square, where
 
 
 class Gaussian(NamedTuple):

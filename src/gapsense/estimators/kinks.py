@@ -24,9 +24,9 @@ from gapsense.estimators.reduced_model import (
     is_moving,
     magnetic_force,
 )
-from gapsense.linalg import deviation, total, vector
-from gapsense.records import Array, Count, Scalar, Vector
-from gapsense.trace import cond, fabs, not_, sqrt, square, where
+from gapsense.kernels.layout import Array, Count, Scalar, Vector
+from gapsense.kernels.linalg import deviation, total, vector
+from gapsense.kernels.trace import cond, fabs, not_, sqrt, square, where
 
 SIDE = 6  # samples on each side of a kink
 TAPS = 2 * SIDE + 1

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.reduced_model import is_moving, limit
-from gapsense.records import COUNT, Array, Count, Memory, Scalar, Whole, zeros
-from gapsense.trace import cond, floor, load, not_, store, where
+from gapsense.kernels.layout import COUNT, Array, Count, Memory, Scalar, Whole, zeros
+from gapsense.kernels.trace import cond, floor, load, not_, store, where
 
 LENGTH = 1024  # samples of a motion that are kept, the last ones
 RING = 3 * LENGTH  # samples that are kept of all motions, each with the one that it lands with

@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from gapsense.linalg import total
-from gapsense.records import Scalar
-from gapsense.trace import where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.linalg import total
+from gapsense.kernels.trace import where
 
 INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT = (
     float(2**k) for k in range(10)

@@ -13,10 +13,10 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
-from gapsense.interpolate import spline
-from gapsense.linalg import vector
-from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, cond, exp, fabs, is_traced, log, square, where
+from gapsense.kernels.interpolate import spline
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, cond, exp, fabs, is_traced, log, square, where
 
 SMALLEST_GAP = 1e-6  # [m]; below it, and above the length of fringing, the gap reluctance goes on linearly
 FLUX_LIMIT = 2.0  # largest |lambda| / lambda_sat: Euler's method is unstable beyond

@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gapsense.emit import compiled
 from gapsense.estimators import ekf, kinks
 from gapsense.estimators.ekf import Parameters, physical, tuning
 from gapsense.estimators.ertss import Estimate, backward, grounded, impact
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.motions import Motion
 from gapsense.estimators.reduced_model import Held, limit, normalised
-from gapsense.kernel import Kernel, trace
-from gapsense.linalg import vector
-from gapsense.records import Scalar, flat, names, record, triangle
+from gapsense.kernels.emit import compiled
+from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.layout import Scalar, flat, names, record, triangle
+from gapsense.kernels.linalg import vector
 
 MOTION, BOUNCE, GLITCH = "motion", "bounce", "glitch"
 

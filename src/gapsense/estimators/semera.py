@@ -15,9 +15,9 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
 from gapsense.estimators.readings import LOST, can_be_read, health, most_current
-from gapsense.linalg import deviation, diagonal, matrix, vector
-from gapsense.records import Array, Covariance, Scalar, Vector
-from gapsense.trace import cond, fabs, not_, square, where
+from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
+from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
+from gapsense.kernels.trace import cond, fabs, not_, square, where
 
 AWAKENING = 10.0  # samples in a row outside the noise band that make an operation; noise of a small offset never does
 

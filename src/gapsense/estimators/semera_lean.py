@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.semera import Form, Inputs, Outputs, Parameters, Seen, State, first, sample
-from gapsense.linalg import outer, pivot, symmetric, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import square
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import outer, pivot, symmetric, vector
+from gapsense.kernels.trace import square
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

@@ -13,7 +13,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gapsense.derivative import linearise
 from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
@@ -37,9 +36,10 @@ from gapsense.estimators.valve_model import (
     transition,
 )
 from gapsense.estimators.watch import UNKNOWN, Limits, Usual, compared, is_far
-from gapsense.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
-from gapsense.records import Array, Covariance, Scalar, Vector
-from gapsense.trace import clip, cond, fabs, not_, square, where
+from gapsense.kernels.derivative import linearise
+from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
+from gapsense.kernels.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
+from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

@@ -6,8 +6,8 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.ukf import Parameters, State
 from gapsense.estimators.valve_model import CURRENT_ERROR, FLUX_LINKAGE, POSITION, POSITION_PREV
-from gapsense.linalg import matrix
-from gapsense.records import Array, Covariance
+from gapsense.kernels.layout import Array, Covariance
+from gapsense.kernels.linalg import matrix
 
 ROWS = ("position", "velocity", "flux_linkage", "current_error")
 

@@ -15,9 +15,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from gapsense.estimators.kalman import Gaussian
-from gapsense.linalg import ldl, matrix, pivot, total, vector
-from gapsense.records import Array, Scalar
-from gapsense.trace import sqrt, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import ldl, matrix, pivot, total, vector
+from gapsense.kernels.trace import sqrt, where
 
 
 class Pair(NamedTuple):

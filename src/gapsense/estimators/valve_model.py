@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy, share
-from gapsense.linalg import vector
-from gapsense.records import Array, Choice, Scalar, Table
-from gapsense.trace import clip, cond, fabs, load, locate, square, where
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, cond, fabs, load, locate, square, where
 
 FLUX_LINKAGE, POSITION, POSITION_PREV, CURRENT_ERROR = range(4)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.records import Scalar
-from gapsense.trace import clip, fabs, not_, sqrt, square, where
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
 FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten

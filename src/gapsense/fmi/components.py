@@ -10,9 +10,9 @@ from typing import Any
 
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names, record
 from gapsense.problems import code
-from gapsense.records import names, record
 from gapsense.shipped import COMPONENTS, ROOT
 
 HOLDS = "A component's folder holds component.py, page.md and reference.csv."

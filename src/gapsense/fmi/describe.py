@@ -62,7 +62,7 @@ def units(component: Component, more: Iterable[str] = ()) -> Element:
 
 
 def rules(component: Component) -> Element:
-    """What FMI has no words for: choices, columns of tables, parameters that belong together; see `cosim/rules.py`."""
+    """What FMI has no words for: choices, columns of tables, parameters that belong together; see `cosim/fmu/rules`."""
     rules = Element("Rules")
     for port in component.of("parameter"):
         for tag, texts in (("Choices", port.choices), ("Table", port.columns)):

@@ -20,9 +20,9 @@ from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
 from gapsense.fmi.values import fields as checked
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import choices, fields, names
 from gapsense.problems import code
-from gapsense.records import choices, fields, names
 from gapsense.version import __version__
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gapsense.files import write_atomically
+from gapsense._os.files import write_atomically
 
 PAGE = "hosts.md"
 KINDS = {"python": "Python FMU", "native": "native FMU", "native3": "native FMU, FMI 3.0"}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.metrics import Measured, Vector
+from gapsense.cosim.result.metrics import Measured, Vector
 from gapsense.report.table import quantity
 
 SHOWN = 20  # rows of a table

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gapsense._os.files import write_atomically
 from gapsense.campaign.keys import STUDY
 from gapsense.cosim.events.event import ACTIONS
-from gapsense.cosim.keys import FILE, VARIANT
-from gapsense.cosim.metrics import KINDS
-from gapsense.files import write_atomically
+from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.scenario.keys import FILE, VARIANT
 from gapsense.parameters import PARAMETER_SET, VALUES
 from gapsense.tables import TABLES, Key, Section
 

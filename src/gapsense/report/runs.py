@@ -13,8 +13,8 @@ from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
     from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
-    from gapsense.cosim.facts import Facts
-    from gapsense.cosim.record import Timing
+    from gapsense.cosim.fmu.facts import Facts
+    from gapsense.cosim.result.result import Timing
     from gapsense.fmi.ports import Component
     from gapsense.tables import Value
 

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.random import normal, seeded, uniform
-from gapsense.records import Array, Choice, Scalar, Vector
-from gapsense.trace import clip, floor, not_, where
+from gapsense.kernels.layout import Array, Choice, Scalar, Vector
+from gapsense.kernels.random import normal, seeded, uniform
+from gapsense.kernels.trace import clip, floor, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
 

@@ -9,12 +9,12 @@ from typing import Any
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
-from gapsense.cosim.archive import UnusableError, shown
-from gapsense.cosim.check import described
-from gapsense.cosim.descriptions import Description
-from gapsense.cosim.document import Document
+from gapsense.cosim.check.scenario import described
+from gapsense.cosim.fmu.archive import UnusableError, shown
+from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.prepare import check
-from gapsense.cosim.written import write_document
+from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError
 from gapsense.ssp import structure

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gapsense.cosim.document import Document
-from gapsense.cosim.elements import Component
-from gapsense.cosim.scenario import Scenario
+from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.elements import Component
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import listing
 
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events")  # as the file has them

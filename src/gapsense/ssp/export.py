@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from gapsense.cosim.descriptions import Description
-from gapsense.cosim.document import Document, Source, read_document
-from gapsense.cosim.elements import Port
+from gapsense._os.files import write_atomically
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario import Scenario
-from gapsense.cosim.variables import Variable
-from gapsense.files import write_atomically
+from gapsense.cosim.scenario.document import Document, Source, read_document
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried, parts

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from gapsense.cosim.archive import shown
+from gapsense.cosim.fmu.archive import shown
 from gapsense.ssp.structure import SINKS, Connector, Element, Link
 from gapsense.ssp.units import Line, Units, conversion
 from gapsense.ssp.values import Node

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense.cosim.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, shown
+from gapsense.cosim.fmu.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, shown
 from gapsense.problems import InputError
 from gapsense.ssp.schema import violations
 from gapsense.ssp.words import DESCRIPTION

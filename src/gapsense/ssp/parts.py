@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
-from gapsense.cosim.elements import Connection
-from gapsense.cosim.variables import Variable
+from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.scenario.elements import Connection
 from gapsense.ssp.units import EXPONENTS, Units
 from gapsense.ssp.words import PREFIXES, VERSION, tag
 from gapsense.tables import Value

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from gapsense.cosim.archive import shown
-from gapsense.cosim.descriptions import Description
-from gapsense.cosim.variables import Variable
+from gapsense.cosim.fmu.archive import shown
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.fmu.variables import Variable
 from gapsense.problems import listing, suggest
 from gapsense.ssp.flat import Way, Wiring
 from gapsense.ssp.structure import Element, Path

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.archive import UnusableError, shown
+from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.ssp.units import Line
 from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 

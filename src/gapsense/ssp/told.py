@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.archive import shown
+from gapsense.cosim.fmu.archive import shown
 from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
 from gapsense.ssp.words import OSP, OWN, tag
 

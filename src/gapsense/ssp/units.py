@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense.cosim.archive import DESCRIPTION
-from gapsense.files import state
+from gapsense._os.files import state
+from gapsense.cosim.fmu.archive import DESCRIPTION
 from gapsense.ssp.words import tag
 from gapsense.units import UNITS, base_exponents
 

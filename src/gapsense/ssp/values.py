@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.archive import UnusableError, shown
+from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.problems import suggest
 from gapsense.ssp.package import Package
 from gapsense.ssp.structure import Element, Path, read_transformation

@@ -1,11 +1,15 @@
-"""Studies, one folder each: the computation, `show.py` (its tables and figures), `command.py` (its command line).
+"""Studies: what repeats the papers stands beside its scenario, `scenarios/<name>/study.py`; here is what they share.
 
-The folders are found by walking: there is no list of them.
+A `study.py` registers commands (`cli.common.study`) and figures (`figures.FIGURES`).  It loads at each start of the
+command line, so what is heavy loads in its functions.  The files are found by walking: there is no list of them.
 """
 
 from pathlib import Path
 
+from gapsense.shipped import SCENARIOS
 
-def modules(name: str) -> list[str]:
-    """Full names of the modules called `name` in the folders of the studies."""
-    return [f"{__name__}.{file.parent.name}.{name}" for file in sorted(Path(__file__).parent.glob(f"*/{name}.py"))]
+
+def modules() -> list[str]:
+    """Full names of the modules of all studies: `study` beside a scenario, `command` in a folder here."""
+    here = [f"{__name__}.{file.parent.name}.command" for file in sorted(Path(__file__).parent.glob("*/command.py"))]
+    return here + [f"gapsense.scenarios.{file.parent.name}.study" for file in sorted(SCENARIOS.glob("*/study.py"))]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gapsense.actuators import pot_magnet, reluctance_actuator, solenoid_valve
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernel import Kernel
+from gapsense.kernels.kernel import Kernel
 
 VALVE: solenoid_valve.Parameters = kernel_parameters(own("solenoid_valve"), {})  # [SEMERA] Table I
 RTS_VALVE: reluctance_actuator.Parameters = kernel_parameters(own("reluctance_actuator"), {})  # [RTS] Table I

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense.checked import fingerprint
-from gapsense.importable import facts, importable_name, imported
+from gapsense._os.checked import fingerprint
+from gapsense._os.importable import facts, importable_name, imported
+from gapsense._os.workers import Job, Progress, complete
 from gapsense.ledger import Ledger, key
-from gapsense.workers import Job, Progress, complete
 
 Facts = Mapping[str, Any]  # of JSON
 

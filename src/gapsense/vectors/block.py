@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.descriptions import Description
+from gapsense._os.processes import new_marks
 from gapsense.cosim.events.director import Director
 from gapsense.cosim.events.read import varied
-from gapsense.cosim.failure import FmuError
-from gapsense.cosim.input_signals import player
-from gapsense.cosim.inputs import constants
-from gapsense.cosim.master import shape
-from gapsense.cosim.part import Stage
-from gapsense.cosim.recording import Recording, Take
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.run.inputs import constants
+from gapsense.cosim.run.master import shape
+from gapsense.cosim.run.part import Stage
+from gapsense.cosim.run.recording import Recording, Take
+from gapsense.cosim.scenario.input_signals import player
 from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
-from gapsense.processes import new_marks
-from gapsense.records import names
+from gapsense.kernels.layout import names
 from gapsense.tables import Value
 from gapsense.vectors import library
 from gapsense.vectors.model import Member, Model, of_parameters

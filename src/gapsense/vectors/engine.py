@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from itertools import groupby
 
-from gapsense.cosim.descriptions import Description
-from gapsense.cosim.elements import Port
-from gapsense.cosim.recording import Recording, Take
-from gapsense.cosim.subject import Subject
+from gapsense._os.native import own_compiler
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.run.recording import Recording, Take
+from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.scenario.elements import Port
 from gapsense.fmi.components import own
 from gapsense.fmi.sentences import Refusal
-from gapsense.native import own_compiler
 from gapsense.tables import Value
 
 Recordings = Iterator["tuple[int, Recording | None]"]  # place of a take, and what the run recorded
@@ -35,7 +35,7 @@ def obstacle(subject: Subject) -> str:
     foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]
     if foreign:
         return f"These FMUs are not what this version builds: {', '.join(foreign)}. Build them with `gapsense build`."
-    from gapsense.lanes.library import INSTEAD
+    from gapsense.kernels.lanes.library import INSTEAD
     from gapsense.vectors import library
 
     with warnings.catch_warnings(record=True) as said:

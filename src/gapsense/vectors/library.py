@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
-from gapsense.kernel import Kernel
-from gapsense.lanes import Code, OverRuns, over_runs
-from gapsense.lanes.library import HERE, loaded
-from gapsense.lanes.plan import Column
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Code, OverRuns, over_runs
+from gapsense.kernels.lanes.library import HERE, loaded
+from gapsense.kernels.lanes.plan import Column
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 Int, Long, Size, Double, Pointer = ctypes.c_int, ctypes.c_int64, ctypes.c_ssize_t, ctypes.c_double, ctypes.c_void_p

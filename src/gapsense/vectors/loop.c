@@ -1,4 +1,4 @@
-/* A scenario over a few runs at once, W in a block, as ../cosim/loop/loop.c does it for one run through FMUs: the same copies,
+/* A scenario over a few runs at once, W in a block, as ../cosim/run/loop/loop.c does it for one run through FMUs: the same copies,
    the same order, the same bits. This stands behind lanes.h; the structures are those of library.py.
 
    All numbers of a block are vectors in one array: the common buffer of inputs and outputs, and behind it for each

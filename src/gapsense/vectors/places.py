@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.emit.lanes import held, is_array
-from gapsense.lanes import Code
-from gapsense.lanes.plan import Column
-from gapsense.records import fields, names
+from gapsense.kernels.emit.lanes import held, is_array
+from gapsense.kernels.lanes import Code
+from gapsense.kernels.lanes.plan import Column
+from gapsense.kernels.layout import fields, names
 from gapsense.vectors import library
 from gapsense.vectors.library import Functions, ints
 

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from gapsense.cosim.elements import Component, Experiment
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.grid import index_of, steps_of
 from gapsense.cosim.events.noise import noise
 from gapsense.cosim.events.watch import Buffer, Watch
+from gapsense.cosim.scenario.elements import Component, Experiment
 from gapsense.tables import Value
 
 NEVER = sys.maxsize

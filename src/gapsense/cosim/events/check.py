@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from gapsense.cosim.check_values import is_whole, limits, misfit, within
-from gapsense.cosim.descriptions import Description, Descriptions, Variable
-from gapsense.cosim.elements import Experiment, Port
+from gapsense.cosim.check.values import is_whole, limits, misfit, within
 from gapsense.cosim.events.event import ACTIONS, SECTION, Event, resolved
 from gapsense.cosim.events.grid import index_of, is_on_grid, neighbours
-from gapsense.cosim.rules import broken_rules
-from gapsense.cosim.scenario import MOST_STEPS, Scenario
+from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
+from gapsense.cosim.fmu.rules import broken_rules
+from gapsense.cosim.scenario.elements import Experiment, Port
+from gapsense.cosim.scenario.records import MOST_STEPS, Scenario
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, is_number
 

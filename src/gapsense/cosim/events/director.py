@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.elements import Experiment
+from gapsense._os.processes import Marks
 from gapsense.cosim.events.actor import NEVER, Actor, Effect
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch, reporter
-from gapsense.cosim.failure import FmuError
-from gapsense.cosim.part import Layout, Part, Stage
-from gapsense.cosim.recording import COMPONENT, MASTER
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.run.part import Layout, Part, Stage
+from gapsense.cosim.run.recording import COMPONENT, MASTER
+from gapsense.cosim.scenario.elements import Experiment
 from gapsense.problems import listing
-from gapsense.processes import Marks
 from gapsense.tables import Value
 
 Happened = list[list[Any]]  # event, base steps of its begin and its end, None while it is on

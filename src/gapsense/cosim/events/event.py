@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gapsense.tables import Value
 
 if TYPE_CHECKING:
-    from gapsense.cosim.descriptions import Descriptions
-    from gapsense.cosim.elements import Connection, Port
+    from gapsense.cosim.fmu.descriptions import Descriptions
+    from gapsense.cosim.scenario.elements import Connection, Port
 
 TIMES = ("at", "until", "duration", "over", "when.for", "when.after")  # keys in seconds
 NEEDED, MAY_BE = "needed", "may be given"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gapsense.cosim.elements import Experiment
+    from gapsense.cosim.scenario.elements import Experiment
 
 
 FAR = 2.0**53  # base steps, more than any run has: what is farther away is not told apart

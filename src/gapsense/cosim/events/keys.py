@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.cosim.events.event import ACTIONS
-from gapsense.cosim.scenario import NAME
+from gapsense.cosim.scenario.records import NAME
 from gapsense.tables import INDEX, NUMBER, POSITIVE, SCALAR, TABLE, TEXT, TRUTH, Key, Section
 
 WHEN = Section(

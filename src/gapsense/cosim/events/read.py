@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gapsense.cosim.elements import Port
 from gapsense.cosim.events import keys
 from gapsense.cosim.events.event import ACTIONS, NEEDED, SECTION, Event, When
-from gapsense.cosim.load_sections import split
-from gapsense.cosim.scenario import NAME
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.read_sections import split
+from gapsense.cosim.scenario.records import NAME
 from gapsense.problems import suggest
 from gapsense.tables import Table, Value, flattened
 

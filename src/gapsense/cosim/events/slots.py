@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gapsense.cosim.events.event import Event
 
 if TYPE_CHECKING:
-    from gapsense.cosim.elements import Port
+    from gapsense.cosim.scenario.elements import Port
 
 
 class Slot(NamedTuple):

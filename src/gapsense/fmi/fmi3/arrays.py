@@ -10,10 +10,10 @@ import importlib
 import importlib.util
 from types import ModuleType
 
-from gapsense.emit import C
 from gapsense.fmi.fmi3.variables import Shape
-from gapsense.kernel import Kernel, trace
-from gapsense.records import fields
+from gapsense.kernels.emit import C
+from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.layout import fields
 
 
 def module_of(kernel: Kernel) -> ModuleType | None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from gapsense.emit import C
 from gapsense.fmi.fmi3.arrays import shapes, source
 from gapsense.fmi.fmi3.variables import FLAG, Tables, motion, places
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.ports import Component
-from gapsense.kernel import Kernel
+from gapsense.kernels.emit import C
+from gapsense.kernels.kernel import Kernel
 
 MOST_ENTRIES = 64  # as in arrays.h
 SOURCE = """/* The arrays of a component, generated from its port table and its kernel. */

@@ -23,7 +23,7 @@ def terminals(component: Component) -> dict[str, dict[str, str]]:
         owner, _, member = port.source.partition(".")
         if member:
             found.setdefault(owner, {})[member] = port.name
-    own = ROLES.get(component.kernel.split(".")[-2] if "." in component.kernel else "", "outputs")
+    own = next((ROLES[part] for part in component.kernel.split(".")[:-1] if part in ROLES), "outputs")
     for port in component.of("output"):
         first = port.name.partition("_")[0]
         found.setdefault(first if first in ("health", "smoothed") else own, {})[port.name] = port.name

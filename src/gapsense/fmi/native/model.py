@@ -9,8 +9,8 @@ from typing import Any
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import SPLINE_ROWS, _parts, column_name, heads
-from gapsense.kernel import Kernel
-from gapsense.records import fields, names
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import fields, names
 
 COLUMN_KINDS = {"integral": "INTEGRAL", "spline": "SPLINE"}
 MODEL = """/* {description} Generated from the port table. */

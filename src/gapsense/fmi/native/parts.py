@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import UUID
 
+from gapsense._os.native import NO_FOLDING
 from gapsense.fmi import package
 from gapsense.fmi.fmi3.arrays import shapes
 from gapsense.fmi.fmi3.constants import arrays_c
@@ -17,8 +18,7 @@ from gapsense.fmi.native.platforms import FLAGS, PLATFORMS, SMALL
 from gapsense.fmi.ports import Component
 from gapsense.fmi.shim.build import headers as fmi_headers
 from gapsense.fmi.tables import heads, read_table
-from gapsense.kernel import Kernel
-from gapsense.native import NO_FOLDING
+from gapsense.kernels.kernel import Kernel
 from gapsense.version import __version__
 
 

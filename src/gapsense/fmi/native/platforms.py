@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from typing import NamedTuple
 
-from gapsense.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_compiler, zig_version
+from gapsense._os.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_compiler, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 SMALL = ("-Os",)  # besides, for what is not arithmetic

@@ -1,6 +1,6 @@
 """Compile the shim: `python -m gapsense.fmi.shim.build`; or see if the committed binary is current: `--check`.
 
-The FMI headers are those that FMPy ships; the rest is in `gapsense.native`.
+The FMI headers are those that FMPy ships; the rest is in `gapsense._os.native`.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ import re
 from importlib.util import find_spec
 from pathlib import Path
 
+from gapsense._os.native import Library, NativeError
 from gapsense.fmi.shim import BINARY, SOURCE
-from gapsense.native import Library, NativeError
 
 
 def headers() -> Path:

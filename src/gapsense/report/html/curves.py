@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result
-from gapsense.cosim.measure import Samples, finder, reference
-from gapsense.cosim.scenario import Metric
+from gapsense.cosim.result.measure import Samples, finder, reference
+from gapsense.cosim.scenario.records import Metric
 from gapsense.report.html.thin import changes
 
 Vector = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.cosim.difference import Difference
+from gapsense.cosim.result.difference import Difference
 from gapsense.report.html import style
 from gapsense.report.html.axes import Axes, bk, empty
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector

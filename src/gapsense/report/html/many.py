@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gapsense import campaign
+from gapsense._os.files import Sheet, number, read_sheet
 from gapsense.cosim import sweep_table
 from gapsense.cosim.provenance import bounds
-from gapsense.cosim.sidecar import absolute
-from gapsense.files import Sheet, number, read_sheet
+from gapsense.cosim.result.sidecar import absolute
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
 

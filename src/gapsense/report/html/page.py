@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapsense.files import write_atomically
+from gapsense._os.files import write_atomically
 from gapsense.problems import InputError
 from gapsense.report.html.elements import Markup, element, joined
 from gapsense.report.html.many import Many

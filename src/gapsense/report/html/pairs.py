@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gapsense.cosim import Result
-from gapsense.cosim.metrics import KINDS
-from gapsense.cosim.scenario import Metric
+from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.scenario.records import Metric
 from gapsense.report.html.subject import Shown
 
 Key = tuple[str, str]  # unit and variable

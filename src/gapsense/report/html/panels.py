@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from gapsense.cosim import Result
-from gapsense.cosim.scenario import Metric
+from gapsense.cosim.scenario.records import Metric
 from gapsense.report.html import curves
 from gapsense.report.html.curves import Curve, Panel, Strip
 from gapsense.report.html.pairs import GUESSED, Key, own_key, pairs

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim import Result, Scenario, read_result
-from gapsense.cosim.kinds import REPORTED, other_kind
-from gapsense.cosim.load import load
-from gapsense.cosim.sidecar import read_sidecar
-from gapsense.cosim.subject import Subject
+from gapsense.cosim.result.sidecar import read_sidecar
+from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.scenario.kinds import REPORTED, other_kind
+from gapsense.cosim.scenario.read import load
 from gapsense.problems import InputError
 from gapsense.report.html.many import Many, is_many, read_many
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gapsense.cosim.compare import compare
-from gapsense.cosim.difference import Difference
+from gapsense.cosim.result.compare import compare
+from gapsense.cosim.result.difference import Difference
 from gapsense.report.html.subject import Shown
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from gapsense.cosim.record import Run
+from gapsense.cosim.result.result import Run
 from gapsense.report.html.layout import HEAD, LANE, PAD, Box, Boxes, Wire, arranged
 from gapsense.report.html.style import colour, variable
 from gapsense.report.table import quantity

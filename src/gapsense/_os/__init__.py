@@ -1,0 +1,1 @@
+"""Files, locks, processes: what the operating system gives, made safe."""

@@ -1,0 +1,254 @@
+"""Files that are complete or absent: CSV with exact numbers, JSON, hashes."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.locks import held, remove_abandoned
+from gapsense._os.plain_files import mask, read_bytes
+from gapsense.problems import InputError
+
+Columns = Mapping[str, npt.NDArray[Any]]
+Write = Callable[[TextIO], None]
+HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
+PART = ".gapsense-part"
+SHOWN = 3  # cells and lines that are named for each kind of problem
+LOOKED_AT = 100  # rows that tell whether a file holds a table
+
+
+def write_atomically(path: Path, write: Write) -> None:
+    """Write to a temporary name in the same folder, then rename; a failure leaves the old file as it was."""
+    with prepared(path, write) as part:
+        rename(part, path)
+
+
+@contextmanager
+def prepared(path: Path, write: Write) -> Iterator[Path]:
+    """A file beside `path` with what is to be there, for `rename`; it is removed if that does not happen."""
+    clean(path.parent.resolve())
+    with naming(path):
+        mine = held(lambda: new_part(path))
+    part = Path(mine.name)
+    try:
+        with naming(path), part.open("w", encoding="utf-8", newline="\n") as file:
+            write(file)
+        part.chmod(0o666 & ~mask())
+        if sys.platform == "win32":  # which renames no open file
+            mine.close()
+        yield part
+    finally:
+        mine.close()
+        part.unlink(missing_ok=True)
+
+
+def new_part(path: Path) -> Path:
+    """An empty file beside `path` with a name of its own."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
+    os.close(handle)
+    return Path(name)
+
+
+@cache
+def clean(folder: Path) -> None:
+    """Remove what writers that were killed left in a folder; once in each process."""
+    for part in folder.glob(f".*{PART}"):
+        remove_abandoned(part, Path.unlink)
+
+
+def rename(part: Path, path: Path) -> None:
+    """Put a prepared file in its place."""
+    with naming(path):
+        part.replace(path)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Tell which file an error of the operating system is about; that of a full disk does not say."""
+    try:
+        yield
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        raise
+
+
+def header(name: str, unit: str = "") -> str:
+    """Head of a column: `name [unit]`, or the name alone where there is no unit."""
+    return f"{name} [{unit}]" if unit else name
+
+
+def split_header(cell: str) -> tuple[str, str]:
+    """Name and unit that the head of a column says; the unit is empty where there is none."""
+    found = HEADER.fullmatch(cell.strip())
+    return (found[1], found[2]) if found else (cell.strip(), "")
+
+
+def write_columns(file: TextIO, columns: Columns, units: Mapping[str, str] | None = None) -> None:
+    """CSV with quoted heads `name [unit]`, quoted texts, and the shortest numbers that read back to the same bits."""
+    heads = (header(name, (units or {}).get(name, "")) for name in columns)
+    file.write(",".join(map(cell, heads)) + "\n")
+    for row in zip(*(column.tolist() for column in columns.values())):
+        file.write(",".join(map(cell, row)) + "\n")
+
+
+def cell(value: Any) -> str:
+    """A number, or a text in quotes."""
+    return '"{}"'.format(value.replace('"', '""')) if isinstance(value, str) else repr(value)
+
+
+class Sheet(NamedTuple):
+    """Cells of a CSV file: its path, names and units from the first line, then rows with the lines they are in."""
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    lines: list[int]
+    rows: list[list[str]]
+
+    @property
+    def is_table(self) -> bool:
+        """True if most cells are numbers. What else a file holds may be nobody's business: no message quotes it."""
+        cells = [text for row in self.rows[:LOOKED_AT] for text in row]
+        return bool(cells) and 2 * sum(number(text) is not None for text in cells) >= len(cells)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the columns of a table, which messages may offer."""
+        return self.names if self.is_table else ()
+
+    def place(self, row: int, column: int) -> str:
+        """Where a cell is, as messages name it."""
+        return f"{self.path}, line {self.lines[row]}, column {column + 1} (`{self.names[column]}`)"
+
+
+def read_sheet(path: Path, problems: list[str], content: bytes | None = None) -> Sheet:
+    """Cells of a CSV file, or of its `content` if that was read; `problems` takes what is wrong with its form.
+
+    Lines with more or fewer cells than there are columns are left out.
+    """
+    try:
+        content = read_bytes(path) if content is None else content
+        if b"\0" in content:  # before it is copied: some versions of the reader take it
+            raise csv.Error("it has NUL bytes")
+        text = content.decode("utf-8-sig")
+        reader = csv.reader(io.StringIO(text, newline=""))
+        lines = [(reader.line_num, row) for row in reader if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        problems.append(f"{path}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
+        lines = []
+    names, units = zip(*map(split_header, lines[0][1])) if lines else ((), ())
+    good = [(n, row) for n, row in lines[1:] if len(row) == len(names)]
+    sheet = Sheet(path=path, names=names, units=units, lines=[n for n, _ in good], rows=[row for _, row in good])
+    problems += [*twice(path, sheet.known), *ragged(path, len(names), lines[1:])]
+    return sheet
+
+
+def unread(error: Exception) -> str:
+    """Why a text cannot be read, without a character of it."""
+    return f"byte {error.start} is not UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)
+
+
+def twice(path: Path, names: Sequence[str]) -> list[str]:
+    """Sentences on names that several columns have."""
+    places = {name: [k for k, other in enumerate(names, 1) if other == name] for name in names}
+    return [
+        f"{path}, line 1: columns {' and '.join(map(str, at))} are both called `{name}`. Rename or remove one."
+        for name, at in places.items()
+        if len(at) > 1
+    ]
+
+
+def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> list[str]:
+    """Sentences on the first lines with more or fewer cells than there are columns."""
+    wrong = [(n, len(row)) for n, row in lines if len(row) != width]
+    told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
+    return told + more(path, len(wrong), "lines have another number of values")
+
+
+def more(path: Path, count: int, what: str) -> list[str]:
+    """A sentence on the problems of one kind that were not told one by one, if there are any."""
+    return [f"{path}: {count - SHOWN} more {what}."] if count > SHOWN else []
+
+
+def read_columns(
+    path: Path, units: Mapping[str, str] | None = None, content: bytes | None = None
+) -> dict[str, npt.NDArray[np.float64]]:
+    """Columns of a CSV file by name, without the units in its heads; an InputError has all that is wrong with it.
+
+    A column with another unit than that in `units` is refused, nothing is converted; one without a unit is taken.
+    """
+    problems: list[str] = []
+    sheet = read_sheet(path, problems, content)
+    problems += other_units(sheet, units or {})
+    try:
+        table = np.array([[float(text) for text in row] for row in sheet.rows], dtype=np.float64)
+    except ValueError:
+        problems += no_numbers(sheet)
+    if problems:
+        raise InputError(problems)
+    table = table.reshape(len(sheet.rows), len(sheet.names))
+    return {name: np.ascontiguousarray(table[:, index]) for index, name in enumerate(sheet.names)}
+
+
+def other_units(sheet: Sheet, units: Mapping[str, str]) -> list[str]:
+    """Sentences on columns with another unit than they must have."""
+    pairs = [(name, unit, units.get(name, unit)) for name, unit in zip(sheet.names, sheet.units) if unit]
+    return [
+        f"{sheet.path}, line 1: `{name}` is in `{unit}`, `{expected or '1'}` is expected, and nothing is converted. "
+        f"Convert the column and write `{header(name, expected)}`."
+        for name, unit, expected in pairs
+        if unit != expected
+    ]
+
+
+def no_numbers(sheet: Sheet) -> list[str]:
+    """Sentences on the first cells that hold no number, and how many more there are."""
+    if sheet.rows and not sheet.is_table:
+        return [f"{sheet.path}: no table of numbers below a line of names `name [unit]`. Name another file."]
+    cells = [(i, j, text) for i, row in enumerate(sheet.rows) for j, text in enumerate(row) if number(text) is None]
+    told = [f"{sheet.place(i, j)}: `{text}` found, a number expected. Correct it." for i, j, text in cells[:SHOWN]]
+    return told + more(sheet.path, len(cells), "cells hold no number")
+
+
+def number(text: str) -> float | None:
+    """Number that a cell holds, or None."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def write_json(file: TextIO, data: Any) -> None:
+    """JSON for people and programs: indented, in the order given."""
+    json.dump(data, file, indent=2)
+    file.write("\n")
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file."""
+    return json.loads(read_bytes(path).decode("utf-8"))
+
+
+def state(path: Path) -> tuple[int, int, int]:
+    """What is another number when a file has changed: its time, size and inode."""
+    about = path.stat()
+    return about.st_mtime_ns, about.st_size, about.st_ino
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,226 @@
+"""Worker processes that answer numbers with results; what is in the ledger is not computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from queue import Empty, Queue
+from threading import Lock, Thread
+from typing import Any, NamedTuple, Protocol
+
+from gapsense._os.checked import Entry
+from gapsense._os.interrupts import counted
+from gapsense._os.prestart import process
+from gapsense._os.processes import Died, Marks
+from gapsense.ledger import Ledger
+
+Answer = Callable[[Any], Mapping[str, Any]]
+Progress = Callable[[int, int], None]
+LOOK = 0.1  # seconds between two looks at the processes
+
+
+class Job(NamedTuple):
+    """What workers do: `prepare(task)`, once in each of them, gives the function from a request to its answer.
+
+    `on_worker_death` makes an answer of the death of a process, by its marks, and then another process goes on; without
+    it the first death ends them all. `request` makes of a number what is asked, by default the number itself.
+    """
+
+    prepare: Callable[[Any], Answer]
+    task: Mapping[str, Any]  # of JSON
+    workers: int
+    guest: Callable[..., Any] | None = None  # function of any module that the task names
+    on_worker_death: Callable[[Died, Marks], Mapping[str, Any]] | None = None
+    limit: float | None = None  # [s], see `Process`
+    request: Callable[[int], Any] = int
+    tries: int = 1  # how often a number is asked whose process dies
+
+
+def complete(
+    job: Job,
+    numbers: Collection[int],
+    known: dict[int, Entry],
+    ledger: Ledger,
+    progress: Progress | None,
+    executor: Executor | None = None,
+) -> bool:
+    """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C.
+
+    Without an executor it is the processes that the job asks for.
+    """
+    tell, total = progress or (lambda done, total: None), len(numbers)
+    missing = [number for number in numbers if number not in known]
+
+    def keep(came: Sequence[Entry]) -> None:
+        done = len(known)
+        known.update((answer["index"], answer) for answer in came)
+        ledger.append(*came)
+        for k, _ in enumerate(came, done + 1):
+            tell(k, total)
+
+    tell(len(known), total)
+    return work(executor or Local(job, len(missing)), missing, len(missing), keep)
+
+
+class Pending:
+    """Numbers that several threads take, each of them once, until they are told to stop."""
+
+    def __init__(self, numbers: Iterable[int]) -> None:
+        self.numbers, self.lock, self.is_over = iter(numbers), Lock(), False
+
+    def __iter__(self) -> Iterator[int]:
+        return self
+
+    def __next__(self) -> int:
+        with self.lock:
+            if self.is_over:
+                raise StopIteration
+            return next(self.numbers)
+
+    def stop(self) -> None:
+        """Give out no more."""
+        self.is_over = True
+
+
+Answers = Queue["Entry | Exception"]
+
+
+class Executor(Protocol):
+    """Whoever takes pending numbers and answers them, here or elsewhere, until none is left."""
+
+    def start(self, pending: Pending, answers: Answers) -> None:
+        """Begin; an exception among the answers ends the work."""
+
+    def look(self) -> None:
+        """Notice what does not answer; called now and then."""
+
+    def end(self) -> None:
+        """Leave nothing behind, also after half a start."""
+
+
+def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[[Sequence[Entry]], None]) -> bool:
+    """Hand `count` numbers to an executor and what it answers to `keep`, as it comes; true after Ctrl-C."""
+    pending, answers = Pending(numbers), Answers()
+    with counted() as interrupts:  # also while the workers are started and ended: none is forgotten
+        try:
+            if count:
+                executor.start(pending, answers)
+            while count > 0:
+                came = awaited(answers, executor.look, interrupts)
+                if not came:
+                    return True
+                keep(came)
+                count -= len(came)
+        finally:
+            pending.stop()
+            executor.end()
+    return False
+
+
+def awaited(answers: Answers, look: Callable[[], None], interrupts: Callable[[], int]) -> list[Entry]:
+    """The answers that have come, at least one, or none after a Ctrl-C; raises what a worker could not answer."""
+    while not interrupts():
+        try:
+            answer = answers.get(timeout=LOOK)
+        except Empty:
+            look()
+            continue
+        if isinstance(answer, Exception):
+            raise answer
+        return [answer, *waiting(answers)]
+    return []
+
+
+def waiting(answers: Answers) -> Iterator[Entry]:
+    """What has come besides: where that is faster than the disk, it is written together."""
+    with suppress(Empty):
+        while not isinstance(answer := answers.get_nowait(), Exception):
+            yield answer
+        answers.put(answer)  # for the next look, when all that came before is written
+
+
+class Local:
+    """The executor of this machine: as many processes as the job says, at most one for each number."""
+
+    def __init__(self, job: Job, most: int) -> None:
+        self.job, self.count = job, min(job.workers, most)
+        self.servers: list[Server] = []
+        self.threads: list[Thread] = []
+
+    def start(self, pending: Pending, answers: Answers) -> None:
+        """Start the processes, and a thread for each that asks it."""
+        for _ in range(self.count):
+            self.servers.append(Server(self.job))
+            self.threads.append(Thread(target=feed, args=(self.servers[-1], pending, answers), daemon=True))
+            self.threads[-1].start()
+
+    def look(self) -> None:
+        """End the processes that have made no progress for too long."""
+        for server in self.servers:
+            server.process.check()
+
+    def end(self) -> None:
+        """End them all, at once since it takes them a while."""
+        for server in self.servers:
+            server.dismiss()
+        for server, thread in zip(self.servers, self.threads):
+            server.close()
+            thread.join()
+            server.close()  # of one that the thread has started meanwhile
+
+
+def feed(server: Server, pending: Pending, answers: Answers) -> None:
+    """Ask a process for one number after the other."""
+    try:
+        server.ready()
+        for number in pending:
+            answers.put(server.entry(number))
+    except Exception as error:  # handed to the main thread, which raises it
+        answers.put(error)
+
+
+class Server:
+    """A process that is asked for numbers; after its death another one goes on."""
+
+    def __init__(self, job: Job) -> None:
+        self.job, self.is_closed, self.is_ready, self.is_gone = job, False, False, False
+        self.process = process(job.guest, job.limit)
+
+    def ready(self) -> None:
+        """Have a process that is prepared."""
+        if self.is_gone:
+            self.process = process(self.job.guest, self.job.limit)
+            self.is_ready = self.is_gone = False
+        if not self.is_ready:
+            self.process.prepare(self.job.prepare, self.job.task)
+            self.is_ready = True
+
+    def entry(self, number: int) -> Entry:
+        """Entry of one number."""
+        return self.answer(number, self.job.request(number))
+
+    def answer(self, number: int, request: Any) -> Entry:
+        """Entry of a request, from another process if one dies of it and it is to be tried again."""
+        for left in reversed(range(self.job.tries)):
+            self.ready()
+            try:
+                return {"index": number, **self.process.ask(request, f"run {number}")}
+            except Died as died:
+                if self.job.on_worker_death is None or self.is_closed:
+                    raise
+                entry = {"index": number, **self.job.on_worker_death(died, self.process.marks)}
+            self.process.close()
+            self.is_gone = True
+            if not left:
+                break
+        return entry
+
+    def dismiss(self) -> None:
+        """Tell the process to end."""
+        self.is_closed = True
+        self.process.dismiss()
+
+    def close(self) -> None:
+        """End the process."""
+        self.dismiss()
+        self.process.close()

@@ -1,0 +1,1 @@
+"""FMU files: what they say of themselves, and instances of them, here or in another process."""

@@ -1,0 +1,333 @@
+"""One FMU instance: life cycle and parameters, with errors that carry the component's own words."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.run.failure import FmuError
+from gapsense.tables import Value
+
+GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
+STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
+# No status of FMI: the step was done and is to be the last; it ended the run before it was over; it went elsewhere.
+ENDS, ENDS_WITHIN, ASTRAY = 1001, 1002, 1003
+TERMINATED, LAST_TIME = 3, 2  # what can be asked after a step that was discarded
+STEADY = "Give it a step that it can do at once, or ask who made it"
+LONGEST = 500  # characters of a message shown in an error; its `log` has all
+KEPT = 1000  # log messages per instance; the oldest are dropped
+C_TYPES: Mapping[str, Any] = {
+    "Real": ctypes.c_double,
+    "Integer": ctypes.c_int,
+    "Enumeration": ctypes.c_int,
+    "Boolean": ctypes.c_int,
+    "String": ctypes.c_char_p,
+}
+
+
+class Message(NamedTuple):
+    """What a component logged at one time."""
+
+    status: int
+    text: str
+
+
+def collector(messages: deque[Message]) -> Callable[..., None]:
+    """Function for the logger of an FMU that keeps its messages."""
+
+    def log(_: Any, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
+        messages.append(Message(status, (text or b"").decode("utf-8", "replace").replace("%%", "%")))
+
+    return log
+
+
+@contextmanager
+def folder_kept() -> Iterator[None]:
+    """Let components go to other working folders: relative paths mean the same before and after."""
+    folder = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+
+
+@contextmanager
+def process_kept() -> Iterator[None]:
+    """Loading changes the working folder, and Python FMUs the search path, where each then stands once.
+
+    What Python compiles meanwhile is not kept: it would go with the unpacked FMU.
+    """
+    keeps_nothing, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        with folder_kept():
+            yield
+    finally:
+        sys.dont_write_bytecode = keeps_nothing
+        sys.path[:] = dict.fromkeys(sys.path)
+
+
+class Instance:
+    """An FMU of FMI 2.0, loaded as `name` from its unpacked `folder`. After `fmi2Fatal` it is never touched again.
+
+    Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates, see `instance3.py`.
+    """
+
+    is_near = True  # in this process, so that C may call it
+    last = math.nan  # time that the last step has reached [s], where one was told
+
+    def __init__(self, name: str, description: Description, folder: Path) -> None:
+        self.name, self.description = name, description
+        self.messages: deque[Message] = deque(maxlen=KEPT)
+        self.is_dead = self.is_used = False
+        self.entries: dict[str, Callable[..., int]] = {}
+        try:
+            with process_kept():
+                self.slave = self.instantiated(folder)
+        except Exception as error:  # fmpy raises plain Exception for a library that does not load
+            raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
+        self.pointer = ctypes.c_void_p(self.slave.component)
+
+    def instantiated(self, folder: Path) -> Any:
+        """What fmpy makes of the library."""
+        from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
+
+        callbacks = fmi2.fmi2CallbackFunctions(  # the slave keeps them alive
+            logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
+            allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
+            freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
+        )
+        slave = fmi2.FMU2Slave(
+            guid=self.description.guid,
+            modelIdentifier=self.description.identifier,
+            unzipDirectory=str(folder),
+            instanceName=self.name,
+        )
+        slave.instantiate(callbacks=callbacks, loggingOn=True)
+        return slave
+
+    @property
+    def has_only_reals(self) -> bool:
+        """True if one call for Real variables moves all inputs, and one all outputs."""
+        moved = (*self.description.of("input"), *self.description.of("output"))
+        return all(variable.type == "Real" and variable.size in ("", "Float64") for variable in moved)
+
+    def entry(self, function: str) -> str:
+        """Name that this version of FMI has for an entry point of FMI 2.0."""
+        return function
+
+    def function(self, name: str) -> Callable[..., int]:
+        """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
+        if name not in self.entries:
+            self.entries[name] = self.slave.dll[self.entry(name)]
+        return self.entries[name]
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Call an entry point and raise FmuError if it fails."""
+        status = self.function(function)(self.pointer, *arguments)
+        if status > WARNING:
+            raise self.failure(function, status)
+
+    def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
+        """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
+        self.is_dead = self.is_dead or status == FATAL
+        if status == ASTRAY:
+            found = f"{self.entry(function)} said that it reached t = {self.last:.9g} s, the end of the step expected"
+            cause = f"{found}. {STEADY}{self.said()}."
+            return FmuError(self.name, cause, time=time, step=step, log=self.log())
+        word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
+        cause = f"{self.entry(function)} returned {word}{self.said()}."
+        return FmuError(self.name, cause, time=time, step=step, log=self.log())
+
+    def said(self) -> str:
+        """What the component logged about a failure, in one line, to end a sentence with.
+
+        Its own words have status discard or error; after an exception pythonfmu adds a fatal one that often knows less.
+        """
+        own = [m.text for m in self.messages if m.status in (DISCARD, ERROR)]
+        texts = own or [m.text for m in self.messages if m.status == FATAL] or [m.text for m in self.messages]
+        lines = dict.fromkeys(summary(text).rstrip(".") for text in texts[-3:])
+        return f"; the component says: {'; '.join(lines)}" if lines else "; the component says nothing about it"
+
+    def log(self) -> str:
+        """Everything logged, oldest first."""
+        return "\n".join(message.text for message in self.messages)
+
+    def initialize(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Set values and enter initialization mode; a used instance is reset first, which equals a fresh one."""
+        if self.is_used:
+            self.messages.clear()
+            self.call("fmi2Reset")
+        self.is_used = True
+        self.enter(values, start, stop)
+
+    def enter(self, values: Mapping[str, Value], start: float, stop: float) -> None:
+        """Everything before and at the start of the initialization mode."""
+        yes, no, none = ctypes.c_int(1), ctypes.c_int(0), ctypes.c_double(0.0)
+        self.call("fmi2SetupExperiment", no, none, ctypes.c_double(start), yes, ctypes.c_double(stop))
+        self.set_all(values)
+        self.call("fmi2EnterInitializationMode")
+
+    def set_all(self, values: Mapping[str, Value]) -> None:
+        """Set variables by name, those of one type in one call; other elements of an array keep their start values."""
+        named = self.description.whole(self.description.variables[name] for name in values)
+        for alike in of_one_type(named):
+            self.move("Set", alike, [raw(v, values.get(v.name, v.start or 0)) for v in alike])
+
+    def change(self, name: str, value: Value) -> None:
+        """Set a variable during a run; other elements of its array stay as they are."""
+        others = self.description.arrays.get(self.description.variables[name].array, ())
+        self.set_all({**self.get_all(others), name: value})
+
+    def get_all(self, variables: Sequence[Variable]) -> dict[str, Value]:
+        """Read variables, those of one type in one call; their values by name, in the order of the variables."""
+        groups = of_one_type(self.description.whole(variables))
+        found = {v.name: value for alike in groups for v, value in zip(alike, self.move("Get", alike))}
+        return {variable.name: plain(variable, found[variable.name]) for variable in variables}
+
+    def move(self, action: str, alike: Sequence[Variable], values: Sequence[Any] = ()) -> Any:
+        """Set or get the values of variables of one type; an array, or FmuError."""
+        buffer = (self.c_type(alike[0]) * len(alike))(*values)
+        status = self.mover(action, alike, buffer)()
+        if status > WARNING:
+            raise self.failure(self.accessor(action, alike[0]), status)
+        return buffer
+
+    def c_type(self, variable: Variable) -> Any:
+        """Type of C that a variable has."""
+        return C_TYPES[variable.type]
+
+    def accessor(self, action: str, variable: Variable) -> str:
+        """Entry point that gets or sets values of this variable's type."""
+        return f"fmi2{action}{'Integer' if variable.type == 'Enumeration' else variable.type}"
+
+    def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
+        """Function that gets or sets the values of variables of one type, an array, and returns the status."""
+        entry, pointer = self.function(self.accessor(action, variables[0])), self.pointer
+        references = referring(variables)
+        arguments = (references, ctypes.c_size_t(len(references)), values, *self.after(len(variables)))
+        return lambda: entry(pointer, *arguments)
+
+    def after(self, _: int) -> tuple[Any, ...]:
+        """Arguments of an accessor after the values, of which there are so many."""
+        return ()
+
+    def doer(self, duration: float) -> Callable[[float], int]:
+        """Function of the start time that does a step and returns the status."""
+        entry, pointer, time = self.function(STEP), self.pointer, ctypes.c_double()
+        step, keep = ctypes.c_double(duration), ctypes.c_int(1)
+
+        def do(start: float) -> int:
+            time.value = start
+            status = entry(pointer, time, step, keep)
+            return status if status != DISCARD else self.judged(status, start, duration)
+
+        return do
+
+    def judged(self, status: int, start: float, duration: float) -> int:
+        """The status of a step, or that it was the orderly end of the component, which FMI 2.0 tells when asked.
+
+        pythonfmu says the same of every step that its component has refused: with words of that, nothing was done.
+        """
+        if status != DISCARD:
+            return status
+        said, last = list(self.messages), ctypes.c_double(math.nan)
+        has_refused = bool(said) and said[-1].status in (DISCARD, ERROR)
+        ends = self.told("fmi2GetBooleanStatus", TERMINATED, ctypes.c_int(0))
+        is_told = ends and self.told("fmi2GetRealStatus", LAST_TIME, last)
+        self.messages.clear()  # of words about these questions
+        self.messages.extend(said)
+        self.last = last.value if is_told else start + duration
+        if not ends or (has_refused and self.last <= start):
+            return status
+        return reached(start, duration, self.last, ends=True, early=False)
+
+    def told(self, function: str, kind: int, value: Any) -> bool:
+        """True if the FMU tells this kind of status, in `value`, and that is not 0 for `no`."""
+        try:
+            status = self.function(function)(self.pointer, ctypes.c_int(kind), ctypes.byref(value))
+        except AttributeError:  # a library without this function
+            return False
+        return status <= WARNING and (kind != TERMINATED or bool(value.value))
+
+    def state(self) -> bytes:
+        """All that the instance remembers, as `restore` takes it."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t()
+        self.call("fmi2GetFMUstate", ctypes.byref(state))
+        try:
+            self.call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            buffer = ctypes.create_string_buffer(size.value)
+            self.call("fmi2SerializeFMUstate", state, buffer, size)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
+        return buffer.raw
+
+    def restore(self, saved: bytes) -> None:
+        """Remember what another instance of the same FMU did."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t(len(saved))
+        self.call("fmi2DeSerializeFMUstate", ctypes.create_string_buffer(saved, len(saved)), size, ctypes.byref(state))
+        try:
+            self.call("fmi2SetFMUstate", state)
+        finally:
+            self.call("fmi2FreeFMUstate", ctypes.byref(state))
+
+    def close(self) -> None:
+        """Free the instance and its library, unless it is dead."""
+        if not self.is_dead:
+            self.is_dead = True
+            self.slave.freeInstance()
+
+
+def reached(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:
+    """What the time means that a step has reached, as a status; that of an FMU is told with some rounding."""
+    end = start + duration
+    slack = 1e-2 * duration + 1e-15 * abs(end)
+    if not start - slack <= last <= end + slack:
+        return ASTRAY
+    is_short = last < end - slack
+    if ends:
+        return ENDS_WITHIN if is_short else ENDS
+    return ASTRAY if early or is_short else 0
+
+
+def referring(variables: Sequence[Variable]) -> Any:
+    """References of variables as an array of C; the elements of an array, one after the other, have one reference."""
+    numbers = [variable.reference for variable in variables if variable.place == 0]
+    return (ctypes.c_uint * len(numbers))(*numbers)
+
+
+def of_one_type(variables: Iterable[Variable]) -> Iterable[list[Variable]]:
+    """Variables in groups that one call can move."""
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.size or variable.type, []).append(variable)
+    return groups.values()
+
+
+def raw(variable: Variable, value: Value) -> Any:
+    """A value as an array of C takes it."""
+    return str(value).encode("utf-8") if variable.type == "String" else variable.number(value)
+
+
+def plain(variable: Variable, value: Any) -> Value:
+    """A value that was read from an array of C."""
+    if variable.type == "String":
+        return (value or b"").decode("utf-8", "replace")
+    return bool(value) if variable.type == "Boolean" else value
+
+
+def summary(text: str) -> str:
+    """One line for a logged text: of one with a traceback only what stands before it and its last line."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    start = next((i for i, line in enumerate(lines) if line.startswith("Traceback (")), None)
+    words = " ".join(lines if start is None else [*lines[:start], lines[-1]])
+    return words[:LONGEST] or "(empty message)"

@@ -1,0 +1,248 @@
+"""Results: recorded signals with everything needed to understand them, as arrays and as files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.checked import sealed
+from gapsense._os.files import prepared, read_columns, rename, sha256, write_columns, write_json
+from gapsense.cosim.events.event import Span
+from gapsense.cosim.result.metrics import Measured
+from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
+from gapsense.cosim.show import frame, plot, result_html
+from gapsense.problems import suggest
+from gapsense.tables import Value
+
+TIME = {"time": "s"}
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Unit, nominal value and causality of a recorded signal, from the model description."""
+
+    unit: str
+    nominal: float
+    causality: str
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall time of a component: setting inputs, stepping and reading outputs, over all its steps."""
+
+    seconds: float
+    calls: int
+    median: float | None = None  # of one step [s]; None in results of older versions, and without a step
+    longest: float | None = None  # step [s]
+
+    @property
+    def microseconds(self) -> float:
+        """Time per component-step [us]."""
+        return 1e6 * self.seconds / self.calls if self.calls else 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """What was run and how: enough to repeat it, and to tell it from another."""
+
+    title: str
+    scenario: str
+    variant: str | None
+    method: str
+    start: float
+    stop: float
+    base_step: float
+    decimation: int
+    seeds: Mapping[str, int]
+    components: Mapping[str, Mapping[str, Any]]  # for each its FMU, GUID, version, hash, step and offset
+    order: tuple[str, ...]  # in which they step
+    delayed: tuple[str, ...]  # connections that carry the value of one step before
+    files: Mapping[str, str]  # hashes of the scenario's files
+    versions: Mapping[str, str]  # of the software
+    overruns: int = 0  # late base steps of a run with a pace
+    lag: float = 0.0  # the worst lateness [s]
+    source: str = ""  # scenario file; in the side-car it is relative to the result
+    figure: str = "overview"  # that shows it
+    wires: tuple[str, ...] = ()  # all connections
+    direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
+    remarks: tuple[str, ...] = ()  # on what falls between its steps
+    settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
+
+
+@dataclass(frozen=True, repr=False)
+class Result:
+    """Recorded signals of a run, complete or not: the rows up to an interruption or a failure are valid."""
+
+    run: Run
+    times: Vector  # of the rows [s]
+    signals: Mapping[str, Vector]  # recorded values by `component.variable`; also `result["valve.position"]`
+    about: Mapping[str, Signal]
+    parameters: Mapping[str, Value]  # by `component.parameter`, as read back from the FMUs
+    timing: Mapping[str, Timing]  # of each component
+    wall: float  # wall time of the run, without loading the FMUs [s]
+    interrupted: bool = False
+    ended: str = ""  # by which components in an orderly way, if any did
+    failure: str = ""  # why a component failed, if one did
+    metrics: Mapping[str, Measured] = field(default_factory=dict)  # empty for a run that did not reach its end
+    messages: tuple[tuple[str, int, str], ...] = ()  # logged: component, status, text
+    events: tuple[Span, ...] = ()  # of the scenario, that happened, in the order of their beginnings
+
+    def __getitem__(self, name: str) -> Vector:
+        if name not in self.signals:
+            raise KeyError(f"`{name}` was not recorded. {suggest(name, self.signals)}")
+        return self.signals[name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each signal; empty where the FMU states none."""
+        return {name: signal.unit for name, signal in self.about.items()}
+
+    @property
+    def base_step(self) -> float:
+        """Base step [s]."""
+        return self.run.base_step
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of wall time."""
+        span = float(self.times[-1] - self.times[0]) if self.times.size else 0.0
+        return span / self.wall if self.wall > 0.0 else 0.0
+
+    def stepped(self, signal: str) -> npt.NDArray[np.bool_]:
+        """Rows at which the component of a signal has just stepped; the initial value is not one of them."""
+        component = self.run.components[signal.partition(".")[0]]
+        since = np.arange(self.times.size) * self.run.decimation - int(component["offset"])
+        has_stepped: npt.NDArray[np.bool_] = (since > 0) & (since % int(component["step"]) == 0)
+        return has_stepped
+
+    def plot(self, *patterns: str) -> Any:
+        """Figure of the recorded signals of these names or patterns, by default all: a panel per unit."""
+        return plot(self, patterns)
+
+    def to_pandas(self) -> Any:
+        """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
+        return frame(self.signals, "time", self.times, self.units)
+
+    def __repr__(self) -> str:
+        span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
+        states = (("interrupted", self.interrupted), ("failed", bool(self.failure)))
+        bad = sum(not m.passed for m in self.metrics.values())
+        parts = (
+            f"{self.times.size} rows{span}",
+            f"{len(self.signals)} signals",
+            f"{len(self.metrics)} metrics" + (f" ({bad} outside their bounds)" if bad else ""),
+            *(["ended by a component"] if self.ended else []),
+            *(word for word, holds in states if holds),
+        )
+        return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
+
+    def _repr_html_(self) -> str:
+        return result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
+
+    def save(self, path: str | Path) -> Path:
+        """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
+
+        Both are written before one of them takes its place: if that fails, what was there before is still whole. A
+        kill between them leaves two files that do not fit, which `read_result` refuses.
+
+        Parameters
+        ----------
+        path : str or Path
+            Name of the CSV file; its folder is made if there is none.
+
+        Returns
+        -------
+        Path
+            The CSV file.
+        """
+        path = Path(path).with_suffix(".csv")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        columns, units = {"time": self.times, **self.signals}, {**TIME, **self.units}
+        with prepared(path, lambda file: write_columns(file, columns, units)) as table:
+            content = sealed(self.sidecar(sha256(table), path.parent))
+            with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as sidecar:
+                rename(table, path)
+                rename(sidecar, path.with_suffix(".json"))
+        return path
+
+    def sidecar(self, digest: str, folder: Path) -> dict[str, Any]:
+        """Everything but the signals, as JSON takes it, with the hash of the CSV and what is relative to its folder."""
+        return {
+            "format": FORMAT,
+            "sha256": digest,
+            "interrupted": self.interrupted,
+            "ended": self.ended,
+            "failure": self.failure,
+            "rows": int(self.times.size),
+            "run": {**asdict(self.run), "source": relative(self.run.source, folder)},
+            "signals": {name: asdict(signal) for name, signal in self.about.items()},
+            "parameters": self.parameters,
+            "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
+            "timing": {name: asdict(timing) for name, timing in self.timing.items()},
+            "wall": self.wall,
+            "realtime_factor": self.realtime_factor,
+            "messages": self.messages,
+            "events": [span._asdict() for span in self.events],
+        }
+
+
+Measure = Callable[[Result], Mapping[str, float]]
+
+
+def read_result(path: str | Path) -> Result:
+    """Result that was saved as `path` and its side-car.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV file.
+
+    Returns
+    -------
+    Result
+        Equal to the one saved, bit for bit.
+
+    Raises
+    ------
+    InputError
+        If the two files are not those of one run, as their hash tells, or no result at all.
+    """
+    path = Path(path)
+    data, content = read_whole(path)
+    units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
+    columns, about = read_columns(path, units, content), data["run"]
+    about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
+    return Result(
+        run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
+        times=columns.pop("time"),
+        signals=columns,
+        about={name: Signal(**item) for name, item in data["signals"].items()},
+        parameters=data["parameters"],
+        timing={name: Timing(**item) for name, item in data["timing"].items()},
+        wall=data["wall"],
+        interrupted=data["interrupted"],
+        ended=data.get("ended", ""),  # older results have none
+        failure=data["failure"],
+        metrics={name: read_measured(item) for name, item in data["metrics"].items()},
+        messages=tuple((name, status, text) for name, status, text in data["messages"]),
+        events=tuple(Span(**item) for item in data.get("events", ())),  # older results have none
+    )
+
+
+def written_measured(measured: Measured) -> dict[str, Any]:
+    """JSON form of a metric; JSON has no number for NaN and infinity, so these are texts."""
+    value, *bounds = (x if math.isfinite(x) else str(x) for x in (measured.value, *(measured.bounds or ())))
+    return {**asdict(measured), "value": value, "bounds": bounds or None}
+
+
+def read_measured(item: dict[str, Any]) -> Measured:
+    """Metric from its JSON form."""
+    bounds = item["bounds"] and tuple(map(float, item["bounds"]))
+    return Measured(**{**item, "value": float(item["value"]), "bounds": bounds})

@@ -1,0 +1,34 @@
+"""Processes for runs and sweeps, which load what they need while their task is prepared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gapsense._os.native import own_compiler
+from gapsense._os.prestart import ahead
+
+AUTO, FMU, NATIVE, VECTORS = ENGINES = ("auto", "fmu", "native", "vectors")
+
+
+def likely_vectors(engine: str) -> bool:
+    """True if an engine hardly needs processes: a scenario may turn out to need FMUs all the same."""
+    return engine in (AUTO, VECTORS) and own_compiler() is not None
+
+
+@contextmanager
+def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
+    """Start the process of a run in a process of its own now, and `again` that of the next one when it is taken."""
+    if likely_vectors(engine):
+        return (yield)
+    with ahead("gapsense.cosim.run.apart_child", "fmpy.fmi2", again=again):
+        yield
+
+
+@contextmanager
+def sweep_ahead(workers: int, engine: str = FMU) -> Iterator[None]:
+    """Start the processes of a sweep now."""
+    if likely_vectors(engine):
+        return (yield)
+    with ahead("gapsense.cosim.run.worker", "fmpy.fmi2", count=workers):
+        yield

@@ -1,0 +1,178 @@
+"""A run in a process of its own, watched by the one that wants it: whatever ends it, what was recorded is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, Queue
+from threading import Thread
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.interrupts import counted
+from gapsense._os.prestart import process as new_process
+from gapsense._os.processes import Died, Process
+from gapsense.cosim.run.apart_child import FACTS, Plan, prepare
+from gapsense.cosim.run.apart_child import opened as mapped
+from gapsense.cosim.run.master import Progress, shape
+from gapsense.cosim.run.recording import (
+    COMPONENT,
+    DOING,
+    MASTER,
+    PHASE,
+    ROWS,
+    STEP,
+    STEPPING,
+    STOP,
+    Recording,
+    death,
+    from_facts,
+)
+from gapsense.cosim.scenario.order import execution_order
+from gapsense.cosim.scenario.records import Scenario
+
+LOOK = 0.05  # seconds between two looks at the run
+HASTE = 0.5  # seconds after a Ctrl-C until one is told what it waits for
+Answer = dict[str, Any] | Exception
+
+
+def tell(sentence: str) -> None:
+    """Print a sentence on the error stream."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+class Watch(NamedTuple):
+    """Who is told of a run meanwhile: `progress` base steps done and in all, `notice` what a Ctrl-C waits for."""
+
+    progress: Progress | None = None
+    notice: Callable[[str], None] = tell
+
+
+def record_apart(plan: Plan, watch: Watch) -> Recording:
+    """One run of a scenario in a process of its own; after a failure, that is the recording's `error`.
+
+    The first Ctrl-C lets the step end, the second one ends the process.  Nothing is raised for either unless there is
+    no row yet.
+    """
+    with counted() as interrupts:
+        process = new_process(limit=limit_of(plan.scenario))
+        try:
+            recording = Run(process, plan, watch, interrupts).recording()
+        finally:
+            process.close()
+    if recording.interrupted and not recording.rows:
+        raise KeyboardInterrupt
+    return recording
+
+
+def limit_of(scenario: Scenario) -> float:
+    """Wall time [s] after which a process that runs a scenario hangs.
+
+    Where a component has its own process, that is ended first, and a run with a pace sleeps between base steps.
+    """
+    experiment = scenario.experiment
+    has_own = any(component.isolation == "process" for component in scenario.components.values())
+    return experiment.step_limit + has_own + (experiment.base_step / experiment.pace if experiment.pace else 0.0)
+
+
+class Run:
+    """The run, as the process sees it that waits for it."""
+
+    def __init__(self, process: Process, plan: Plan, watch: Watch, interrupts: Callable[[], int]) -> None:
+        self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
+        self.folder, self.marks = process.folder, process.marks
+        self.data = shared(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
+        names, connections = list(plan.scenario.components), plan.scenario.connections
+        self.order = execution_order(names, connections, plan.descriptions).names
+        (self.folder / "plan").write_bytes(pickle.dumps(plan))
+        self.answers: Queue[Answer] = Queue()
+        self.since: float | None = None  # the first Ctrl-C
+        self.is_told = self.is_ended = False
+
+    def recording(self) -> Recording:
+        """What the run leaves behind."""
+        Thread(target=self.ask, daemon=True).start()
+        answer = None
+        while answer is None:
+            with suppress(Empty):
+                answer = self.answers.get(timeout=LOOK)
+            self.look()
+        if isinstance(answer, Died):
+            return self.remains(answer)
+        if isinstance(answer, Exception):
+            raise answer
+        if "os_error" in answer:
+            raise OSError(*answer["os_error"])
+        recording = from_facts(self.data, answer)
+        if self.watch.progress and not recording.interrupted and not recording.error:
+            self.watch.progress(self.plan.scenario.experiment.count, self.plan.scenario.experiment.count)
+        return recording
+
+    def ask(self) -> None:
+        """Let the other process run the scenario."""
+        try:
+            self.process.prepare(prepare, str(self.folder))
+            self.answers.put(self.process.ask("run", "the run"))
+        except Exception as error:  # handed to the main thread, which raises it
+            self.answers.put(error)
+
+    def look(self) -> None:
+        """Tell what the components print, how far the run is, and what a Ctrl-C waits for."""
+        self.process.check()
+        print(self.process.news(), end="", file=sys.stderr)  # of which there may be none
+        if self.watch.progress:
+            self.watch.progress(max(0, self.marks[STEP] - 1), self.plan.scenario.experiment.count)
+        if self.interrupts():
+            self.stop()
+
+    def stop(self) -> None:
+        """Answer one Ctrl-C, or more."""
+        now = monotonic()
+        self.since = self.since or now
+        self.marks[STOP] = 1
+        if self.interrupts() > 1 or not self.marks[ROWS]:
+            self.is_ended = True
+            self.process.kill()
+        elif not self.is_told and now - self.since > HASTE:
+            self.is_told = True
+            self.watch.notice(f"interrupted; waiting for {self.place()} to end. Ctrl-C again ends it at once.")
+
+    def place(self) -> str:
+        """What the run is at."""
+        if self.marks[COMPONENT] == MASTER:
+            return f"base step {self.marks[STEP]}"
+        name = self.order[self.marks[COMPONENT] - 1]
+        is_step = self.marks[PHASE] == STEPPING
+        return f"`{name}`, {DOING[self.marks[PHASE]]}{f' (base step {self.marks[STEP]})' * is_step},"
+
+    def remains(self, died: Died) -> Recording:
+        """What there is of a run whose process has ended."""
+        recording = Recording(self.data)
+        with suppress(FileNotFoundError):
+            recording = from_facts(self.data, json.loads((self.folder / FACTS).read_text("utf-8")))
+        recording.rows, recording.interrupted = self.marks[ROWS], self.is_ended
+        if not self.is_ended:
+            recording.error = death(self.plan.scenario, self.order, died, self.marks)
+        return recording
+
+
+def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArray[np.float64]:
+    """Rows in a file that two processes share; a new one gets all its room at once, or is refused."""
+    octets = max(8, 8 * size[0] * size[1])
+    if is_new:
+        with file.open("wb") as opened:
+            if hasattr(os, "posix_fallocate"):
+                try:
+                    os.posix_fallocate(opened.fileno(), 0, octets)
+                except OSError as error:
+                    raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
+            opened.truncate(octets)
+    return mapped(file, size)

@@ -1,0 +1,208 @@
+"""Base steps in C, many per call: what loop.c works on, and what its answers mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy.typing as npt
+
+from gapsense._os.processes import MARKS
+from gapsense.cosim.events.watch import Watch
+from gapsense.cosim.fmu.instance import STEP
+from gapsense.cosim.run.loop.library import (
+    AT_GET,
+    AT_SET,
+    AT_STEP,
+    IN_PYTHON,
+    Doubles,
+    Link,
+    Loop,
+    Number,
+    Numbers,
+    PythonStep,
+    PythonTake,
+    address,
+)
+from gapsense.cosim.run.loop.library import Exchange as ExchangeInC
+from gapsense.cosim.run.loop.library import Part as PartInC
+from gapsense.cosim.run.loop.library import Watch as WatchInC
+from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
+from gapsense.cosim.run.part import NOT_FINITE, Exchange, Part
+from gapsense.cosim.run.recording import STOP
+
+PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a Ctrl-C in a native FMU
+
+
+def in_c(work: Work, run: Callable[..., int]) -> Advance:
+    """Function that does base steps; `run` is that of the library."""
+    guests = [Guest(part, work) for part in work.parts]
+    parts = (PartInC * len(guests))(*(structure(guest, i, work) for i, guest in enumerate(guests)))
+    loop, player = whole(work, parts), work.player
+    changing = [guest for guest in guests if guest.part.stages and guest.part.is_direct]
+
+    def advance(until: int) -> int:
+        last = min(until, player.provide(loop.next))
+        for guest in changing:
+            renew(guest)
+        for place, watch in enumerate(work.watches):
+            loop.watches[place] = condition(watch)
+        loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
+        try:
+            while cause := run(loop, last):
+                if cause != AT_STEP or not is_ended(guests[loop.part], loop, parts[loop.part]):
+                    raise failure(guests[loop.part], loop, cause)
+                work.marks[STOP], last = 1, int(loop.next)  # what is left of this base step, the row too
+        finally:  # whatever is raised, a KeyboardInterrupt perhaps
+            keep(work, loop, parts)
+        return int(loop.next) - 1
+
+    return advance
+
+
+def is_ended(guest: Guest, loop: Loop, structure: PartInC) -> bool:
+    """True if the step that C could not go on from was the orderly end of its component: it then counts as done."""
+    instance, begin = guest.part.instance, loop.time
+    instance.last = loop.last
+    loop.status = instance.judged(loop.status, begin, structure.duration)
+    if not guest.part.has_ended(loop.status):
+        return False
+    failed = guest.part.read_outputs()
+    if failed:
+        raise guest.part.failure(failed, begin, loop.next)
+    structure.steps_at = loop.next + structure.every
+    structure.calls += 1
+    return True
+
+
+class Guest:
+    """A part in the loop in C. What only Python can move is called back, and what that fails of is kept."""
+
+    def __init__(self, part: Part, work: Work) -> None:
+        self.part, self.failed, self.marks = part, "", work.marks
+        self.error: BaseException | None = None
+        base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
+        self.links = array_of(part)
+        self.takes_first = is_sequential and part.follows
+        if not part.is_direct:
+            self.step, self.take = self.noted(part.stepper(base, is_sequential)), self.noted(part.taker())
+
+    def noted(self, act: Callable[..., str]) -> Callable[..., int]:
+        """A function that does the same, says whether it failed, and never raises."""
+
+        def do(*arguments: float) -> int:
+            try:
+                self.failed = act(*arguments)
+                self.marks[STOP] = self.marks[STOP] or int(self.part.ended > 0)
+            except BaseException as error:  # raised when C has returned
+                self.error = error
+                return 1
+            return int(bool(self.failed))
+
+        return do
+
+
+def structure(guest: Guest, i: int, work: Work) -> PartInC:
+    """What loop.c needs to know of part `i`."""
+    part, component, recording = guest.part, guest.part.component, work.recording
+    common = {
+        "duration": component.step * work.experiment.base_step,
+        "every": component.step,
+        "steps_at": first_turn(component, work.begin),
+        "takes_at": first_exchange(component, work.begin),
+        "calls": recording.calls[i],
+        "warnings": recording.warnings[i],
+        "seconds": recording.seconds[i],
+        "counted": recording.seconds[i],
+        "longest": recording.longest[i],
+        "spread": pointer(recording.spread[i], Numbers),
+    }
+    if not part.is_direct:
+        calls = {"python_step": PythonStep(guest.step), "python_take": PythonTake(guest.take)}
+        return PartInC(**common, **calls)
+    return PartInC(
+        **common,
+        fmi=part.instance.description.fmi,
+        instance=part.instance.pointer,
+        inputs=exchange(part.set_inputs),
+        outputs=exchange(part.get_outputs),
+        do_step=address(part.instance.function(STEP)),
+        links=guest.links,
+        link_count=len(guest.links),
+        follows=guest.takes_first,
+    )
+
+
+def array_of(part: Part) -> Any:
+    """Connections into a part, and after them the stages of events, in order."""
+    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
+    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
+    return (Link * (len(links) + len(part.stages)))(*links)
+
+
+def renew(guest: Guest) -> None:
+    """Let the links do what the stages now say."""
+    stages, first = guest.part.stages.values(), len(guest.links) - len(guest.part.stages)
+    for place, stage in enumerate(stages, first):
+        guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
+
+
+def condition(watch: Watch) -> WatchInC:
+    """A condition, for C."""
+    return WatchInC(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
+
+
+def exchange(call: Exchange) -> ExchangeInC:
+    """A call that moves values, for C."""
+    entry = address(call.entry) if call.function else None
+    return ExchangeInC(entry, call.references, len(call.references), call.values, len(call.values))
+
+
+def whole(work: Work, parts: Any) -> Loop:
+    """What loop.c needs to know of the run."""
+    experiment = work.experiment
+    return Loop(
+        parts=parts,
+        part_count=len(parts),
+        buffer=pointer(work.buffer, Doubles),
+        start=experiment.start,
+        base_step=experiment.base_step,
+        is_jacobi=experiment.method == "jacobi",
+        decimation=work.decimation,
+        columns=pointer(work.columns, Numbers),
+        column_count=len(work.columns),
+        data=pointer(work.recording.data, Doubles),
+        rows=work.recording.rows,
+        places=pointer(work.player.places, Numbers),
+        place_count=len(work.player.places),
+        marks=(Number * MARKS).from_buffer(work.marks),
+        patience=PATIENCE,
+        watches=(WatchInC * len(work.watches))(),
+        watch_count=len(work.watches),
+        next=work.begin,
+    )
+
+
+def pointer(array: npt.NDArray[Any], kind: Any) -> Any:
+    """An array that lies in one piece, for C; whoever calls keeps it alive."""
+    return array.ctypes.data_as(kind)
+
+
+def keep(work: Work, loop: Loop, parts: Any) -> None:
+    """Take over what was recorded and counted."""
+    work.recording.rows = loop.rows
+    work.recording.seconds[:] = [part.seconds for part in parts]
+    work.recording.longest[:] = [part.longest for part in parts]
+    work.recording.calls[:] = [part.calls for part in parts]
+    near = [part.is_direct for part in work.parts]
+    work.recording.warnings[:] = [c.warnings if n else p.warnings for c, p, n in zip(parts, work.parts, near)]
+
+
+def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
+    """Error for what the loop returned."""
+    part = guest.part
+    if cause == IN_PYTHON:
+        return guest.error or part.failure(guest.failed, loop.time, loop.next)
+    part.status = loop.status
+    words = {AT_SET: part.set_inputs.function, AT_STEP: STEP, AT_GET: part.get_outputs.function}
+    return part.failure(words.get(cause, NOT_FINITE), loop.time, loop.next)

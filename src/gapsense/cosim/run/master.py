@@ -1,0 +1,326 @@
+"""The co-simulation master: initialise, step on an integer grid, record; one set, step and get per component-step."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import replace
+from time import perf_counter
+from typing import Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.processes import Marks, new_marks
+from gapsense.cosim.events.director import Director, explained
+from gapsense.cosim.events.event import Event, resolved
+from gapsense.cosim.events.read import varied
+from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept
+from gapsense.cosim.fmu.instance3 import instance_of
+from gapsense.cosim.fmu.remote import RemoteInstance
+from gapsense.cosim.fmu.unpacked import unpacked
+from gapsense.cosim.run.clockwork import Action, pacer, pauses
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.run.inputs import constants, place
+from gapsense.cosim.run.loop import Advance, Work, advancer
+from gapsense.cosim.run.mixed import Texts, part_of
+from gapsense.cosim.run.part import Layout, Part
+from gapsense.cosim.run.recording import (
+    COMPONENT,
+    ENDING,
+    LOADING,
+    MASTER,
+    PHASE,
+    ROWS,
+    STARTING,
+    STEP,
+    STEPPING,
+    STOP,
+    Recording,
+)
+from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.scenario.elements import Experiment, Port
+from gapsense.cosim.scenario.input_signals import player
+from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.signals import ports, texts
+from gapsense.tables import Value
+
+T = TypeVar("T")
+Progress = Callable[[int, int], None]
+REPORTS = 200  # progress reports per run
+
+
+class Keeper(Protocol):
+    """Saves a run every so many base steps, and lets it go on from there; that of `checkpoint.py` is one."""
+
+    @property
+    def every(self) -> int:
+        """Base steps between two times."""
+
+    def save(self, master: Master, recording: Recording, done: int) -> None:
+        """Save the run after a base step."""
+
+    def restore(self, master: Master, recording: Recording) -> int:
+        """Bring the run to where it was saved; the base step to do next, 0 if it was not."""
+
+
+class Master:
+    """All FMU instances of a scenario, loaded once, run as often as wanted.
+
+    Use it in a `with` statement: at its end all instances are freed.
+    """
+
+    def __init__(self, scenario: Scenario, descriptions: Descriptions, marks: Marks | None = None) -> None:
+        self.scenario, self.descriptions = scenario, descriptions
+        self.subject = Subject(scenario, descriptions)
+        self.marks: Marks = new_marks() if marks is None else marks
+        self.order = self.subject.order
+        self.places = Layout(ports(descriptions), texts(descriptions), self.resolved(scenario.events))
+        self.buffer = array("d", [0.0]) * self.places.size
+        self.view = np.frombuffer(self.buffer)
+        self.texts: Texts = {}
+        self.parts: list[Part] = []
+        self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
+        try:
+            self.load()
+        except BaseException:
+            self.close()
+            raise
+
+    def load(self) -> None:
+        """Instantiate the components in execution order, wire them."""
+        for name in self.each(LOADING, self.order.names):
+            component, instance = self.scenario.components[name], self.instance(name)
+            self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
+        for part in self.parts:
+            for connection in self.scenario.connections:
+                if connection.target.component == part.component.name:
+                    part.connect(connection)
+
+    def instance(self, name: str) -> Instance:
+        """Instance of a component, in a process of its own if the scenario wants that."""
+        description = self.descriptions[name]
+        if self.scenario.components[name].isolation == "process":
+            return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+        return instance_of(name, description, unpacked(description))
+
+    def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
+        """What there is of every component in execution order, with marks that say which one is touched, and why."""
+        self.marks[PHASE] = phase
+        for number, item in enumerate(items, start=1):
+            self.marks[COMPONENT] = number
+            yield item
+        self.marks[COMPONENT] = MASTER
+
+    def adopt(self, scenario: Scenario, descriptions: Descriptions) -> bool:
+        """Run another scenario from now on, if that has the same FMUs, wired in the same way; else say no."""
+        if not self.parts or structure(scenario, descriptions) != structure(self.scenario, self.descriptions):
+            return False
+        self.scenario, self.descriptions = scenario, descriptions
+        self.subject = Subject(scenario, descriptions)
+        for part in self.parts:
+            part.component = scenario.components[part.component.name]
+        return True
+
+    def __enter__(self) -> Master:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @folder_kept()
+    def close(self) -> None:
+        """Free all instances."""
+        for part in self.parts:
+            part.instance.close()
+        self.parts = []
+
+    @folder_kept()
+    def run(
+        self,
+        columns: list[int],
+        seeds: Mapping[str, int],
+        progress: Progress | None = None,
+        values: Mapping[Port, Value] | None = None,
+        recording: Recording | None = None,
+        keeper: Keeper | None = None,
+    ) -> Recording:
+        """One run from start to stop; after a failure, that is the recording's `error`.
+
+        It records the places `columns` of the buffer, in `recording` if that is given, tells `progress` base steps done
+        and in all now and then, and prefers `values` of parameters to those of the scenario. It ends after the base
+        step in which the mark STOP is set. The `keeper` has where to go on and when to save.
+        """
+        recording = recording or Recording(np.empty(shape(self.scenario, columns)))
+        recording.begun = perf_counter()
+        try:
+            self.initialize(seeds, values or {})
+            recording.parameters = {
+                f"{part.component.name}.{name}": value
+                for part in self.each(STARTING, self.parts)
+                for name, value in part.instance.get_all(part.instance.description.of("parameter")).items()
+            }
+            self.director.begin(recording.parameters)
+            recording.events = self.director.happened
+            self.loop(recording, np.array(columns, dtype=np.int64), progress, keeper)
+            for part in self.each(ENDING, self.parts):
+                with suppress(FmuError) if part.ended else nullcontext():
+                    part.instance.call("fmi2Terminate")
+        except FmuError as error:
+            recording.error = explained(error, self.director.losing(error.instance))
+            self.abandon(error.instance)
+        except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
+            recording.interrupted = True
+        recording.wall, recording.begun = recording.clocked(), None
+        recording.messages += self.messages()
+        return recording
+
+    def stop(self) -> None:
+        """End the run after the base step that is being done."""
+        self.marks[STOP] = 1
+
+    def messages(self) -> list[tuple[str, int, str]]:
+        """What the components have logged: component, status, text."""
+        return [(part.component.name, *said) for part in self.parts for said in part.instance.messages]
+
+    def initialize(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> None:
+        """Bring all components to their start: parameters, initial inputs and outputs in execution order."""
+        experiment = self.scenario.experiment
+        self.view[:] = 0.0
+        self.marks[ROWS] = self.marks[STEP] = 0
+        self.texts.update(dict.fromkeys(self.places.texts, ""))
+        self.director = self.directed(seeds, values)
+        played = {port.component for port in self.scenario.played}
+        for part in self.each(STARTING, self.parts):
+            component, part.ended = part.component, 0
+            part.is_played = component.name in played
+            own: dict[str, Value] = {"seed": seeds[component.name]} if component.name in seeds else {}
+            own.update({port.variable: value for port, value in values.items() if port.component == component.name})
+            part.instance.initialize({**component.values, **own}, experiment.time(component.offset), experiment.stop)
+            refuse(part, part.read_outputs(), experiment)
+        for port, value in constants(self.scenario, self.descriptions, values).items():
+            place(port, value, self.places, self.buffer, self.texts)
+        self.player = player(self.scenario.played, self.places.inlets, experiment)
+        self.player.into(self.view)(0)
+        for part in self.each(STARTING, self.parts):
+            refuse(part, part.taker()(), experiment)
+            part.instance.call("fmi2ExitInitializationMode")
+            refuse(part, part.read_outputs(), experiment)
+
+    def directed(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> Director:
+        """The events of a run, prepared for the initialization."""
+        problems: list[str] = []
+        events = varied(self.scenario.events, values, problems)
+        if problems:
+            raise FmuError("run", " ".join(problems))
+        return Director(
+            self.resolved(events), self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks
+        )
+
+    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
+        """Events with one target each."""
+        return resolved(events, self.scenario.connections)
+
+    def abandon(self, failed: str) -> None:
+        """Terminate the instances that have not failed; a second failure would only hide the first."""
+        for part in self.each(ENDING, self.parts):
+            if part.component.name != failed and not part.instance.is_dead:
+                with suppress(FmuError):
+                    part.instance.call("fmi2Terminate")
+
+    def loop(
+        self,
+        recording: Recording,
+        columns: npt.NDArray[np.int64],
+        progress: Progress | None,
+        keeper: Keeper | None,
+    ) -> None:
+        """Base step after base step, until the end or until told to stop; the recording is always up to date."""
+        experiment, count = self.scenario.experiment, self.scenario.experiment.count
+        recording.start(len(self.parts))
+        begin = keeper.restore(self, recording) if keeper else 0
+        advance = self.advancer(recording, columns, begin)
+        done = begin - 1 if begin else advance(0)
+        change = self.director.limit if begin else self.director.turn(done)
+        wait = pacer(experiment, recording, done) if experiment.pace else None
+        if progress:
+            progress(done, count)
+        pause, rest = pauses(self.actions(recording, progress, keeper), count, done)
+        while done < count and not recording.interrupted:
+            done = advance(min(done + 1 if wait else pause, change))
+            if any(part.ended for part in self.parts):
+                return self.end(recording, done)
+            if done < count and (done == change or self.director.has_news()):
+                change = self.director.turn(done)
+            if wait:
+                wait(done)
+            if done == pause:
+                pause = rest(done)
+            recording.interrupted = done < count and bool(self.marks[STOP])
+        if recording.interrupted and keeper:
+            keeper.save(self, recording, done)
+
+    def end(self, recording: Recording, done: int) -> None:
+        """Note which components have ended the run in an orderly way, in the base step that was done last.
+
+        A row is of one time, so there is none of a base step that a component did not do to its end.
+        """
+        self.marks[STOP], stop = 0, self.scenario.experiment.stop
+        ended = [part for part in self.parts if part.ended]
+        if any(part.ended == ENDS_WITHIN for part in ended) and not done % self.scenario.record.decimation:
+            recording.rows -= 1
+            self.marks[ROWS] = recording.rows
+        said = (f"`{p.component.name}` ended the run at t = {p.instance.last:.9g} s, in an orderly way" for p in ended)
+        recording.ended = " ".join(f"{sentence}; `stop` is {stop:.9g} s." for sentence in said)
+
+    def advancer(self, recording: Recording, columns: npt.NDArray[np.int64], begin: int) -> Advance:
+        """Function that does base steps, of which `begin` is the first."""
+        scenario, marks = self.scenario, self.marks
+        for part, warnings in zip(self.parts, recording.warnings):
+            part.warnings = warnings
+        marks[PHASE], marks[ROWS] = STEPPING, recording.rows
+        decimation, buffer = scenario.record.decimation, self.view
+        return advancer(
+            Work(
+                parts=self.parts,
+                experiment=scenario.experiment,
+                player=self.player,
+                columns=columns,
+                decimation=decimation,
+                buffer=buffer,
+                recording=recording,
+                marks=marks,
+                begin=begin,
+                watches=self.director.watches,
+            )
+        )
+
+    def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:
+        """What is told and saved during a run, and every how many base steps."""
+        count, actions = self.scenario.experiment.count, []
+        if progress:
+            actions.append(Action(max(1, count // REPORTS), lambda k: progress(k, count)))
+        if keeper:
+            actions.append(Action(keeper.every, lambda k: keeper.save(self, recording, k) if k < count else None))
+        return actions
+
+
+def structure(scenario: Scenario, descriptions: Descriptions) -> object:
+    """What cannot change while the FMUs are loaded."""
+    bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
+    hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
+    targets = {name: event.target for name, event in scenario.events.items()}
+    return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
+
+
+def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
+    """Rows and columns of a whole run."""
+    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
+
+
+def refuse(part: Part, failed: str, experiment: Experiment) -> None:
+    """Raise the error of an initialisation call that failed."""
+    if failed:
+        raise part.failure(failed, experiment.time(part.component.offset), 0)

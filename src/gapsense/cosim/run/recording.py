@@ -1,0 +1,100 @@
+"""What a run leaves behind, and the marks that say what it is doing at any moment, even after it has crashed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.processes import Died, Marks
+from gapsense.cosim.run.durations import BINS, Counts
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Scenario
+from gapsense.tables import Value
+
+# Marks: what goes on; the component that it goes on in, its place in execution order + 1; the base step that is being
+# done; the rows recorded; whether to end after this base step.
+PHASE, COMPONENT, STEP, ROWS, STOP = range(5)
+LOADING, STARTING, STEPPING, ENDING = range(4)
+DOING = ("while it was loaded", "at its initialization", "in its step", "at its end")
+MASTER = 0  # in the place of a component
+
+
+class Take(NamedTuple):
+    """What one run takes beside the scenario: places of the buffer to record, seeds, values of parameters."""
+
+    columns: list[int]
+    seeds: Mapping[str, int]
+    values: Mapping[Port, Value]
+
+
+@dataclass
+class Recording:
+    """What a run leaves behind, complete or not."""
+
+    data: npt.NDArray[np.float64]
+    rows: int = 0  # of the data, recorded
+    parameters: dict[str, Value] = field(default_factory=dict)  # as read back, by `component.parameter`
+    seconds: list[float] = field(default_factory=list)  # wall time of each component, in execution order
+    calls: list[int] = field(default_factory=list)  # steps of each
+    warnings: list[int] = field(default_factory=list)  # steps of each that returned a warning
+    longest: list[float] = field(default_factory=list)  # wall time of one step of each
+    spread: Counts = field(default_factory=lambda: counts(0))  # steps of each by how long they took
+    messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
+    wall: float = 0.0  # [s]
+    begun: float | None = None  # `perf_counter` since when the wall time is still to be added
+    overruns: int = 0  # late base steps of a run with a pace
+    lag: float = 0.0  # the worst lateness [s]
+    interrupted: bool = False
+    ended: str = ""  # by which components in an orderly way, before its stop or there
+    error: FmuError | None = None
+    events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
+
+    def start(self, parts: int) -> Recording:
+        """Begin to count the steps of so many components."""
+        self.seconds, self.longest = [0.0] * parts, [0.0] * parts
+        self.calls, self.warnings, self.spread = [0] * parts, [0] * parts, counts(parts)
+        return self
+
+    def clocked(self) -> float:
+        """Wall time until now [s]."""
+        return self.wall + (0.0 if self.begun is None else perf_counter() - self.begun)
+
+    def facts(self) -> dict[str, Any]:
+        """All but the data, as JSON takes it."""
+        error = self.error and [self.error.instance, self.error.cause, self.error.time, self.error.step, self.error.log]
+        plain = asdict(replace(self, data=np.empty(0), error=None, wall=self.clocked(), begun=None))
+        return {**plain, "data": None, "error": error, "spread": self.spread.tolist()}
+
+
+def from_facts(data: npt.NDArray[np.float64], facts: Mapping[str, Any]) -> Recording:
+    """Recording of its data and the rest."""
+    said = [(component, status, text) for component, status, text in facts["messages"]]
+    error = None
+    if facts["error"]:
+        instance, cause, time, step, log = facts["error"]
+        error = FmuError(instance, cause, time=time, step=step, log=log)
+    spread = np.array(facts["spread"], dtype=np.int64).reshape(-1, BINS)
+    return Recording(**{**facts, "data": data, "messages": said, "error": error, "spread": spread})
+
+
+def counts(parts: int) -> Counts:
+    """Room to count the steps of so many components, by how long they take."""
+    return np.zeros((parts, BINS), dtype=np.int64)
+
+
+def death(scenario: Scenario, order: Sequence[str], died: Died, marks: Marks) -> FmuError:
+    """What the end of its process means for a run: which component it came from, and when."""
+    doing, step = DOING[marks[PHASE]], marks[STEP]
+    if marks[COMPONENT] == MASTER:
+        return FmuError("run", f"{died.cause}, between two calls of components.", log=died.words)
+    name = order[marks[COMPONENT] - 1]
+    if marks[PHASE] != STEPPING:
+        return FmuError(name, f"{died.cause}, {doing}.", log=died.words)
+    begin = scenario.experiment.time(step - scenario.components[name].step)
+    return FmuError(name, f"{died.cause}, {doing}.", time=begin, step=step, log=died.words)

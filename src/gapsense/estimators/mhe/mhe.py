@@ -1,0 +1,419 @@
+"""Moving-horizon estimator: position of a reluctance actuator from its voltage and current only.
+
+The hybrid model of `model` runs on the measured voltage; its state at the newest sample is the causal estimate, and
+the landing that it predicts is the mode.  A window holds the samples of one operation and ends some time after its
+landing, or with a command.  `solve` corrects the parameters by the currents of the window, spread over the samples that
+follow, and runs the model through it again: the smoothed estimate, and where the causal one goes on.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_back
+from gapsense.estimators.mhe.model import (
+    Device,
+    Parameters,
+    Point,
+    advance,
+    current,
+    device,
+    mean_of,
+    model,
+    point,
+    with_device,
+)
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, wait, work_on
+from gapsense.estimators.mhe.watch import (
+    RECENT,
+    Seen,
+    Watch,
+    as_seen,
+    is_strange,
+    is_untold,
+    is_wild,
+    listen,
+    watch_operation,
+    weight,
+)
+from gapsense.estimators.mhe.window import (
+    JUMP,
+    LARGE,
+    RING,
+    START,
+    Learnt,
+    PassStart,
+    Samples,
+    Smoothed,
+    Work,
+    drives,
+    first_work,
+    get,
+    priors,
+    published,
+    put,
+)
+from gapsense.estimators.readings import (
+    INNOVATION,
+    LOST,
+    OTHER,
+    RESTARTED,
+    STILL,
+    UNTOLD,
+    Health,
+    can_be_read,
+    health,
+    most_current,
+)
+from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
+from gapsense.kernels.linalg import vector
+from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, store, when, where
+
+FAR = 5.5  # deviations from what was told that a device of the type does not have
+STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
+SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
+
+
+class Held(NamedTuple):
+    """A voltage that hardly changes: its mean and that of its current, of late, and what they say of R."""
+
+    held_level: Scalar  # voltage of the first sample
+    held_voltage: Scalar
+    held: Scalar = 0.0  # samples so far
+    held_current: Scalar = 0.0
+    held_drift: Scalar = 0.0  # last current less its mean
+    held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
+    zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
+
+
+class State(NamedTuple):
+    """The samples, the model at the newest one, the window, and what was learnt."""
+
+    last_command: Scalar
+    causal: Annotated[Array, Vector(10)]  # a `Point`
+    believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
+    held: Held
+    watch: Watch
+    follow: Follow
+    work: Work
+    samples: Samples
+    smoothed: Smoothed
+
+
+class Inputs(NamedTuple):
+    """Measurements; `time` is that of the sample; `command` is 0 where it is not wired."""
+
+    time: Scalar
+    voltage: Scalar
+    current: Scalar
+    command: Scalar
+
+
+class Shown(NamedTuple):
+    """Smoothed values of `smoothed_time`, or causal ones."""
+
+    smoothed_published: Scalar  # flag: smoothed; 0: there are none
+    smoothed_time: Scalar
+    smoothed_position: Scalar
+    smoothed_velocity: Scalar
+    smoothed_flux_linkage: Scalar
+
+
+def _shown(at: Point, time: Scalar) -> Shown:
+    """Nothing smoothed: the causal estimate, now."""
+    return Shown(
+        smoothed_published=0.0,
+        smoothed_time=time,
+        smoothed_position=at.position,
+        smoothed_velocity=at.velocity,
+        smoothed_flux_linkage=at.flux_linkage,
+    )
+
+
+class Found(NamedTuple):
+    """The `Device` in use by the causal estimate."""
+
+    resistance: Scalar
+    eddy: Scalar
+    gap_factor: Scalar
+    knee: Scalar
+    saturation: Scalar
+    hysteresis: Scalar
+    mass: Scalar
+    rest_position: Scalar
+    viscous_damping: Scalar
+    core_reluctance: Scalar
+    gap_bend: Scalar
+
+
+class Certainty(NamedTuple):
+    """Standard deviations of these after the last window; 0 of what is not learnt."""
+
+    resistance_std: Scalar
+    eddy_std: Scalar
+    gap_factor_std: Scalar
+    knee_std: Scalar
+    saturation_std: Scalar
+    hysteresis_std: Scalar
+    mass_std: Scalar
+    rest_position_std: Scalar
+    viscous_damping_std: Scalar
+    core_reluctance_std: Scalar
+    gap_bend_std: Scalar
+
+
+class Operation(NamedTuple):
+    """The last operation that was solved, and its window."""
+
+    takeoff_time: Scalar
+    landing_time: Scalar
+    impact_speed: Scalar
+    bounces: Scalar  # landings after the first one, in the same window
+    windows: Scalar  # so far
+    misfit: Scalar  # of the window: cost over what noise and model error make
+
+
+class Outputs(NamedTuple):
+    """Causal estimates at the sample, smoothed ones, the last operation, what was learnt."""
+
+    position: Scalar
+    velocity: Scalar
+    flux_linkage: Scalar
+    mode: Scalar
+    innovation: Scalar
+    health: Health
+    shown: Shown
+    operation: Operation
+    found: Found
+    certainty: Certainty
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """At rest without flux, on the stop to which the spring pushes."""
+    d, has_voltage = device(par), can_be_read(inputs.voltage, par.range_voltage)
+    u = where(has_voltage, inputs.voltage, 0.0)
+    at = point(0.0, 0.0, clip(d.rest, par.stop_lower, par.stop_upper), 0.0, u, model(par, d))
+    state = State(
+        last_command=inputs.command,
+        causal=vector(at),
+        believed=zeros(len(d)),
+        held=Held(held_level=u, held_voltage=u),
+        watch=Watch(noise=par.noise_current),
+        follow=Follow(covariance=vector([0.0] * 9)),
+        work=first_work(at, inputs.time, par),
+        samples=Samples(
+            newest=0.0, voltages=zeros(RING), currents=zeros(RING), weights=zeros(RING), commands=zeros(RING)
+        ),
+        smoothed=Smoothed(fluxes=zeros(RING), positions=zeros(RING)),
+    )
+    fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
+    return state, _outputs(
+        at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
+    )
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
+    told, before = par, Point(*state.causal)
+    # the reading
+    has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
+    u = where(has_voltage, inputs.voltage, before.voltage)
+    zero = where(is_set(par.option_zero), state.held.zero, 0.0)
+    i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
+    is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
+    par = as_seen(watch, told)
+    has_current = can_read & not_(is_wild(state.samples, u, i, par))
+    w = where(has_current & not_(is_edge), weight(par), 0.0)
+    is_same_command = inputs.command == state.last_command
+    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
+    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
+    # the window
+    R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+    first = model(par, device(par))
+    window, is_first = state.work.window, state.work.pass_start == PassStart.first
+    is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
+    work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
+    work, smoothed, has_caught_up = cond(
+        is_set(state.follow.is_on),
+        lambda: (wait(work, before), state.smoothed, False),
+        lambda: work_on(work, samples, state.smoothed, before, R, inputs.time, first, par),
+    )
+    is_new = has_caught_up & not_(is_set(work.is_followed))
+    is_told = _is_told_late(work, state.work.learnt)
+    work = work._replace(is_followed=where(has_caught_up, 1.0, work.is_followed))
+    # the causal estimate
+    is_other = is_new | is_first | is_told
+    believed = when(is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
+    m = with_device(first, Device(*get(believed, START)))
+    before = Point(*when(is_told, lambda _: vector(point(*before[:4], before.voltage, m)), state.causal))
+    reading = Reading(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
+
+    def open_loop() -> tuple[Array, Array]:
+        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+        return at, state.follow.covariance
+
+    causal, covariance = cond(
+        is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop
+    )
+    now = Point(*causal)
+    innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
+    seen = Seen(
+        innovation=innovation,
+        has_current=has_current,
+        jump=u - before.voltage,
+        is_edge=is_edge,
+        change=inputs.command - state.last_command,
+        is_fed_back=is_set(state.follow.is_on),
+    )
+    watch = watch_operation(watch, seen, now, work.learnt, m, par)
+    coil = Coil(
+        is_large=is_set(watch.is_large),
+        is_edge=is_edge,
+        pulls=fabs(held.held_current) > LARGE * par.noise_current,
+        resistance=_resistance(held, par),
+    )
+    follow = decide(state.follow._replace(covariance=covariance), coil, now, m)
+    is_back = is_set(state.follow.is_on) & not_(is_set(follow.is_on) | is_set(follow.is_futile))
+    is_old = work.window.age > par.window_longest / par.sample_time
+    work = work._replace(window=work.window._replace(age=where(is_back & is_old, RING, work.window.age)))
+    # what is published
+    work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
+    causes = {
+        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
+        LOST: not_(has_voltage & has_current),
+        RESTARTED: work.learnt.given_up > 0.0,
+        STILL: is_set(watch.is_still),
+        OTHER: _is_other(work, par),
+        UNTOLD: is_untold(watch, told),
+    }
+    state = State(
+        last_command=inputs.command,
+        causal=causal,
+        believed=believed,
+        held=held,
+        watch=watch,
+        follow=follow,
+        work=work,
+        samples=samples,
+        smoothed=smoothed,
+    )
+    known = get(work.learnt.deviations, START)
+    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
+
+
+def _is_other(work: Work, par: Parameters) -> Scalar:
+    """Something was learnt that is too far from what was told."""
+    is_other: Scalar = False
+    for q, s in zip(get(work.fit.q_prior, START), priors(par)):
+        is_other = (fabs(q) > FAR * s) | is_other
+    return is_other
+
+
+def _is_told_late(work: Work, before: Learnt) -> Scalar:
+    """What a window has told is so late that the causal estimate does not wait for the next."""
+    is_told, is_late = work.learnt.windows > before.windows, work.window.age > USUAL_EFFORT.later
+    return is_told & is_late & (work.learnt.rejected < 1.0)
+
+
+def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
+    return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
+
+
+def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
+    newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
+    return Samples(
+        newest=newest,
+        voltages=store(before.voltages, newest, u),
+        currents=store(before.currents, newest, i),
+        weights=store(before.weights, newest, w),
+        commands=store(before.commands, newest, has_command),
+    )
+
+
+def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
+    """With a command the resistance of a voltage that was held in the operation before is an old one."""
+    return held._replace(held_resistance=where(goes_on | not_(is_set(par.option_command)), held.held_resistance, 0.0))
+
+
+def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
+    changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
+    share = where(changes, 1.0, RECENT)
+    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    is_off = is_long & (fabs(before.held_voltage) < par.edge)
+    return Held(
+        held=where(changes, 0.0, before.held + 1.0),
+        held_level=where(changes, u, before.held_level),
+        held_voltage=before.held_voltage + share * (u - before.held_voltage),
+        held_current=before.held_current + share * (i - before.held_current),
+        held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
+        held_resistance=where(changes & (R > 0.0), R, before.held_resistance),
+        zero=where(changes & is_off, before.held_current, before.zero),
+    )
+
+
+def _resistance(held: Held, par: Parameters) -> Scalar:
+    """Voltage over current, if both are held and large enough; else 0."""
+    is_long = held.held >= par.window_tail / par.sample_time
+    is_large = (fabs(held.held_current) > LARGE * par.noise_current) & (fabs(held.held_voltage) > par.edge)
+    settled = where(is_set(par.option_further), SETTLED_WELL, SETTLED)
+    is_settled = fabs(held.held_drift) < settled * fabs(held.held_current)
+    through = held.held_current - where(is_set(par.option_zero), held.zero, 0.0)
+    ratio = held.held_voltage / where(is_large, through, 1.0)
+    return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
+
+
+def _publish(
+    work: Work, newest: Scalar, smoothed: Smoothed, now: Point, time: Scalar, par: Parameters
+) -> tuple[Work, Shown]:
+    """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
+
+    def publish() -> tuple[Scalar, Scalar, Shown]:
+        oldest = where(work.shown >= newest, newest + RING - work.shown, newest - work.shown) - 1.0
+        late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
+        skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
+        before, spot = (_behind(work.shown + skipped + k) for k in (0.0, 1.0))
+        z, age = load(smoothed.positions, spot), oldest - skipped
+        shown = Shown(
+            smoothed_published=1.0,
+            smoothed_time=time - age * par.sample_time,
+            smoothed_position=z,
+            smoothed_velocity=(z - load(smoothed.positions, before)) / par.sample_time,
+            smoothed_flux_linkage=load(smoothed.fluxes, spot),
+        )
+        return spot, work.ready - 1.0 - skipped, shown
+
+    spot, left, shown = cond(work.ready > 0.0, publish, lambda: (work.shown, 0.0, _shown(now, time)))
+    return work._replace(shown=spot, ready=left), shown
+
+
+def _behind(spot: Scalar) -> Scalar:
+    """A place in the memory that may be beyond its end."""
+    return where(spot < RING, spot, spot - RING)
+
+
+def _outputs(
+    at: Point,
+    d: Device,
+    innovation: Scalar,
+    shown: Shown,
+    learnt: Learnt,
+    known: Array,
+    fine: Health,
+    par: Parameters,
+) -> Outputs:
+    """The mode is that of the model; deviations of logarithms are relative."""
+    mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))
+    sizes = [value if k < LOGARITHMS else 1.0 for k, value in enumerate(d)]
+    stds = Certainty(*(size * std for size, std in zip(sizes, known)))
+    return Outputs(
+        position=at.position,
+        velocity=at.velocity,
+        flux_linkage=at.flux_linkage,
+        mode=mode,
+        innovation=innovation,
+        health=fine,
+        shown=shown,
+        operation=Operation(*(getattr(learnt, name) for name in Operation._fields)),
+        found=Found(*d),
+        certainty=stds,
+    )

@@ -1,0 +1,380 @@
+"""Hybrid model with core losses that `Mhe` runs on the measured voltage, and its derivatives by what it learns.
+
+State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis over N, position, velocity.  Current (1)
+
+    i = (g_e u + f) / (1 + R g_e),    f = R_g(z) lambda + R_c lambda + b S(m) + h (1 + m^2),    m = lambda / lambda_sat,
+
+with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis (2)
+dh/dlambda = (I_h - s h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover (3), m_z dv/dt = k (z_sp - z) -
+c v - R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
+
+from gapsense.estimators.gap import Gap, bump, gap, make_gap
+from gapsense.estimators.reduced_model import GapLaw
+from gapsense.kernels.layout import Array, Scalar, Table
+from gapsense.kernels.linalg import matrix, vector
+from gapsense.kernels.trace import clip, cond, exp, fabs, not_, square, where
+
+QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
+FULL = 0.97  # |m| from which S goes on linearly
+SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
+# R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
+# R_c0 lambda_sat and lambda_sat: least squares of the relative error from 2 to 90 % of saturation; at most 10 % stay
+CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
+
+
+class Parameters(NamedTuple):
+    """The actuator as a user knows it, how well, and the tuning."""
+
+    sample_time: Scalar  # T_s [s]
+    coil_resistance: Scalar  # R [ohm]
+    coil_turns: Scalar  # N [1]
+    mover_mass: Scalar  # m [kg]
+    spring_stiffness: Scalar  # k_sp [N/m]
+    spring_rest: Scalar  # z_sp [m]
+    damping: Scalar  # c_f [N s/m]
+    stop_lower: Scalar  # z_min [m]
+    stop_upper: Scalar  # z_max [m]
+    core_reluctance: Scalar  # R_c0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
+    core_bend: Scalar  # K: b = K lambda_sat / N^2 [1/H]; 0: the core is that of Froehlich and Kennelly
+    core_eddy: Scalar  # g_e [S]
+    core_hysteresis: Scalar  # I_h [A]
+    core_turnover: Scalar  # l_h [Wb]
+    gap_law: Annotated[Scalar, GapLaw]
+    gap_reluctance: Scalar  # R_g0 [1/H]
+    gap_slope: Scalar  # R_g0' [1/(H m)]
+    gap_fringing: Scalar  # k_f [1/m]
+    gap_window: Scalar  # c_f [m]
+    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
+    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
+    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
+    gap_factor: Scalar  # of R_g [1]
+    gap_bend: Scalar  # added to it between the stops [1]
+    option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
+    option_command: Scalar  # 1: a window ends when the input `command` changes
+    option_zero: Scalar  # 1: the current that is left after a long time without voltage is the sensor's offset
+    option_mean: Scalar  # 1: the voltage is the mean since the last sample
+    noise_voltage: Scalar  # sigma_v [V]
+    noise_current: Scalar  # sigma_i [A]
+    model_error: Scalar  # of the current, the same over `SAME` samples [A]
+    edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
+    window_tail: Scalar  # at rest after a landing until the window ends [s]
+    window_longest: Scalar  # [s]
+    window_pace: Scalar  # pieces of a pass that a step may take; 0: as many as the sample time allows
+    publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
+    prior_resistance: Scalar  # relative standard deviations before the first window
+    prior_eddy: Scalar
+    prior_gap: Scalar
+    prior_knee: Scalar
+    prior_saturation: Scalar
+    prior_hysteresis: Scalar
+    prior_mass: Scalar
+    prior_rest: Scalar
+    prior_damping: Scalar  # with `option_further`
+    prior_core: Scalar  # the same; standard deviation [1/H]
+    prior_bend: Scalar  # the same [1]
+    range_voltage: Scalar  # a reading beyond counts as lost [V]
+    range_current: Scalar  # [A]
+    health_limit: Scalar  # largest misfit [1]
+
+
+class Device(NamedTuple):
+    """What the windows correct."""
+
+    resistance: Scalar  # R [ohm]
+    eddy: Scalar  # g_e [S]
+    gap: Scalar  # factor of R_g [1]
+    knee: Scalar  # b [A]
+    saturation: Scalar  # lambda_sat [Wb]
+    hysteresis: Scalar  # I_h [A]
+    mass: Scalar  # m_z [kg]
+    rest: Scalar  # z_sp [m]
+    damping: Scalar  # c [N s/m]
+    core: Scalar  # R_c [1/H]
+    bend: Scalar  # of R_g, zero at both stops [1]
+
+
+NOTHING = Device(*[0.0] * len(Device._fields))
+
+
+class Model(NamedTuple):
+    """A device, with everything that its model needs."""
+
+    d: Device
+    T_s: Scalar
+    is_mean: Scalar  # a voltage is the mean since the last sample
+    stiffness: Scalar
+    length: Scalar  # l_h [Wb]
+    lower: Scalar
+    upper: Scalar
+    gap: Gap
+    quiet_voltage: Scalar
+    quiet_current: Scalar
+    through: Scalar  # 1 / (1 + R g_e)
+    load: Scalar  # R / (1 + R g_e) [ohm]
+
+
+class Point(NamedTuple):
+    """The model at a sample."""
+
+    flux_linkage: Scalar
+    hysteresis: Scalar  # h
+    position: Scalar
+    velocity: Scalar
+    acceleration: Scalar
+    voltage: Scalar  # of the sample
+    reluctance: Scalar  # R_g
+    slope: Scalar  # R_g'
+    mmf: Scalar  # f
+    mmf_slope: Scalar  # df/dlambda at constant h
+
+
+def model(par: Parameters, d: Device) -> Model:
+    """The model of a device."""
+    m = Model(
+        d=d,
+        T_s=par.sample_time,
+        is_mean=par.option_mean,
+        stiffness=par.spring_stiffness,
+        length=par.core_turnover,
+        lower=par.stop_lower,
+        upper=par.stop_upper,
+        gap=make_gap(par),
+        quiet_voltage=QUIET_VOLTAGE * par.noise_voltage,
+        quiet_current=QUIET_CURRENT * par.noise_current,
+        through=1.0,
+        load=0.0,
+    )
+    return with_device(m, d)
+
+
+def with_device(m: Model, d: Device) -> Model:
+    """The model of another device."""
+    through = 1.0 / (1.0 + d.resistance * d.eddy)
+    return m._replace(d=d, through=through, load=d.resistance * through)
+
+
+def device(par: Parameters) -> Device:
+    """What is believed before the first window; without a bend of its own the core is Froehlich's."""
+    scale, has_bend = 1.0 / square(par.coil_turns), par.core_bend > 0.0
+    R_c, lam_s = scale * par.core_reluctance, par.core_saturation
+    return Device(
+        resistance=par.coil_resistance,
+        eddy=par.core_eddy,
+        gap=par.gap_factor,
+        knee=where(has_bend, scale * par.core_bend, KNEE * R_c) * lam_s,
+        saturation=where(has_bend, lam_s, SATURATION * lam_s),
+        hysteresis=par.core_hysteresis,
+        mass=par.mover_mass,
+        rest=par.spring_rest,
+        damping=par.damping,
+        core=where(has_bend, R_c, CORE * R_c),
+        bend=par.gap_bend,
+    )
+
+
+def apply_corrections(d: Device, q: Array) -> Device:
+    """The device with corrections q (11,): logarithms of factors, but of core and bend what is added."""
+    factors = Device(*(value * exp(change) for value, change in zip(d, q)))
+    return factors._replace(core=d.core + q[-2], bend=d.bend + q[-1])
+
+
+# reluctances
+
+
+def gap_at(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """R_g of the device, and its derivative."""
+    return gap(z, m.gap, m.d.gap, m.d.bend)[:2]
+
+
+def core(lam: Scalar, d: Device) -> tuple[Scalar, Scalar, Scalar]:
+    """The share m of saturation, S(m) and S'(m)."""
+    m = lam / d.saturation
+    size = fabs(m)
+    a = where(size < FULL, size, FULL)
+    squared = a * a
+    left = 1.0 - squared
+    slope = squared * (3.0 - squared) / (left * left)
+    S = squared * a / left + slope * (size - a)
+    return m, where(m < 0.0, -S, S), slope
+
+
+# a sampling period
+
+
+def point(lam: Scalar, h: Scalar, z: Scalar, v: Scalar, u: Scalar, m: Model) -> Point:
+    """The model in a given state."""
+    R, slope = gap_at(z, m)
+    f, f_lam = magnetomotive(lam, h, R, m)
+    return Point(
+        flux_linkage=lam,
+        hysteresis=h,
+        position=z,
+        velocity=v,
+        acceleration=(pull(z, lam, slope, m) - m.d.damping * v) / m.d.mass,
+        voltage=u,
+        reluctance=R,
+        slope=slope,
+        mmf=f,
+        mmf_slope=f_lam,
+    )
+
+
+def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
+    """Force of spring and magnet."""
+    return m.stiffness * (m.d.rest - z) - 0.5 * slope * square(lam)
+
+
+def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """The force f (1) [A] and df/dlambda [1/H]."""
+    share, S, slope = core(lam, m.d)
+    f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
+    return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
+
+
+def mean_of(before: Scalar, voltage: Scalar, m: Model) -> Scalar:
+    """The mean voltage of a sampling period: given as such, or from sample to sample linear."""
+    return where(m.is_mean > 0.0, voltage, 0.5 * (before + voltage))
+
+
+def current(p: Point, mean: Scalar, m: Model) -> Scalar:
+    """The current i (1) at a point, for the mean voltage of the sampling period."""
+    return (m.d.eddy * mean + p.mmf) * m.through
+
+
+def is_resting(p: Point, m: Model) -> Scalar:
+    """On a stop, with a force that points into it."""
+    is_held_down = (p.position <= m.lower) & (p.acceleration <= 0.0)
+    return is_held_down | ((p.position >= m.upper) & (p.acceleration >= 0.0))
+
+
+def is_quiet(p: Point, mean: Scalar, m: Model) -> Scalar:
+    """No voltage but noise, and no current: noise turns the hysteresis to and fro, and would demagnetize the core."""
+    return (fabs(mean) < m.quiet_voltage) & (fabs(p.mmf) < m.quiet_current)
+
+
+class Electric(NamedTuple):
+    """What drives the flux linkage at a point."""
+
+    current: Scalar
+    rate: Scalar  # dlambda/dt
+    goal: Scalar  # s I_h
+    length: Scalar  # L
+    steepness: Scalar  # dh/dlambda
+    width: Scalar  # 1 + m^2
+
+
+def electric(p: Point, mean: Scalar, m: Model) -> Electric:
+    """For the mean voltage of the sampling period."""
+    i = current(p, mean, m)
+    rate = mean - m.d.resistance * i
+    is_falling, share = rate < 0.0, p.flux_linkage / m.d.saturation
+    squared = share * share
+    left = 1.0 - SHORTENED * squared
+    length = m.length * where(left > SHORTEST, left, SHORTEST)
+    away = m.d.hysteresis + where(is_falling, p.hysteresis, -p.hysteresis)
+    goal = where(is_falling, -m.d.hysteresis, m.d.hysteresis)
+    return Electric(current=i, rate=rate, goal=goal, length=length, steepness=away / length, width=1.0 + squared)
+
+
+def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
+    """Change of the flux linkage over its rate, by the linearised trapezoidal rule [s]."""
+    return dt / (1.0 + 0.5 * dt * m.load * (p.mmf_slope + e.steepness * e.width))
+
+
+def advance(p: Point, voltage: Scalar, m: Model) -> Point:
+    """The next sample, whose voltage is given: (2) exactly, (3) by Verlet's method."""
+    mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
+    e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)
+    free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
+    z = where(rests, p.position, clip(free, m.lower, m.upper))
+    change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
+    lam = p.flux_linkage + where(stays, 0.0, change)
+    turned = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
+    h = where(stays, p.hysteresis, turned)
+    R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap_at(z, m))
+    f, f_lam = magnetomotive(lam, h, R, m)
+    stands, force = rests | not_(z == free), pull(z, lam, slope, m)
+    a = (force - where(stands, 0.0, m.d.damping * (p.velocity + m.T_s * p.acceleration))) / m.d.mass
+    v = where(stands, 0.0, p.velocity + 0.5 * m.T_s * (p.acceleration + a))
+    return Point(
+        flux_linkage=lam,
+        hysteresis=h,
+        position=z,
+        velocity=v,
+        acceleration=a,
+        voltage=voltage,
+        reluctance=R,
+        slope=slope,
+        mmf=f,
+        mmf_slope=f_lam,
+    )
+
+
+# derivatives
+
+
+def differentiate(
+    T: Any, which: Sequence[int], p: Point, mean: Scalar, samples: Scalar, is_still: Scalar, m: Model
+) -> tuple[Any, Any]:
+    """Derivatives T (k, 4) of the state by some corrections, `samples` later, at p, and those of the current (k,).
+
+    `which` says by which field of `Device` a row is; one more stands for the flux linkage at the start.  On a stop
+    position and velocity are given.
+    """
+    e, dt = electric(p, mean, m), m.T_s * samples
+    step = where(is_still & is_quiet(p, mean, m), 0.0, gain(p, e, dt, m))
+    kept = exp(-fabs(step * e.rate) / e.length)
+    drive, force = partials(p, e, m)
+    rise = [*NOTHING._replace(hysteresis=(1.0 - kept) * e.goal), 0.0]
+    by_z = p.slope * p.flux_linkage
+
+    def row(k: int, t: Array, z: Scalar, v: Scalar) -> list[Scalar]:
+        through = p.mmf_slope * t[0] + 0.5 * by_z * (t[2] + z) + e.width * t[1] + drive[k]
+        change = -(step * m.load) * through
+        return [t[0] + change, kept * (t[1] + e.steepness * change) + rise[k], z, v]
+
+    def moving() -> Any:
+        _, _, curvature = gap(p.position, m.gap, m.d.gap, m.d.bend)
+        stiffness = (m.stiffness + 0.5 * curvature * square(p.flux_linkage)) / m.d.mass
+        by_lam, by_v, half, rows = by_z / m.d.mass, m.d.damping / m.d.mass, 0.5 * dt, []
+        for k, t in zip(which, T):
+            a = force[k] - by_lam * t[0] - stiffness * t[2] - by_v * t[3]
+            rows.append(row(k, t, t[2] + dt * (t[3] + half * a), t[3] + dt * a))
+        return matrix(rows)
+
+    T = cond(is_still, lambda: matrix([row(k, t, 0.0, 0.0) for k, t in zip(which, T)]), moving)
+    drive[0] = -m.d.eddy * m.d.resistance * e.current
+    seen = [p.mmf_slope * t[0] + by_z * t[2] + e.width * t[1] + drive[k] for k, t in zip(which, T)]
+    return T, m.through * vector(seen)
+
+
+def partials(p: Point, e: Electric, m: Model) -> tuple[Array, Array]:
+    """Of R i - g_e dlambda/dt + f and of the acceleration by the corrections in a given state; (12,), the last 0."""
+    d, lam = m.d, p.flux_linkage
+    share, S, slope = core(lam, d)
+    more, steeper, _ = bump(p.position, m.gap)
+    half = -0.5 * lam * lam / d.mass
+    drive = NOTHING._replace(
+        resistance=e.current,
+        eddy=d.eddy * e.rate,
+        gap=(p.reluctance - d.bend * more) * lam,
+        knee=d.knee * S,
+        saturation=-share * (d.knee * slope + 2.0 * p.hysteresis * share),
+        core=lam,
+        bend=more * lam,
+    )
+    force = NOTHING._replace(
+        gap=half * (p.slope - d.bend * steeper),
+        mass=-p.acceleration,
+        rest=m.stiffness * d.rest / d.mass,
+        damping=-d.damping * p.velocity / d.mass,
+        bend=half * steeper,
+    )
+    return vector([*drive, 0.0]), vector([*force, 0.0])

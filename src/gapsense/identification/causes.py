@@ -1,0 +1,187 @@
+"""What a record may not tell of its device: each changes voltage or current of the samples by a value of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.identification.measurements.flux import trapezoid
+from gapsense.identification.measurements.operations import SIGMAS, noise, true_runs
+from gapsense.identification.measurements.record import Vector
+
+Matrix = npt.NDArray[np.float64]
+ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
+LEVEL = 0.01  # of the range of the current, by which its end is found
+LONGEST = 50  # samples over which the noise of a current that ends is averaged
+
+
+class Signals(NamedTuple):
+    """Of a record, or of what a fit takes of it."""
+
+    halves: Matrix  # voltage during the two halves of the interval before each sample (n, 2) [V]
+    current: Vector  # [A]
+    dt: float  # sampling period [s]
+    resistance: float  # of the coil, about [Ohm]
+
+
+class Cause(NamedTuple):
+    """One of them."""
+
+    unit: str
+    small: float  # value for a difference quotient, of `scale`
+    scale: Callable[[Signals], float]  # what is large
+    change: Callable[[Signals, float], Signals]  # the signals of the model, if the cause has this value
+    sentence: str  # what it is, before its value
+    is_positive: bool = False  # as resistances are
+
+
+def changed(s: Signals, values: Mapping[str, float]) -> Signals:
+    """The signals that the model is to explain, if the causes have these values."""
+    for name, value in values.items():
+        s = {**CAUSES, **HIDDEN}[name].change(s, value)
+    return s
+
+
+def delayed(s: Signals, value: float) -> Signals:
+    """The voltage comes later by so many seconds; what was before the first sample is as that."""
+    flat = s.halves.reshape(-1)
+    at = np.arange(flat.size) - 2.0 * value / s.dt
+    return s._replace(halves=np.interp(at, np.arange(flat.size), flat).reshape(-1, 2))
+
+
+def offset(s: Signals, value: float) -> Signals:
+    """The current is smaller."""
+    return s._replace(current=s.current - value)
+
+
+def shifted(s: Signals, value: float) -> Signals:
+    """The voltage is smaller."""
+    return s._replace(halves=s.halves - value)
+
+
+def series(s: Signals, value: float) -> Signals:
+    """A resistance in series takes its part of the voltage while this is on."""
+    return s._replace(halves=s.halves - np.where(is_on(s), value * _current_of_halves(s.current), 0.0))
+
+
+def drop(s: Signals, value: float) -> Signals:
+    """A diode in the path of the current takes its part while the voltage is off."""
+    return s._replace(halves=s.halves - value * falls(s))
+
+
+def eddy(s: Signals, value: float) -> Signals:
+    """Eddy currents, as a conductance beside the coil."""
+    return s._replace(current=s.current - value * (s.halves.mean(axis=1) - s.resistance * trapezoid(s.current)))
+
+
+def less_current(s: Signals, value: float) -> Signals:
+    """The current is smaller by this part."""
+    return s._replace(current=s.current * (1.0 - value))
+
+
+def less_voltage(s: Signals, value: float) -> Signals:
+    """The voltage is smaller by this part."""
+    return s._replace(halves=s.halves * (1.0 - value))
+
+
+def tail(s: Signals, value: float) -> Signals:
+    """A drop of so many volts ends later, by as much as its end is uncertain."""
+    return s._replace(halves=s.halves - value * (falls(s, 1.0) - falls(s)))
+
+
+def drift(s: Signals, value: float) -> Signals:
+    """The resistance grows by this part while current flows."""
+    grown = np.zeros(s.current.size)
+    for first, last in true_runs(np.abs(s.current) > LEVEL * float(np.ptp(s.current))):
+        grown[first:last] = np.linspace(-0.5, 0.5, last - first)
+    lost = value * s.resistance * trapezoid(grown * s.current)
+    return s._replace(halves=s.halves - lost[:, None])
+
+
+def is_on(s: Signals) -> npt.NDArray[np.bool_]:
+    """Whether the voltage is on, in each half."""
+    return np.asarray(s.halves > ON * s.halves.max())
+
+
+def falls(s: Signals, later: float = 0.0) -> Matrix:
+    """How much of each half the current falls in, from where the voltage is off to where nothing flows any more.
+
+    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise; it may
+    be taken `later`, in times that this line needs.
+    """
+    level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
+    half = int(np.clip((2.0 * SIGMAS * noise(i) / level) ** 2, 0.0, LONGEST)) // 2 if level else 0
+    length = 2 * half + 1  # odd, or what is smooth would be early
+    smooth = np.convolve(i, np.full(length, 1.0 / length), mode="same")
+    edges = 0.5 * np.arange(on.size) - 1.0  # where the halves begin, in samples
+    part = np.zeros(on.size)
+    for first, last in true_runs(smooth > 2.0 * level):
+        below = np.flatnonzero(smooth[last:] <= level)
+        end = last + (2.0 + later) * float(below[0]) if below.size else float(i.size)
+        begin = first + float(np.argmax(on[first:last].any(axis=1)))
+        part = np.maximum(part, np.where(edges >= begin, np.clip(2.0 * (end - edges), 0.0, 1.0), 0.0))
+    return np.where(on, 0.0, part.reshape(-1, 2))
+
+
+def _current_of_halves(current: Vector) -> Matrix:
+    before = np.concatenate((current[:1], current[:-1]))
+    return np.stack((0.75 * before + 0.25 * current, 0.25 * before + 0.75 * current), axis=1)
+
+
+def _volts(s: Signals) -> float:
+    return float(np.abs(s.halves).max())
+
+
+def _amperes(s: Signals) -> float:
+    return float(np.abs(s.current).max())
+
+
+def _ohms(s: Signals) -> float:
+    return s.resistance
+
+
+def _one(s: Signals) -> float:
+    return 1.0
+
+
+CAUSES: Mapping[str, Cause] = {
+    "delay": Cause(
+        unit="s",
+        small=1e-2,
+        scale=lambda s: s.dt,
+        change=delayed,
+        sentence="a current that is late, beside the voltage, by",
+    ),
+    "offset": Cause(unit="A", small=1e-4, scale=_amperes, change=offset, sentence="an offset of the current of"),
+    "shift": Cause(unit="V", small=1e-4, scale=_volts, change=shifted, sentence="an offset of the voltage of"),
+    "series": Cause(
+        unit="Ohm",
+        small=1e-4,
+        scale=_ohms,
+        change=series,
+        sentence="a resistance in series while the voltage is on, of",
+        is_positive=True,
+    ),
+    "drop": Cause(
+        unit="V", small=1e-4, scale=_volts, change=drop, sentence="a drop while the current falls, of", is_positive=True
+    ),
+    "eddy": Cause(
+        unit="S",
+        small=1e-4,
+        scale=lambda s: 1.0 / s.resistance,
+        change=eddy,
+        sentence="eddy currents of a core with",
+        is_positive=True,
+    ),
+}
+HIDDEN = {  # what no residual need show: other values of the parameters explain much the same
+    "current": Cause(unit="1", small=1e-4, scale=_one, change=less_current, sentence="a current that is too large by"),
+    "voltage": Cause(unit="1", small=1e-4, scale=_one, change=less_voltage, sentence="a voltage that is too large by"),
+    "tail": Cause(unit="V", small=1e-4, scale=_volts, change=tail, sentence="a drop that ends later, of"),
+    "drift": Cause(
+        unit="1", small=1e-4, scale=_one, change=drift, sentence="a resistance that grows during an operation, by"
+    ),
+}

@@ -1,0 +1,89 @@
+"""Tables, sentences and a figure of a gap law from inductances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from gapsense.identification.gap_law.choice import Candidate, jackknife
+from gapsense.identification.gap_law.eddy import remarks
+from gapsense.identification.gap_law.laws import Vector, reluctance, total
+from gapsense.identification.gap_law.possible import Inductances
+from gapsense.report.plot import SECOND, TRUE, legend, stack
+from gapsense.report.table import quantity, table
+
+POOR = 0.05  # relative error of the inductances left out from which a table is called coarse
+
+
+def tables(measured: Inductances, turns: float, found: Sequence[Candidate], taken: Candidate) -> list[Table | str]:
+    """The law that was taken, beside the others and the inductances."""
+    return [choice(found, taken), law(measured, turns, taken), *remarks(measured), *said(turns, taken)]
+
+
+def choice(found: Sequence[Candidate], taken: Candidate) -> Table:
+    """All laws that were tried."""
+    rows = (
+        (
+            each.law.name,
+            f"{each.size}",
+            f"{100.0 * each.misfit:.2g} %",
+            f"{100.0 * each.foretold:.2g} %",
+            "taken" if each is taken else "",
+        )
+        for each in found
+    )
+    return table("Laws", ("", "numbers", "misfit", "of gaps left out", ""), rows)
+
+
+def law(measured: Inductances, turns: float, taken: Candidate) -> Table:
+    """The law at the measured gaps."""
+    h = measured.gap
+    L = turns**2 / total(taken.law, h)
+    R, slope = reluctance(taken.law, h)
+    errors = jackknife(np.array([reluctance(each, h)[1] for each in taken.others]))
+    rows = (
+        (
+            quantity(float(gap), "m"),
+            quantity(float(a), "H"),
+            f"{100.0 * (b / a - 1.0):.2g} %",
+            quantity(float(c), "1/H"),
+            f"{quantity(float(d), '1/(H.m)')} +- {quantity(float(e), '')}",
+        )
+        for gap, a, b, c, d, e in zip(h, measured.inductance, L, R, slope, errors)
+    )
+    return table("Gap law", ("gap", "inductance", "of the law", "reluctance of the gap", "slope"), rows, texts=1)
+
+
+def said(turns: float, taken: Candidate) -> list[str]:
+    """What the numbers are, and what they do not tell."""
+    offset = jackknife(np.array([[each.offset] for each in taken.others]))[0]
+    told = [
+        f"Without gap {quantity(taken.law.offset, '1/H')} +- {quantity(float(offset), '')} is left. It is ascribed to"
+        " the core; which part of it saturates is for records of voltage and current to tell:"
+        " `gapsense identify --inductance`.",
+        f"Reluctances are those for {turns:g} turns. Inductances do not tell the turns, and current, flux linkage and"
+        " force do not depend on them if all reluctances go with their square.",
+    ]
+    if taken.foretold > POOR:
+        told.append(
+            f"A gap that is left out is foretold to {100.0 * taken.foretold:.2g} % only, and the force is the slope:"
+            " measure at more gaps."
+        )
+    return told
+
+
+def figure_of(measured: Inductances, turns: float, taken: Candidate) -> Figure:
+    """Inductance and slope by the gap."""
+    figure, axes = stack("Gap law", ["inductance / mH", "slope / (1/(H.mm))"], [2.0, 1.0])
+    h: Vector = np.linspace(0.0, float(measured.gap.max()), 201)
+    for rate, L in sorted(measured.others.items()):
+        axes[0].plot(1e3 * measured.gap, 1e3 * L, "o", ms=3, label=f"{rate:g} Hz, not used")
+    axes[0].plot(1e3 * measured.gap, 1e3 * measured.inductance, "o", ms=5, color=TRUE, label="measured")
+    axes[0].plot(1e3 * h, 1e3 * turns**2 / total(taken.law, h), color=SECOND, label=taken.law.name)
+    axes[1].plot(1e3 * h, 1e-3 * reluctance(taken.law, h)[1], color=SECOND)
+    legend(axes[0])
+    axes[1].set_xlabel("gap / mm")
+    return figure

@@ -1,0 +1,135 @@
+"""Inductances at known gaps, as an instrument for coils gives them, at one frequency or at several.
+
+Eddy currents keep the flux out of the iron as the frequency rises: what is measured then is smaller than the static
+inductance, the more so the smaller the gap is, until it even rises with the gap.  So the lowest frequency serves.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gapsense._os.files import Sheet, no_numbers, number, read_sheet
+from gapsense.identification.gap_law.laws import Vector
+from gapsense.identification.gap_law.possible import Inductances, impossible
+from gapsense.problems import InputError, listing
+from gapsense.units import factor
+
+HEAD = re.compile(r"(?P<name>.*?)(?:\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]|_(?P<after>[A-Za-z\u00b5\u03bc]+))?")
+FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*(k|M)?Hz", re.IGNORECASE)
+KILO = {"": 1.0, "k": 1e3, "m": 1e6}
+POSITIONS = ("gap", "position", "stroke")  # names of the column that counts, best first
+EXAMPLE = "`gap [mm]` and `inductance [mH]`, or `inductance 100Hz [mH]` for each frequency"
+
+
+class Column(NamedTuple):
+    """A column of the table."""
+
+    place: int
+    name: str
+    scale: float  # of its unit
+    frequency: float | None = None  # [Hz], where the head tells one
+
+
+def read_inductances(path: Path, names: Mapping[str, str] | None = None) -> Inductances:
+    """Inductances of a CSV file; an InputError tells all that is wrong with it.
+
+    `names` has the columns that hold `gap` or `inductance`, where their heads do not tell.
+    """
+    problems: list[str] = []
+    sheet = read_sheet(path, problems)
+    if any(";" in name for name in sheet.names):
+        problems = [f"{path.name}, row 1: the cells are separated by semicolons; commas are expected. Save it so."]
+    positions, inductances = columns(sheet, "m", names or {}), columns(sheet, "H", names or {})
+    sheet = without_notes(sheet, positions + inductances)
+    problems = problems or [*missing(path.name, sheet, positions, inductances), *cells(sheet, positions + inductances)]
+    if problems:
+        raise InputError(problems)
+    lowest, *others = sorted(inductances, key=lambda column: column.frequency or 0.0)
+    gap = values(sheet, positions[0])
+    order = np.argsort(gap, kind="stable")
+    by_frequency = {each.frequency: values(sheet, each)[order] for each in others if each.frequency}
+    found = Inductances(
+        file=path.name,
+        gap=gap[order],
+        inductance=values(sheet, lowest)[order],
+        frequency=lowest.frequency,
+        others=by_frequency,
+    )
+    if wrong := impossible(found):
+        raise InputError(wrong)
+    return found
+
+
+def columns(sheet: Sheet, unit: str, names: Mapping[str, str]) -> list[Column]:
+    """Columns in a unit: of several gaps the one that is called so, of inductances all."""
+    chosen = names.get("gap" if unit == "m" else "inductance")
+    found = [made for k, _ in enumerate(sheet.names) if (made := column(sheet, k, unit))]
+    if chosen is not None:
+        return [each for each in found if chosen in (sheet.names[each.place], each.name)]
+    if unit == "H":
+        return found
+    named = [each for name in POSITIONS for each in found if each.name.lower() == name]
+    return named[:1] or found
+
+
+def column(sheet: Sheet, place: int, unit: str) -> Column | None:
+    """The column, if it is in that unit or a multiple: `gap [mm]`, `gap (mm)` or `gap_mm`."""
+    match = HEAD.fullmatch(sheet.names[place])
+    written = sheet.units[place] or (match and (match["unit"] or match["after"])) or ""
+    scale = factor(written, unit)
+    if match is None or scale is None:
+        return None
+    rate = FREQUENCY.search(match["name"])
+    hertz = float(rate[1]) * KILO[(rate[2] or "").lower()] if rate else None
+    return Column(place, match["name"], scale, hertz)
+
+
+def missing(file: str, sheet: Sheet, positions: list[Column], inductances: list[Column]) -> list[str]:
+    """What the heads leave open."""
+    found, told = f"there are {listing(sheet.known) or 'no columns of numbers'}", []
+    for what, unit, made in (("gap", "m", positions), ("inductance", "H", inductances)):
+        if not made:
+            told.append(f"{file}, row 1: no column of the {what} in {unit} is found; {found}. Name it as in {EXAMPLE}.")
+    frequencies = [each.frequency for each in inductances]
+    if len(positions) > 1:
+        one = sheet.names[positions[0].place]
+        told.append(f"{file}, row 1: {len(positions)} columns may be the gap. Choose one: `--column gap={one}`.")
+    if len(inductances) > 1 and len(set(frequencies) - {None}) < len(inductances):
+        told.append(
+            f"{file}, row 1: {len(inductances)} columns of the inductance, whose names do not tell their frequencies."
+            f" Write them as in {EXAMPLE}."
+        )
+    return told
+
+
+def without_notes(sheet: Sheet, used: list[Column]) -> Sheet:
+    """The sheet without rows in which all used cells are empty: notes beside the table."""
+    kept = [k for k, row in enumerate(sheet.rows) if any(row[each.place].strip() for each in used)]
+    return sheet._replace(rows=[sheet.rows[k] for k in kept], lines=[sheet.lines[k] for k in kept])
+
+
+def cells(sheet: Sheet, used: list[Column]) -> list[str]:
+    """Cells of the used columns that hold no number."""
+    at = {each.place for each in used}
+    cut = [[text if k in at else "0" for k, text in enumerate(row)] for row in sheet.rows]
+    wrong = [text for row in cut for text in row if not np.isfinite(number(text) or 0.0)]
+    told = no_numbers(sheet._replace(rows=cut))
+    return told + ([f"{sheet.path}: `{wrong[0]}` found, a finite number expected. Correct it."] if wrong else [])
+
+
+def values(sheet: Sheet, used: Column) -> Vector:
+    """Numbers of a column in SI units."""
+    return used.scale * np.array([float(row[used.place]) for row in sheet.rows])
+
+
+def names_of(column: Sequence[str] | None) -> dict[str, str]:
+    """Columns by quantity, from texts `QUANTITY=NAME`."""
+    names = dict(text.partition("=")[::2] for text in column or [])
+    if wrong := [name for name in names if name not in ("gap", "inductance")]:
+        raise ValueError(f"--column: `{wrong[0]}` found, `gap=NAME` or `inductance=NAME` expected.")
+    return names

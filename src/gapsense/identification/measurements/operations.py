@@ -1,0 +1,155 @@
+"""Operations of a record: from rest to rest, found from voltage and current together, whatever the levels are.
+
+The current tells what is rest, the voltage when an operation begins: where it leaves what it was at rest, before the
+current can be seen.  A drive whose current never ends is cut at the rising edges of its voltage.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.identification.measurements.record import Record, Vector
+
+Places = npt.NDArray[np.int_]
+
+LOW, HIGH = 0.25, 0.75  # levels between the lowest and the highest voltage that tell an edge from noise
+SMALL = {"voltage": 0.02, "current": 0.01}  # what counts as rest, relative to the range of a signal
+SIGMAS = 4.0
+PAUSE = 0.1  # a rest shorter than this part of the longest activity ends no operation
+FEW = 3  # samples; an activity that is shorter is a spike
+
+
+class Operation(NamedTuple):
+    """Samples `start` to `stop` of one operation; the flux linkage is the same at both."""
+
+    start: int
+    stop: int
+
+    @property
+    def inside(self) -> slice:
+        """The samples whose intervals, those before them, belong to the operation."""
+        return slice(self.start + 1, self.stop + 1)
+
+
+def noise(x: Vector) -> float:
+    """Standard deviation of the noise of a signal, from its second differences; jumps do not count."""
+    curvature = np.abs(np.diff(x, 2))
+    return float(1.4826 * np.median(curvature) / np.sqrt(6.0)) if curvature.size else 0.0
+
+
+def resolution(x: Vector) -> float:
+    """Smallest difference between two values."""
+    return float(np.diff(np.unique(x)).min(initial=np.inf))
+
+
+def hidden(x: Vector) -> float:
+    """Standard deviation of what the steps of a converter hide; 0 for a signal that never changes."""
+    step = resolution(x)
+    return step / float(np.sqrt(12.0)) if np.isfinite(step) else 0.0
+
+
+def coarse(x: Vector) -> float:
+    """Standard deviation of noise and rounding together, if the steps of a converter are larger than the noise; or 0.
+
+    The median of the second differences is none or one step then; larger ones than two steps are those of the signal.
+    """
+    step, curvature = resolution(x), np.abs(np.diff(x, 2))
+    works = curvature[np.abs(x[1:-1]) > SMALL["current"] * np.ptp(x)]
+    if not works.size or np.median(curvature) > 1.01 * step:
+        return 0.0
+    return float(np.sqrt(np.mean(np.minimum(works, 2.0 * step) ** 2) / 6.0))
+
+
+def leaves(x: Vector, name: str) -> float:
+    """How far the voltage or the current may be from its value at rest; the levels of a drive are no converter's."""
+    found = SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))
+    return min(found, LOW * float(np.ptp(x))) if name == "voltage" else found
+
+
+def at_rest(record: Record) -> int:
+    """How many samples at the start of a record differ by nothing but noise."""
+    first = record.times.size
+    for name in SMALL:
+        x = np.asarray(getattr(record, name))
+        left = np.flatnonzero(np.abs(x - np.median(x[: 2 * FEW])) > leaves(x, name))
+        first = min([first, *left[:1].tolist()])
+    return first
+
+
+def activities(record: Record) -> list[tuple[int, int]]:
+    """First sample of each stretch in which current flows, and the first one after it."""
+    i = record.current
+    rest = float(np.median(i[: max(1, at_rest(record))]))
+    runs = [run for run in true_runs(np.abs(i - rest) > leaves(i, "current")) if run[1] - run[0] >= FEW]
+    pause = PAUSE * max((end - begin for begin, end in runs), default=0)
+    joined: list[tuple[int, int]] = []
+    for begin, end in runs:
+        if joined and (begin - joined[-1][1] < pause or _is_moved(record.voltage, joined[-1][1], begin, end)):
+            begin = joined.pop()[0]
+        joined.append((begin, end))
+    return joined
+
+
+def _is_moved(v: Vector, ended: int, begin: int, end: int) -> bool:
+    """Whether the voltage rests from the end of an activity to that of the next: a mover that goes back makes that."""
+    return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= leaves(v, "voltage")))
+
+
+def true_runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Starts and ends of stretches that are true."""
+    change = np.flatnonzero(np.diff(np.concatenate(([0], is_true.astype(int), [0]))))
+    return list(zip(change[::2].tolist(), change[1::2].tolist()))
+
+
+def starts(record: Record) -> list[int]:
+    """The last sample at rest before each operation, complete or not."""
+    return _before(activities(record), record)
+
+
+def _before(active: list[tuple[int, int]], record: Record) -> list[int]:
+    v, limit, found, rest = record.voltage, leaves(record.voltage, "voltage"), list[int](), 0
+    for begin, end in active:
+        usual, k = float(np.median(v[rest : max(rest + 1, begin)])), max(begin - 1, rest)
+        while k > rest and abs(v[k] - usual) > limit:
+            k -= 1
+        found.append(k)
+        rest = end
+    return found
+
+
+def operations(record: Record, period: float | None = None) -> list[Operation]:
+    """Complete operations: from rest to rest, or every `period` [s] from the first one on.
+
+    The last one ends with its usual length, or else with the record, if the current has ended by then.
+    """
+    active, last = activities(record), record.times.size - 1
+    begins = _before(active, record)
+    if not begins:
+        return []
+    if period is not None:
+        count = int((last - begins[0]) * record.dt / period + 1e-6)
+        return _between(np.round(begins[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist())
+    end = active[-1][1]
+    if len(begins) == 1 and end > last:
+        begins = edges(record.voltage).tolist()
+        ends = [2 * begins[-1] - begins[-2]] if len(begins) > 1 else []
+        return _between(begins + [k for k in ends if k <= last])
+    usual = 2 * begins[-1] - begins[-2] if len(begins) > 1 else last
+    return _between(begins + ([usual if end <= usual <= last else last] if end <= last else []))
+
+
+def _between(places: list[int]) -> list[Operation]:
+    return [Operation(a, b) for a, b in zip(places[:-1], places[1:])]
+
+
+def edges(voltage: Vector) -> Places:
+    """Last sample before each rise of the voltage from its low to its high level."""
+    low, high = float(voltage.min()), float(voltage.max())
+    level = np.where(voltage < low + LOW * (high - low), 0, np.where(voltage > low + HIGH * (high - low), 1, -1))
+    known = np.flatnonzero(level >= 0)
+    rises = known[1:][(level[known[1:]] == 1) & (level[known[:-1]] == 0)]
+    first = [int(known[np.searchsorted(known, k) - 1]) for k in rises]
+    return np.array(([0] if level[0] == 1 else []) + first, dtype=int)

@@ -1,0 +1,124 @@
+"""Checks of the samples of a file: their times, and the limits of the converters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.identification.measurements.operations import noise, resolution, true_runs
+from gapsense.identification.measurements.record import SHOWN, Columns, Vector
+
+FEWEST_SAMPLES = 8
+JITTER = 0.01  # largest deviation of a time step from their median, relative
+MANY = 50  # steps, whose mean is not rounded much
+DIGITS = 12  # after the point, or in all, that times may have
+FEWEST_DIGITS = 4  # in all, of rounded times
+COARSEST = 5e-3  # rounding of times relative to the length of a record
+CLIPPED = 5  # equal samples at the end of the range
+STEEP = 1e-3  # change before a flat end of the range that no settling current has, relative to the range
+
+
+def time_problems(columns: Columns) -> Iterator[str]:
+    """Too few samples, or time steps that differ by more than the times are rounded."""
+    t, rows, file = columns.values["time"], columns.rows, columns.file
+    if t.size < FEWEST_SAMPLES:
+        yield f"{file}: {t.size} rows found, at least {FEWEST_SAMPLES} expected. Record more."
+        return
+    wrong, usual = uneven(t)
+    if wrong.size and rounding(t) > 0.0:
+        return
+    steps = np.diff(t)
+    for k in wrong[:SHOWN]:
+        yield (
+            f"{file}, row {rows[k + 1]}: `time` is {t[k + 1]:.9g} s, {steps[k]:.6g} s after the row before; equal steps"
+            f" of {usual:.6g} s are expected. Record with one sampling period, or resample."
+        )
+    if wrong.size > SHOWN:
+        yield f"{file}: `time` has other steps in {wrong.size - SHOWN} more rows."
+
+
+def uneven(t: Vector) -> tuple[npt.NDArray[np.int_], float]:
+    """Steps that differ by more than a rounding of less than half a step, and what a step usually is [s]."""
+    steps = np.diff(t)
+    many = min(MANY, steps.size)
+    usual = float(np.median(t[many:] - t[:-many])) / many  # one step may be rounded
+    last = digit(t)
+    most = JITTER * abs(usual) + (1.01 * last if last < 0.5 * abs(usual) else 0.0)
+    return np.flatnonzero((np.abs(steps - usual) > most) | (steps <= 0.0)), usual
+
+
+def evened(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """Columns without problems, with equal steps where the times are rounded by more, and a sentence on that."""
+    t = columns.values["time"]
+    if not uneven(t)[0].size:
+        return columns, ()
+    even = np.linspace(t[0], t[-1], t.size)
+    said = (
+        f"`time` is rounded to {rounding(t):.2g} s, coarsely for steps of {even[1] - even[0]:.6g} s: these are taken."
+    )
+    return columns._replace(values={**columns.values, "time": even}), (said,)
+
+
+def digit(t: Vector) -> float:
+    """The last decimal digit that times have."""
+    for k in range(DIGITS + 1):
+        if np.allclose(np.round(t, k), t, rtol=0.0, atol=1e-3 * 10.0**-k):
+            return float(10.0**-k)
+    return 0.0
+
+
+def rounding(t: Vector) -> float:
+    """How coarsely equally spaced times are rounded, as programs of oscilloscopes do, by much of a step; 0 if not so.
+
+    No time may be farther from the straight line through all of them than it is rounded, to digits in all or to digits
+    after the point, so that no sample can be missing unless several times look the same.
+    """
+    steps, ends = np.arange(t.size), t[-1] - t[0]
+    units = np.maximum(significant(t), digit(t))
+    line = t[0] + ends / (t.size - 1) * steps
+    coarsest = float(units.max())
+    is_straight = bool(np.all(np.abs(t - line) <= 1.01 * units + JITTER * ends / (t.size - 1)))
+    return coarsest if is_straight and coarsest < COARSEST * ends and bool(np.all(np.diff(t) >= 0.0)) else 0.0
+
+
+def significant(t: Vector) -> Vector:
+    """The last digit of each time, if all of them have the same number of digits."""
+    sizes = np.abs(t)
+    tens = np.floor(np.log10(np.where(t == 0.0, sizes[sizes > 0.0].min(initial=1.0), sizes)))
+    for k in range(FEWEST_DIGITS, DIGITS + 1):
+        unit = 10.0 ** (tens - k + 1)
+        if np.all(np.abs(t - np.round(t / unit) * unit) <= 1e-3 * unit):
+            return np.asarray(unit)
+    return np.zeros(t.size)
+
+
+def clipping(columns: Columns, name: str) -> Iterator[str]:
+    """Flat ends of the range, where a converter saturates."""
+    x, rows = columns.values[name], columns.rows
+    unit = {"voltage": "V", "current": "A"}[name]
+    for extreme, word in ((x.max(initial=0.0), "largest"), (x.min(initial=0.0), "smallest")):
+        is_flat = x == extreme
+        runs = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
+        clipped = [run for run in runs if _is_noisy(x[~is_flat]) or (name == "current" and _is_steep(x, run[0]))]
+        if clipped:
+            first, end = clipped[0]
+            yield (
+                f"{columns.file}, row {rows[first]} to {rows[end - 1]}: `{name}` stays at its {word} value {extreme:g} "
+                f"{unit}, in {len(clipped)} places: the signal is clipped. Widen the measuring range and record again, "
+                "or add `--clipped` if it is not."
+            )
+
+
+def _is_noisy(x: Vector) -> bool:
+    """Noise of several digits, with which no stretch of equal samples is possible."""
+    steps = np.diff(x)
+    alternates = float(np.mean(steps[1:] * steps[:-1] < 0.0)) if steps.size > 1 else 0.0
+    return alternates > 0.25 and noise(x) > 2.0 * resolution(x)
+
+
+def _is_steep(x: Vector, first: int) -> bool:
+    """True if the signal changes by more than a digit just before it becomes flat, where a settling one would not."""
+    change = float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
+    return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)

@@ -1,0 +1,137 @@
+"""What the identified model leaves of the measured current, beside the noise: whether and where it fails to explain it.
+
+Standard errors follow from the residuals as if these were noise.  Where the model is another one than the device, or
+the record is not what the coil saw, they are small all the same; the residual, several times the noise, tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.identification.measurements.operations import coarse, hidden, noise
+from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.valve.model import JUMP, Trajectory
+
+EXPLAINED = 1.25  # times the noise
+FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
+SMALL = 3e-3  # of the largest current: less is none
+REST = 20  # samples before the first operation that tell the noise
+AFTER = 4  # samples after a jump of the voltage that count as its edge
+MAINS, PERIODS, HUMS = (50.0, 60.0), 2.0, 0.25  # Hz; that a record needs; part of the squares that is no chance
+CAUSES = {
+    "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
+    "motion": "the mechanics, the law of the gap, or core losses, which this model does not have",
+    "hold": "a voltage that is not the coil's (drops of the driver, a supply that sags, PWM sampled in step), or a coil"
+    " that gets warm",
+    "decay": "core losses, which this model does not have, or a drop in the path of the falling current",
+    "rest": "an offset of the current",
+}
+
+
+class Residual(NamedTuple):
+    """Of one record, from its first operation on."""
+
+    record: str
+    rms: float  # [A]
+    noise: float  # of the measured current, what the converter hides included [A]
+    limit: float  # up to which the model explains the record [A]
+    correlation: float  # of neighbouring residuals; 0 for noise
+    places: Mapping[str, float]  # part of the squares, by where they lie
+    hum: Mapping[float, float]  # the same, by what has a frequency of the mains [Hz]
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether noise explains it."""
+        return self.rms <= self.limit
+
+    @property
+    def worst(self) -> str:
+        """Where most of it lies."""
+        return max(self.places, key=lambda place: self.places[place])
+
+
+def residual(record: Record, model: Trajectory, first: int) -> Residual:
+    """What the model, which begins at sample `first`, leaves of a record."""
+    i, error = record.current[first:], record.current[first:] - model.current
+    squares, sigma = error**2, noise_of(record, first)
+    places = {name: float(squares[at].sum() / squares.sum()) for name, at in _places(record, model, first).items()}
+    return Residual(
+        record=record.name,
+        rms=float(np.sqrt(squares.mean())),
+        noise=sigma,
+        limit=max(EXPLAINED * sigma, _floor(i)),
+        correlation=float(error[1:] @ error[:-1] / (error @ error)),
+        places=places,
+        hum={f: _oscillating(error, f * record.dt) for f in MAINS if error.size * record.dt * f > PERIODS},
+    )
+
+
+def _oscillating(error: Vector, step: float) -> float:
+    """Part of the squares that an oscillation explains, which goes on by `step` periods each sample."""
+    phase = 2.0 * np.pi * step * np.arange(error.size)
+    waves = np.stack((np.sin(phase), np.cos(phase)), axis=1)
+    left = error - waves @ np.linalg.lstsq(waves, error, rcond=None)[0]
+    return 1.0 - float(left @ left) / float(error @ error)
+
+
+def noise_of(record: Record, first: int) -> float:
+    """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
+    i = record.current
+    return float(max(noise(i), hidden(i), coarse(i), i[:first].std() if first >= REST else 0.0))
+
+
+def is_small(error: Vector, record: Record, first: int) -> bool:
+    """Whether an error of the current is no more than sampling alone leaves."""
+    return float(np.sqrt(np.mean(error**2))) <= _floor(record.current[first:])
+
+
+def _floor(current: Vector) -> float:
+    return FLOOR * float(np.abs(current).max())
+
+
+def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDArray[np.bool_]]:
+    """Samples by what the device does there."""
+    v, at = record.voltage[first:], model.position
+    jumps = np.flatnonzero(np.abs(np.diff(v)) > JUMP * np.ptp(v))
+    edges = np.zeros(v.size, dtype=bool)
+    edges[np.clip(jumps[:, None] + np.arange(AFTER + 1), 0, v.size - 1)] = True
+    moves = _spread(np.abs(np.diff(at, prepend=at[0])) > 0.0)
+    flows = np.abs(model.current) > SMALL * np.abs(model.current).max()
+    driven = v > 0.5 * v.max()
+    left = ~edges & ~moves
+    return {
+        "edges": edges,
+        "motion": moves & ~edges,
+        "hold": left & flows & driven,
+        "decay": left & flows & ~driven,
+        "rest": left & ~flows,
+    }
+
+
+def _spread(is_true: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """True also for the neighbours of what is true."""
+    return np.asarray(np.convolve(is_true, np.ones(3), mode="same") > 0.0)
+
+
+def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, str] = CAUSES) -> str:
+    """Whether the model explains the record; `current` and `allowed` are the residual and its limit as text."""
+    if found.is_explained:
+        return f"{found.record}: the model explains the current to {current}, which is noise."
+    return (
+        f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
+        f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
+        f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; {cause(found, causes)}."
+    )
+
+
+def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
+    """What has usually gone wrong where such a residual is left."""
+    frequency = max(found.hum, key=lambda f: found.hum[f], default=0.0)
+    if frequency and found.hum[frequency] > HUMS:
+        part = 100.0 * found.hum[frequency]
+        return f"{part:.0f} % of it goes with {frequency:g} Hz: the usual cause is hum of the mains"
+    return f"the usual cause is {causes[found.worst]}"

@@ -1,0 +1,178 @@
+"""Print a traced graph as C99 without dependencies, in double or float."""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+from typing import Any
+
+from gapsense.kernels.emit.printer import Graph, Loop, Printer
+from gapsense.kernels.layout import ARRAYS, fields, names
+from gapsense.kernels.trace import BOOLEAN, Expr, Region, memory_of
+
+WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
+LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
+{
+    int low = 0, high = size; /* first element that is not below x */
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (table[middle] < x) low = middle + 1; else high = middle;
+    }
+    low -= 1;
+    return low < 0 ? 0 : low > size - 2 ? size - 2 : low;
+}
+"""
+# Array memory is reached through these: no number, whoever restored it, reads or writes anything else.
+WHOLE_NUMBER = """static inline int whole({real} x) { return x >= 0 && x < 1000000000 ? (int)x : -1; }
+"""
+WITHIN = """static inline int within(int k, int size) { return k >= 0 && k < size ? k : 0; }
+"""
+
+
+class C(Printer):
+    """C99 without dependencies; `-DSINGLE` builds it in float."""
+
+    end = ";"
+    real = "real"  # what the type of a number is called
+    truth = "int"  # and that of a truth value
+    whole_operations: tuple[str, ...] = WHOLE
+    forms = Printer.forms | {
+        "unary": "F({op})({b[0]})",
+        "not": "(!{a[0]})",
+        "and": "({a[0]} && {a[1]})",
+        "or": "({a[0]} || {a[1]})",
+        "where": "({a[0]} ? {a[1]} : {a[2]})",
+        "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
+        "whole": "whole({0})",
+    }
+    head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
+   constant and calls exp, log, sin, cos or tanh, with -fno-builtin-exp and so on: folded at compile time, these are
+   rounded otherwise than by the library. */
+#include <math.h>
+#ifdef SINGLE
+typedef float real;
+#define R(x) x##f
+#define F(name) name##f
+#else
+typedef double real;
+#define R(x) x
+#define F(name) name
+#endif
+
+""" + (LOCATE + WHOLE_NUMBER + WITHIN).replace("{real}", "real")
+
+    def __init__(self, graph: Graph) -> None:
+        super().__init__(graph)
+        self.whole: set[int] = set()  # variables of loops that are whole numbers
+        self.memory_sizes = {
+            symbol.id: fields(cls)[entry].size
+            for _, cls, symbols in graph.arguments
+            for entry, symbol in zip(names(cls), symbols)
+            if symbol.extra == "memory"
+        }
+
+    def _number(self, value: Any) -> str:
+        if isinstance(value, bool):
+            return str(int(value))
+        if math.isfinite(value):
+            return f"R({value!r})"
+        return "NAN" if math.isnan(value) else "INFINITY" if value > 0.0 else "(-INFINITY)"
+
+    def _let(self, node: Expr, text: str) -> str:
+        name = self.fresh()
+        self.write(f"const {self.truth if self.is_index(node) else self.type_of(node)} {name} = {text};")
+        return name
+
+    def element(self, node: Expr) -> str:
+        """Text of the element that a `load` or `store` means; of array memory one that there is."""
+        text, memory = super().element(node), memory_of(node.args[0])
+        if memory is None or not isinstance(node.args[1], Expr):
+            return text
+        return f"within({text}, {self.memory_sizes[memory.id]})"
+
+    def type_of(self, value: Any) -> str:
+        """Type of a value: truth values and places in tables are whole numbers, also where they are chosen from."""
+        return self.truth if self._is_whole(value) else self.real
+
+    def _is_whole(self, value: Any) -> bool:
+        if not isinstance(value, Expr):
+            return isinstance(value, bool)
+        if value.op == "where":
+            return all(map(self._is_whole, value.args[1:]))
+        if value.op == "get":
+            holder = value.args[0]
+            chosen = [*holder.extra[2].values()][value.extra] if holder.op == "if" else [holder.args[value.extra]]
+            return all(map(self._is_whole, chosen))
+        return value.op in self.whole_operations or value.id in self.whole
+
+    def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
+        for kind, whole in (("int", True), (self.real, False)):
+            found = [t for t, x, y in zip(targets, a, b) if (self._is_whole(x) and self._is_whole(y)) is whole]
+            if found:
+                self.write(f"{kind} {', '.join(found)};")
+        self.block(f"if ({self.bare(c)}) {{", regions[0], targets, a)
+        self.block("} else {", regions[1], targets, b)
+        self.write("}")
+
+    def _start(self, loop: Loop) -> None:
+        for target, start, variable in zip(loop.targets, loop.starts, loop.variables):
+            self.whole |= {variable.id} if self._is_whole(start) else set()
+            self.write(f"{self.type_of(start)} {target} = {self.bare(start)};")
+
+    def _repeat(self, loop: Loop) -> None:
+        self._start(loop)
+        round_ = self.fresh("k")
+        self.write(f"for (int {round_} = 0; {round_} < {loop.limit}; {round_}++) {{")
+        self.depth += 1
+        self.region(loop.body)
+        done = self.fresh("b")
+        self.write(f"const int {done} = {self.bare(loop.stop)};")
+        for target, value in zip(loop.targets, loop.new):
+            self.write(f"const {self.type_of(value)} next_{target} = {self.bare(value)};")
+        for target in loop.targets:
+            self.write(f"{target} = next_{target};")
+        self.write(f"if ({done}) break;")
+        self.depth -= 1
+        self.write("}")
+
+    def source(self) -> str:
+        """Text of the function, with the same signature for every kernel.
+
+        `void name(state, memory, inputs, par, tables, table_sizes, state_next, outputs)`: scalars in the order of
+        `names`, array memory (changed in place) and tables apart; `state_next` may be `state`.
+        """
+        for name, cls, symbols in self.graph.arguments:
+            self._unpack(name, cls, symbols)
+        self.region(self.graph.tape.root)
+        for target, (_, entries) in zip(("state_next", "outputs"), self.graph.results):
+            self._pack(target, entries)
+        signature = (
+            f"void {self.graph.name}(const real *state, real *const *memory, const real *inputs, const real *par,\n"
+            "    const real *const *tables, const int *table_sizes, real *state_next, real *outputs)\n{\n"
+            "    (void)state; (void)memory; (void)inputs; (void)par; (void)tables; (void)table_sizes;\n"
+            "    (void)state_next; (void)outputs;\n"
+        )
+        return signature + "\n".join(self.lines) + "\n}\n"
+
+    def _unpack(self, name: str, cls: type, symbols: list[Expr]) -> None:
+        scalars, arrays = count(), count()
+        for symbol, entry in zip(symbols, names(cls)):
+            self.text[symbol.id] = text = f"{name}_{entry}"
+            k = next(arrays if symbol.extra in ARRAYS else scalars)
+            if symbol.id not in self.uses:
+                continue
+            if symbol.extra == "memory":
+                self.write(f"real *const {text} = memory[{k}]; (void){text};")
+            elif symbol.extra == "table":
+                self.write(f"const real *const {text} = tables[{k}];")
+                self.write(f"const int {text}_size = table_sizes[{k}]; (void){text}_size;")
+            else:
+                self.write(f"const real {text} = {name}[{k}];")
+
+    def _pack(self, target: str, entries: list[Any]) -> None:
+        scalars, arrays = count(), count()
+        for entry in entries:
+            if isinstance(entry, list):
+                self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{next(arrays)}][k] = R(0.0);")
+            elif memory_of(entry) is None:
+                self.write(f"{target}[{next(scalars)}] = {self.ref(entry)};")

@@ -1,0 +1,11 @@
+"""Functions and kernels over many runs at once: in C where there is a compiler, by numpy where there is none.
+
+In C a run has the bits that it has alone in scalar Python: they do not depend on the other runs, nor on the processor's
+vectors.  Those of numpy may differ where there are logarithms, by their last bit.
+"""
+
+from gapsense.kernels.lanes.code import Code, Row
+from gapsense.kernels.lanes.kernels import OverRuns, is_compiled, over_runs, stepped
+from gapsense.kernels.lanes.plan import Array, Plan, plan
+
+__all__ = ["Array", "Code", "OverRuns", "Plan", "Row", "is_compiled", "over_runs", "plan", "stepped"]

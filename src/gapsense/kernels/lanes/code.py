@@ -1,0 +1,126 @@
+"""A function on flat rows over runs, and the record of calls of such functions.
+
+A row has an entry for each number of a record; an entry is a number of each run, or one for all of them.  Given
+arrays, a `Code` computes at once, by numpy; given plain numbers, a single run, in scalar Python.  Given the values of a
+`Record`, which stand for numbers of runs that come later, it is recorded, with all that plain Python does around it:
+loops over samples are done now, and never again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.kernels.emit import Graph, Lanes, Numpy, compiled
+from gapsense.kernels.emit.lanes import held
+
+Row: TypeAlias = tuple[Any, ...]
+NUMBERS = "numbers"  # the column of plain numbers, the same for all runs
+ONE = (float, int, list)  # what an entry is if there is one run only
+WHOLE = -1  # in place of a row: all numbers of a column, which are array memory or a table
+
+
+class InC(NamedTuple):
+    """Text of a function, and the numbers that it is given as `k`."""
+
+    text: str
+    constants: npt.NDArray[np.float64]
+
+
+class Value:
+    """A number of each run: row `row` of a column that is given, or else what a call makes."""
+
+    __slots__ = ("column", "record", "row")
+
+    def __init__(self, record: Record, column: str = "", row: int = 0) -> None:
+        self.record, self.column, self.row = record, column, row
+
+
+class Call(NamedTuple):
+    """A function, what it takes, and what it makes."""
+
+    code: Code
+    taken: list[Value]
+    made: list[Value]
+
+
+class Record:
+    """Calls in their order, and the columns that they need besides those that are given."""
+
+    def __init__(self) -> None:
+        self.calls: list[Call] = []
+        self.numbers: dict[str, Value] = {}  # by their text, which tells zeros of both signs apart
+        self.tables: dict[str, list[float]] = {}
+        self.memories: dict[str, int] = {}  # how many numbers each has
+
+    def value(self, entry: Any) -> Value:
+        """The value of an entry of a row: one of this record, a plain number, or a table."""
+        if isinstance(entry, Value):
+            return entry
+        if isinstance(entry, list):
+            self.tables[name := f"table {len(self.tables)}"] = entry
+            return Value(self, name, WHOLE)
+        return self.numbers.setdefault(repr(float(entry)), Value(self, NUMBERS, len(self.numbers)))
+
+    def memory(self, size: int) -> Value:
+        """Array memory of zeros that begins with a call."""
+        self.memories[name := f"memory {len(self.memories)}"] = size
+        return Value(self, name, WHOLE)
+
+
+class Code:
+    """A traced function; its results are a row, or a tuple of rows if it returns several records."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.sizes = [len(symbols) for _, _, symbols in graph.arguments]
+        self.symbols = [symbol for _, _, symbols in graph.arguments for symbol in symbols]
+
+    @cached_property
+    def python(self) -> Callable[..., Any]:
+        """The same as scalar Python, for a single run."""
+        return compiled(self.graph)
+
+    @cached_property
+    def numpy(self) -> Callable[..., Any]:
+        """The same as numpy code; `runs` comes behind the rows."""
+        return compiled(self.graph, Numpy)
+
+    @cached_property
+    def c(self) -> InC:
+        """The same as C, of the function `NAME`."""
+        printer = Lanes(self.graph._replace(name="NAME"))
+        return InC(printer.source(), np.array([*printer.constants.values()], float))
+
+    def __call__(self, *rows: Any) -> Any:
+        """The results for some rows."""
+        entries = [entry for row in rows for entry in row]
+        record = next((entry.record for entry in entries if isinstance(entry, Value)), None)
+        if record:
+            return self._recorded(record, entries)
+        if all(isinstance(entry, ONE) for entry in entries):
+            return self.python(*rows)
+        with np.errstate(all="ignore"):  # both branches of a condition may be computed, and one may be meaningless
+            return self.numpy(*rows, 0)
+
+    def _recorded(self, record: Record, entries: Sequence[Any]) -> Any:
+        taken = [record.value(entry) for entry in entries]
+        made: list[Value] = []
+        kept = {symbol.id: value for symbol, value in zip(self.symbols, taken)}
+        results = [tuple(self._made(entry, kept, made, record) for entry in row) for _, row in self.graph.results]
+        record.calls.append(Call(self, taken, made))
+        return results[0] if len(results) == 1 else tuple(results)
+
+    @staticmethod
+    def _made(entry: Any, kept: dict[int, Value], made: list[Value], record: Record) -> Value:
+        """Value of an entry of a result; array memory and tables stay where they are."""
+        if isinstance(entry, list):
+            return record.memory(len(entry))
+        if (array := held(entry)) is not None:
+            return kept[array.id]
+        made.append(Value(record))
+        return made[-1]

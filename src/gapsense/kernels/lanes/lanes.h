@@ -1,0 +1,112 @@
+/* W runs at once: a vector of doubles, and the operations of gapsense.kernels.emit.lanes on it.
+
+   A vector is as wide as the registers of the processor that this is compiled for. All operations give each run the
+   bits that C gives for one double: what the compiler has no vector operation for is done run by run, by the same
+   library of mathematics. */
+#include <math.h>
+#include <stddef.h>
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
+#if defined(__AVX512F__)
+#define W 8
+#elif defined(__AVX__)
+#define W 4
+#else
+#define W 2
+#endif
+#define SMALL static inline __attribute__((always_inline, unused))
+#define CALLED static __attribute__((noinline, unused)) /* else kernels take long to compile */
+
+typedef double V __attribute__((vector_size(W * sizeof(double))));
+typedef __INT64_TYPE__ M __attribute__((vector_size(W * sizeof(double)))); /* truth values, all bits or none; whole numbers */
+#define NONE ((M){0})
+#define ALL (~(M){0})
+
+/* An array of some numbers for each run. */
+typedef struct {
+    char *address;
+    ptrdiff_t row, run; /* bytes from one number to the next, and from one run to the next: 0 if runs share them */
+    ptrdiff_t size;     /* how many numbers there are */
+} Column;
+
+/* The runs that are computed together, `first` and those after it. */
+typedef struct {
+    const Column *columns;
+    ptrdiff_t first;
+    int count; /* at most W; what is computed for more is not kept */
+} Block;
+
+SMALL V every(double x) { return x - (V){0}; }
+SMALL V choose(M c, V a, V b) { return (V)((c & (M)a) | (~c & (M)b)); }
+SMALL M choose_truth(M c, M a, M b) { return (c & a) | (~c & b); }
+SMALL M whole(V x) { return __builtin_convertvector(x, M); }
+SMALL V numbers(M x) { return __builtin_convertvector(x, V); }
+SMALL V each_fabs(V x) { return (V)((M)x & ~(M)every(-0.0)); }
+
+SMALL int any(M c)
+{
+#if defined(__AVX512DQ__)
+    return _mm512_movepi64_mask((__m512i)c) != 0;
+#elif defined(__AVX__) && !defined(__AVX512F__)
+    return _mm256_movemask_pd((__m256d)c) != 0;
+#else
+    int found = 0;
+    for (int i = 0; i < W; i++) found |= c[i] != 0;
+    return found;
+#endif
+}
+
+#define ONE_BY_ONE(kind, name, together)               \
+    kind V each_##name(V x)                            \
+    {                                                  \
+        V y;                                           \
+        if (together) return every(name(x[0]));        \
+        for (int i = 0; i < W; i++) y[i] = name(x[i]); \
+        return y;                                      \
+    }
+/* Whether all runs have the same number, as they have at rest: one call then does for all. */
+#define SAME !any((M)x != (M)every(x[0]))
+ONE_BY_ONE(SMALL, sqrt, 0)
+ONE_BY_ONE(SMALL, floor, 0)
+ONE_BY_ONE(CALLED, exp, SAME)
+ONE_BY_ONE(CALLED, log, SAME)
+ONE_BY_ONE(CALLED, sin, SAME)
+ONE_BY_ONE(CALLED, cos, SAME)
+ONE_BY_ONE(CALLED, tanh, SAME)
+
+/* Number `row` of a run; one that does not exist, asked for by a run that does not take this branch, is the nearest. */
+SMALL double *number(const Column *c, ptrdiff_t row, int i, const Block *block)
+{
+    row = row < 0 ? 0 : row < c->size ? row : c->size - 1;
+    return (double *)(c->address + row * c->row + (block->first + (i < block->count ? i : 0)) * c->run);
+}
+
+CALLED V element(const Column *c, M row, const Block *block)
+{
+    V found;
+    for (int i = 0; i < W; i++) found[i] = *number(c, row[i], i, block);
+    return found;
+}
+
+CALLED void put(const Column *c, M row, V x, M taken, const Block *block)
+{
+    for (int i = 0; i < block->count; i++)
+        if (taken[i]) *number(c, row[i], i, block) = x[i];
+}
+
+/* Index k with table[k] < x <= table[k + 1], from 0 to the last but one: both ends extrapolate. */
+CALLED M located(const Column *c, V x, const Block *block)
+{
+    M found;
+    for (int i = 0; i < W; i++) {
+        ptrdiff_t low = 0, high = c->size; /* the first number that is not below x */
+        while (low < high) {
+            const ptrdiff_t middle = (low + high) / 2;
+            if (*number(c, middle, i, block) < x[i]) low = middle + 1; else high = middle;
+        }
+        low -= 1;
+        found[i] = low < 0 ? 0 : low > c->size - 2 ? c->size - 2 : low;
+    }
+    return found;
+}

@@ -1,0 +1,193 @@
+"""C of functions over runs: compiled for the processor of this machine once, and kept for the next time.
+
+Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
+
+What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has
+a hash of its content: what was cut, changed or exchanged is compiled anew.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+from gapsense._os.locks import temporary_folder
+from gapsense._os.native import NO_FOLDING, NativeError, own_compiler
+from gapsense.kernels.lanes.code import Code
+
+HERE = Path(__file__).resolve().parent
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", *NO_FOLDING, "-w")
+FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
+SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
+PREFIX = "lanes-"  # of all that is ours in the cache
+ENDING = ".dll" if sys.platform == "win32" else ".so"
+CACHE = "GAPSENSE_CACHE"  # the folder, for who wants another
+OLD = 90 * 86400.0  # seconds after which what was not used is removed
+PRIVATE = 0o700  # mode of what is ours
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+ELSEWHERE = f"Nothing is kept there; each process compiles anew. `{CACHE}` can name another folder."
+INSTEAD = "Python computes instead, several times slower; the logarithms of numpy may differ in the last bit."
+
+
+def source(codes: Sequence[Code]) -> str:
+    """C of all functions and of what calls them."""
+    head, tail = ((HERE / name).read_text(encoding="utf-8") for name in ("lanes.h", "run.c"))
+    names = [f"f{k}" for k in range(len(codes))]
+    functions = [code.c.text.replace("void NAME(", f"void {name}(", 1) for name, code in zip(names, codes)]
+    return "\n".join([head, *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
+
+
+@cache
+def loaded(text: str) -> ctypes.CDLL | None:
+    """The library of a source; None, with a warning, where there is none."""
+    try:
+        return ctypes.CDLL(str(built(text)))
+    except (OSError, NativeError) as error:
+        _tell(f"{error} {INSTEAD}")
+        return None
+
+
+@cache
+def _tell(sentence: str) -> None:
+    """Warn of the same thing once; where in the program that was helps nobody."""
+    warnings.warn_explicit(sentence, UserWarning, "gapsense", 1)
+
+
+def built(text: str) -> Path:
+    """File of the library; where the cache cannot be written it is for this process only."""
+    compiler = own_compiler()
+    if not compiler:
+        raise NativeError("No C compiler is found: neither what `CC` names, nor `cc`, `gcc` or `clang`.")
+    flags, about = tuned(compiler)
+    digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
+    with suppress(OSError):
+        folder = cache_folder()
+        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        if not (why := distrusted(folder)):
+            return intact(folder, digest) or compiled(text, (*compiler, *flags), folder, digest)
+        _tell(f"{why} {ELSEWHERE}")
+    return intact(own_folder(), digest) or compiled(text, (*compiler, *flags), own_folder(), digest)
+
+
+@cache
+def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
+    """Options for this processor, and all that the compiler then says of itself and of the processor."""
+    for more in FOR_THIS:
+        with suppress(NativeError):
+            return (*FLAGS, *more), run((*compiler, *FLAGS, *more, "-dM", "-E", "-x", "c", os.devnull))
+    raise NativeError(f"`{' '.join(compiler)}` is no compiler like gcc.")
+
+
+def distrusted(folder: Path) -> str:
+    """Why others could put a library of theirs into a folder, in a sentence; nothing if they cannot.
+
+    A folder that has nothing but libraries of ours becomes one that only its owner can read.
+    """
+    if os.name != "posix":
+        return ""
+    if folder.lstat().st_uid not in trusted():
+        return f"`{folder}` belongs to another user."
+    real, found = folder.resolve(), folder.stat()
+    if found.st_uid not in trusted():
+        return f"`{folder}` belongs to another user."
+    if found.st_mode & OTHERS_WRITE:
+        return f"`{folder}` can be written by other users: run `chmod 700` on it."
+    for parent in real.parents:
+        mode = parent.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return f"`{folder}` is in `{parent}`, which everybody can write."
+    with suppress(OSError):
+        if all(entry.name.startswith(PREFIX) for entry in real.iterdir()):
+            real.chmod(PRIVATE)
+    return ""
+
+
+def trusted() -> tuple[int, ...]:
+    """Users whose files may be loaded: one's own, and the one who can do everything anyway."""
+    return os.geteuid(), 0
+
+
+def intact(folder: Path, digest: str) -> Path | None:
+    """The file of a library, if there is one as it was compiled."""
+    for file in sorted(folder.glob(f"{PREFIX}{digest}*{ENDING}")):
+        if file.name == named(digest, content_of(file)):
+            with suppress(OSError):
+                os.utime(file)
+            return file
+    return None
+
+
+def content_of(file: Path) -> bytes:
+    """What is in a file; nothing if it is none, or others can change it."""
+    found = file.lstat()
+    if not stat.S_ISREG(found.st_mode):
+        return b""
+    if os.name == "posix" and (found.st_uid not in trusted() or found.st_mode & OTHERS_WRITE):
+        _tell(f"`{file}` is of other users, or they can write it: it is not loaded, but compiled anew.")
+        return b""
+    return file.read_bytes()
+
+
+def named(digest: str, content: bytes) -> str:
+    """Name of the file of a library."""
+    return f"{PREFIX}{digest}-{hashlib.sha256(digest.encode() + content).hexdigest()[:32]}{ENDING}"
+
+
+def compiled(text: str, command: Sequence[str], folder: Path, digest: str) -> Path:
+    """Compile a source into a file of a folder, which is complete or absent."""
+    tidy(folder)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as work:
+        part = Path(work) / f"{PREFIX}{digest}{ENDING}"
+        part.with_suffix(".c").write_text(text, encoding="utf-8")
+        run((*command, *SHARED, str(part.with_suffix(".c")), "-o", str(part), *(() if ENDING == ".dll" else ("-lm",))))
+        part.chmod(PRIVATE)
+        file = folder / named(digest, part.read_bytes())
+        if file.is_dir() and not file.is_symlink():
+            shutil.rmtree(file)
+        return part.replace(file)
+
+
+def run(command: Sequence[str]) -> str:
+    """What a command says; a NativeError with the first lines that tell why it failed."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise NativeError(f"`{command[0]}` does not start: {error}.") from error
+    if done.returncode:
+        raise NativeError(f"`{command[0]}` could not compile: {' '.join(done.stderr.split())[:300]}")
+    return done.stdout
+
+
+def cache_folder() -> Path:
+    """Folder for what is worth keeping between processes."""
+    if named := os.environ.get(CACHE):
+        return Path(named)
+    home = Path("~").expanduser()
+    usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}.get(sys.platform)
+    return Path(os.environ.get("XDG_CACHE_HOME") or usual or home / ".cache") / "gapsense"
+
+
+@cache
+def own_folder() -> Path:
+    """Folder of this process."""
+    return temporary_folder()
+
+
+def tidy(folder: Path) -> None:
+    """Remove what of ours has not been used for long, or was left by a process that was killed."""
+    for path in folder.glob(f"{PREFIX}*"):
+        with suppress(OSError):
+            if path.stat().st_mtime < time.time() - OLD:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()

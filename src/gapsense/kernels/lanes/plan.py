@@ -1,0 +1,162 @@
+"""Many calls over runs that are done in one go: in C a few runs after the other, without a compiler by numpy."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.kernels.emit.lanes import is_array
+from gapsense.kernels.lanes.code import NUMBERS, WHOLE, Code, Record, Value
+from gapsense.kernels.lanes.library import loaded, source
+from gapsense.kernels.lanes.program import KEEP, KEPT, OWN, TAKE, program
+
+Floats = npt.NDArray[np.float64]
+
+
+class Column(ctypes.Structure):
+    """An array (numbers, runs), as lanes.h has it."""
+
+    _fields_ = [("address", ctypes.c_void_p), *((name, ctypes.c_ssize_t) for name in ("row", "run", "size"))]
+
+
+class Array(Enum):
+    """Columns that functions take as a whole."""
+
+    TABLE = "table"  # the same for all runs, or one for each
+    MEMORY = "memory"  # of each run
+
+
+class Plan:
+    """Calls that were recorded, the columns that they are to be given by name and size, and what to keep of them."""
+
+    def __init__(self, record: Record, given: Mapping[str, int | Array], kept: Sequence[Value]) -> None:
+        self.record, self.given, self.kept = record, given, kept
+        self.program = program(record, [*given], kept)
+        self.numbers = np.array([*map(float, record.numbers)])
+
+    @cached_property
+    def library(self) -> ctypes.CDLL | None:
+        """The compiled functions; None if numpy has to do."""
+        return loaded(source(self.program.codes))
+
+    @cached_property
+    def _words(self) -> npt.NDArray[np.int32]:
+        return np.array(self.program.words(), np.int32)
+
+    def run(self, runs: int, /, **given: Any) -> Floats:
+        """What is kept, (values, runs).
+
+        Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs; array memory changes in
+        the array that is given.
+        """
+        arrays = self._columns(runs, given)
+        if self.library:
+            self._in_c(self.library, runs, arrays)
+        else:
+            for part in self._parts(runs, arrays):
+                self._by_numpy([array[:, part] for array in arrays])
+        return arrays[-1]
+
+    def _parts(self, runs: int, arrays: list[Floats]) -> list[slice]:
+        """The runs that numpy can do together: all, or each for itself if they have tables of their own."""
+        tables = [a for name, a in zip(self.program.columns, arrays) if self.given.get(name) is Array.TABLE]
+        return [slice(k, k + 1) for k in range(runs)] if any(a.strides[1] for a in tables) else [slice(None)]
+
+    def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
+        if given.keys() != self.given.keys():
+            raise ValueError(f"columns {', '.join(given)} found, {', '.join(self.given)} expected. Correct them.")
+        made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
+        made |= {NUMBERS: self.numbers, **self.record.tables}
+        made |= {name: np.zeros((size, runs)) for name, size in self.record.memories.items()}
+        made[KEPT] = np.empty((len(self.kept), runs))
+        return [_of_all_runs(np.asarray(made[name], float), runs) for name in self.program.columns]
+
+    def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
+        words, constants = self._words, [code.c.constants for code in self.program.codes]
+        columns = (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+        numbers = (ctypes.c_void_p * (OWN + len(constants)))(*[None] * OWN, *(c.ctypes.data for c in constants))
+        memory = np.empty(library.width() * (self.program.room + 1))
+        places = [ctypes.c_void_p(array.ctypes.data) for array in (words, memory)]
+        first, last, length = map(ctypes.c_ssize_t, (0, runs, words.size))
+        library.run(places[0], length, columns, numbers, places[1], first, last)
+
+    def _by_numpy(self, arrays: list[Floats]) -> None:
+        values: list[Any] = [None] * self.program.room
+        with np.errstate(all="ignore"):  # as in `Code`
+            for function, at in self.program.steps:
+                if function == TAKE:
+                    values[at[2]] = _number(arrays[at[0]], at[1])
+                elif function == KEEP:
+                    arrays[at[0]][at[1]] = values[at[2]]
+                else:
+                    _call(self.program.codes[function - OWN], at, values, arrays)
+
+
+def plan(function: Callable[..., Sequence[Any]], /, **given: int | Array) -> Plan:
+    """The plan of a function of columns, which it gets by name as rows of values, and which returns a row to keep.
+
+    Parameters
+    ----------
+    function : callable
+        Calls `Code` with what it gets.
+    **given : int or Array
+        Names of the columns, and how many numbers each has for a run, or what kind of array it is: a single value.
+    """
+    record = Record()
+    kept = function(**{name: _values(record, name, size) for name, size in given.items()})
+    return Plan(record, given, [record.value(entry) for entry in kept])
+
+
+def _values(record: Record, name: str, size: int | Array) -> Any:
+    """What stands for a column: a row, or a single value."""
+    if isinstance(size, Array):
+        return Value(record, name, WHOLE)
+    return tuple(Value(record, name, row) for row in range(size))
+
+
+def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
+    """A column of the right shape."""
+    array = np.atleast_1d(np.asarray(value, float))
+    n = len(array) if isinstance(size, Array) else size
+    shapes: list[tuple[int, ...]] = [(n, runs)] if size is Array.MEMORY else [(n,), (n, 1), (n, runs)]
+    if array.shape not in shapes:
+        expected = " or ".join(map(str, shapes))
+        raise ValueError(f"column `{name}` has the shape {array.shape}, {expected} expected. Correct it.")
+    if size is Array.MEMORY and array is not value:
+        raise ValueError(f"column `{name}` is no array of doubles, and memory changes where it is. Give one.")
+    return array
+
+
+def _of_all_runs(array: Floats, runs: int) -> Floats:
+    if array.shape == (len(array), runs):
+        return array
+    return np.broadcast_to(array[:, None] if array.ndim == 1 else array, (len(array), runs))
+
+
+def _number(array: Floats, row: int) -> Any:
+    """A number of each run, or one for all."""
+    return array[row] if array.strides[1] else array[row, 0]
+
+
+def _call(code: Code, at: Sequence[int], values: list[Any], arrays: list[Floats]) -> None:
+    """Do a recorded call by numpy."""
+    entries = [_entry(symbol.extra, place, values, arrays) for symbol, place in zip(code.symbols, at)]
+    rest = iter(entries)
+    made = code.numpy(*([next(rest) for _ in range(size)] for size in code.sizes), arrays[-1].shape[1])
+    results = made if len(code.graph.results) > 1 else (made,)
+    numbers = (
+        v for row, (_, entries) in zip(results, code.graph.results) for v, e in zip(row, entries) if not is_array(e)
+    )
+    for place, value in zip(at[len(entries) :], numbers):
+        values[place] = value
+
+
+def _entry(kind: Any, place: int, values: list[Any], arrays: list[Floats]) -> Any:
+    """An entry as numpy code takes it."""
+    return arrays[place] if kind == "memory" else arrays[place][:, 0] if kind == "table" else values[place]

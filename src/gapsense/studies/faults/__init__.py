@@ -1,1 +1,0 @@
-"""Faults of the current's sensor and of the coil, and what the estimators do with them."""

@@ -1,0 +1,183 @@
+"""Coils without motion: what made a record is found, real ones are explained, and no moving valve is taken for one."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from coil_records import CORE, EDDY, HYSTERESIS, PLAIN, coil_record
+from valve_records import record
+
+from gapsense.identification.choice import coil_of
+from gapsense.identification.coil.evidence import effective
+from gapsense.identification.coil.file import tuning
+from gapsense.identification.coil.fit import identify
+from gapsense.identification.coil.forms import RICHEST
+from gapsense.identification.coil.problem import Problem, currents, simulate
+from gapsense.identification.coil.runs import hidden, run, scale
+from gapsense.identification.coil.validation import validate
+from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.measurements.conventions import CONVENTIONS
+from gapsense.problems import InputError
+from gapsense.studies.devices import VALVE
+
+RECORDS = Path(__file__).parent / "records"
+CHANCE = 4.0  # standard errors
+LOCKED = VALVE._replace(spring_stiffness=1e6 * VALVE.spring_stiffness)
+
+
+@cache
+def measured(name):
+    return identify([read_record(RECORDS / f"{name}.csv")], conventions=CONVENTIONS)
+
+
+def test_coil_with_a_tube_of_iron_is_explained_as_it_was_recorded():
+    coil = measured("tube-150-raw")
+    assert coil.is_explained and coil.form is RICHEST
+    assert coil.parameters.resistance == pytest.approx(0.371, rel=0.01)
+    assert coil.residuals[0].rms < 0.012 * coil.records[0].current.max()
+    assert abs(np.log(coil.parameters.resistance / 0.371)) < 2.0 * coil.errors["resistance"]
+    assert set(coil.held) == {"saturation", "turnover"}  # the pulse reaches neither
+
+
+def test_coil_without_iron_has_a_constant_inductance():
+    coil = measured("empty-162-raw")
+    assert coil.is_explained and coil.form.parts == () and not coil.held + coil.poor
+    assert coil.inductance == pytest.approx(288e-6, rel=0.02)
+    assert abs(coil.residuals[0].correlation) < 0.1
+
+
+def test_what_the_converter_of_the_voltage_hides_is_within_half_a_step():
+    for name in ("tube-150-raw", "empty-162-raw"):
+        (voltage, current), *_ = measured(name).offsets
+        assert 0.2 < voltage < 1.0 and current == 0.0
+
+
+@pytest.mark.parametrize("name", ["tube-150-raw", "empty-162-raw"])
+def test_what_the_converter_of_the_voltage_may_hide_is_in_the_error_of_the_resistance(name):
+    coil = measured(name)
+    assert coil.balanced is not None and tuning(coil)["prior.resistance"] == coil.balanced
+    assert abs(np.log(coil.balanced / coil.parameters.resistance)) < coil.errors["resistance"]
+
+
+def test_sound_converter_hides_nothing():
+    coil = identify([coil_record()])
+    assert coil.balanced is None and "prior.resistance" not in tuning(coil)
+
+
+def test_iron_is_seen_when_the_coil_without_it_predicts_the_other_record():
+    check = validate(measured("empty-162-raw"), measured("tube-150-raw").records[0])
+    assert check.rms > 2.0 * measured("tube-150-raw").residuals[0].rms
+
+
+DEVICES = {
+    "constant inductance": {},
+    "eddy currents": EDDY,
+    "saturation": CORE,
+    "hysteresis": HYSTERESIS,
+    "saturation + eddy currents": {**CORE, **EDDY},
+    "saturation + eddy currents + hysteresis": {**CORE, **EDDY, **HYSTERESIS},
+}
+
+
+@pytest.mark.parametrize("words", DEVICES)
+def test_form_and_parameters_that_made_a_record_are_found(words):
+    true = PLAIN._replace(**DEVICES[words])
+    coil = identify([coil_record(true)])
+    assert coil.is_explained and coil.form.words == words
+    for name, error in coil.errors.items():
+        assert abs(np.log(getattr(coil.parameters, name) / getattr(true, name))) < CHANCE * error, name
+    assert coil.errors["resistance"] < 1e-3
+
+
+@pytest.mark.parametrize("floor", [False, True])
+@pytest.mark.parametrize("parts", [{}, CORE])
+def test_coarse_converter_is_within_the_errors(parts, floor):
+    true = PLAIN._replace(**parts)
+    coil = identify([coil_record(true, step=0.03, floor=floor)])
+    assert coil.is_explained and coil.form.parts == (("core",) if parts else ())
+    for name, error in coil.errors.items():
+        assert abs(np.log(getattr(coil.parameters, name) / getattr(true, name))) < CHANCE * error, name
+
+
+def test_two_records_have_one_coil_and_another_one_is_predicted():
+    first, second, third = (coil_record(PLAIN._replace(**CORE), pulses=(v,), seed=k) for k, v in enumerate((12, 9, 6)))
+    coil = identify([first, second])
+    assert coil.is_explained and coil.form.parts == ("core",) and len(coil.models) == 2
+    assert validate(coil, third).rms < 1.1 * coil.residuals[0].noise
+
+
+def test_best_reading_of_the_voltage_is_taken_only_where_it_matters():
+    assert identify([coil_record()], conventions=CONVENTIONS).convention == "trapezoid"
+    assert identify([coil_record(PLAIN._replace(**EDDY))], conventions=CONVENTIONS).convention == "trapezoid"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"volts": 24.0}, {"seed": 1}, {"volts": 24.0, "seed": 1}, {"volts": 20.0, "seed": 2}, {"volts": 40.0}],
+)
+def test_valve_that_moves_is_no_coil(options):
+    coil, _ = coil_of("auto", [record(**options)], VALVE, None, CONVENTIONS)
+    assert coil is None
+
+
+def test_valve_that_moves_in_noise_and_in_short_pulses_is_no_coil(monkeypatch):
+    assert coil_of("auto", [record(seed=1, noise=(0.15, 10e-3))], VALVE, None, CONVENTIONS)[0] is None
+    monkeypatch.setattr("valve_records.ON", 1.5e-3)
+    assert coil_of("auto", [record(seed=1)], VALVE, None, CONVENTIONS)[0] is None
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+def test_valve_that_is_held_is_a_coil_that_saturates(seed):
+    coil, told = coil_of("auto", [record(par=LOCKED, seed=seed)], VALVE, None, CONVENTIONS)
+    assert coil is not None and coil.form.parts == ("core",) and not told
+    assert coil.parameters.resistance == pytest.approx(VALVE.coil_resistance, rel=1e-3)
+    off = abs(np.log(coil.parameters.saturation / VALVE.core_saturation))
+    assert off < max(CHANCE * coil.errors["saturation"], 2e-3)
+
+
+def test_records_that_do_not_agree_are_told():
+    coil, (said,) = coil_of("auto", [record(par=LOCKED, seed=1), record(seed=1)], VALVE, None, ())
+    assert coil is None and said == "valve: a coil without motion explains it, but not the others."
+    others = [coil_record(), coil_record(PLAIN._replace(air=150.0))]
+    coil, (said,) = coil_of("auto", others, VALVE, None, ())
+    assert coil is not None and not coil.is_explained and "no one coil" in said
+
+
+def test_device_that_is_neither_is_refused_with_a_word_on_the_coil():
+    moving = record(seed=1)
+    far = VALVE._replace(coil_turns=20.0 * VALVE.coil_turns)
+    with pytest.raises(InputError, match="another device") as refused:
+        coil_of("auto", [moving], far, None, ())
+    assert "Nor does a coil without motion" in str(refused.value)
+    assert coil_of("coil", [moving], far, None, ())[0] is not None
+
+
+def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():
+    each = run(coil_record(PLAIN._replace(**CORE)))
+    problem = Problem(RICHEST, scale([each.record]), [each])
+    _, usual, high = problem.limits()
+    pars = [problem.parameters(usual + share * (high - usual), each) for share in (0.0, 0.1, 0.2)]
+    voltages = each.voltages[:, :, None] + np.array([0.0, 0.1, 0.2])
+    for k, found in enumerate(currents(pars, voltages)):
+        np.testing.assert_array_equal(found, simulate(pars[k], voltages[:, :, k])[:, 0])
+
+
+def test_only_some_of_correlated_residuals_count():
+    white = np.random.default_rng(1).normal(size=20000)
+    assert effective(white) == pytest.approx(white.size, rel=0.05)
+    walk = np.zeros(white.size)
+    for k in range(1, white.size):
+        walk[k] = 0.8 * walk[k - 1] + white[k]
+    assert effective(walk) == pytest.approx(white.size / 9.0, rel=0.35)  # (1 - 0.8) / (1 + 0.8)
+    assert effective(np.zeros(100)) == 100.0
+
+
+def test_converter_hides_offsets_only_where_noise_is_less_than_its_steps():
+    rng, rest = np.random.default_rng(1), 500
+    x = np.concatenate((np.zeros(rest), np.linspace(0.0, 100.0, 1000)))
+    assert hidden(np.round(x), rest) == 0.5
+    assert hidden(np.round(x + rng.normal(size=x.size)), rest) == 0.0
+    assert hidden(x + 1e-3 * rng.normal(size=x.size), rest) == 0.0
