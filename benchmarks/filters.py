@@ -25,6 +25,13 @@ sys.path.extend(
     for folder in ("kernels", "oracles", "estimators", "studies")
 )
 import reduced_model_textbook as textbook
+from kernels import in_c
+from wrong_models import filter_parameters
+
+from gapsense.estimators import ekf
+from gapsense.estimators.rts import motions
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Code, Row, plan
 from gapsense.scenarios.soft_landing.batch import (
     MOVING,
     Tuning,
@@ -38,13 +45,6 @@ from gapsense.scenarios.soft_landing.comparison import compare
 from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered
 from gapsense.scenarios.soft_landing.setting import CHUNK, Study, errors, noise, nominal, perturbed, studied, unvaried
-from kernels import in_c
-from wrong_models import filter_parameters
-
-from gapsense.estimators import ekf
-from gapsense.estimators.rts import motions
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import Code, Row, plan
 
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
 PASSES, REPEATS = 5, 20

@@ -1,49 +1,14 @@
-"""Port table of the solenoid valve."""
+"""The solenoid valve as an FMU."""
 
-from gapsense.fmi.ports import Component, choice, fixed, input_, output, parameter, table
+from gapsense.actuators import solenoid_valve
+from gapsense.fmi.ports import Component
+from gapsense.kernels.interface import ports_of
 
 COMPONENT = Component(
     name="SolenoidValve",
     description="Solenoid valve with magnetic saturation, spring, damping and stops",
-    kernel="gapsense.actuators.solenoid_valve",
+    kernel=solenoid_valve.__name__,
+    ports=ports_of(solenoid_valve),
     resources=("fringing_19.csv",),
     rising=(("stop.lower", "stop.upper"),),
-    ports=(
-        input_("voltage", "V", "Coil voltage, held during the step", nominal=30.0, source="drive.voltage_mean"),
-        output("current", "A", "Coil current", nominal=0.4),
-        output("position", "m", "Gap: 0 is closed", nominal=1e-3),
-        output("velocity", "m/s", "Rate of the gap", nominal=0.5),
-        output("flux_linkage", "Wb", "Flux linkage", nominal=0.02),
-        output("inductance", "H", "Apparent inductance, flux linkage / current", nominal=0.1),
-        output("force", "N", "Magnetic force; negative: it closes the gap", nominal=1.0),
-        output("mode", "1", "1: at the lower stop, 2: moving, 3: at the upper stop", min=1.0, max=3.0),
-        output("contact", "1", "1 on a stop, else 0", min=0.0, max=1.0),
-        output("dissipated_energy", "J", "Lost in the coil, the damping and the impacts since the start", nominal=0.1),
-        output("stored_energy", "J", "Magnetic, elastic and kinetic energy", nominal=0.01),
-        output("supplied_energy", "J", "Integral of voltage times current since the start", nominal=0.1),
-        output("impact_speed", "m/s", "Hardest impact since the mover last left its rest", nominal=0.5),
-        parameter("coil.resistance", "Ohm", "Resistance r", 76.0, min=1e-9),
-        fixed("coil.turns", "1", "Number of turns N", 1200.0, min=1e-9),
-        choice("gap.law", "Reluctance of the gap", ("linear", "fringing", "table")),
-        fixed("gap.slope", "1/(H.m)", "Linear law: reluctance per gap, k_air", 2.7e10, min=0.0),
-        fixed("gap.area", "m2", "Fringing law: pole area A", 1.75e-5, min=1e-12),
-        fixed("gap.window", "m", "Fringing law: height of the winding window G", 10e-3, min=1e-9),
-        table(
-            "gap.file",
-            "Table: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H.m)]",
-            ("gap [m]", "reluctance [1/H]", "slope [1/(H.m)]"),
-            "fringing_19.csv",
-        ),
-        fixed("core.reluctance", "1/H", "Reluctance of the core without flux, R_iron0", 3.25e6, min=1e-9),
-        fixed("core.saturation", "Wb", "Flux linkage of saturation, lambda_sat", 0.024, min=1e-12),
-        fixed("mover.mass", "kg", "Mass of the mover m", 1.6e-3, min=1e-9),
-        parameter("spring.stiffness", "N/m", "Stiffness k_s", 37.0, min=0.0),
-        parameter("spring.rest", "m", "Gap without spring force, h_s", 22.5e-3),
-        parameter("damping", "N.s/m", "Viscous damping c", 0.4, min=0.0),
-        fixed("stop.lower", "m", "Smallest gap h_min", 0.0, min=0.0),
-        fixed("stop.upper", "m", "Largest gap h_max", 0.9e-3, min=1e-9),
-        fixed("stop.restitution", "1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95),
-        fixed("initial.position", "m", "Gap at the start", 0.9e-3, min=0.0),
-        fixed("micro_step", "s", "Longest step of the integrator", 12.5e-6, min=1e-7),
-    ),
 )

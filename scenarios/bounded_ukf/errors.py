@@ -1,33 +1,31 @@
 """Errors of `BoundedUkf` over noise and over wrong parameters, Figs. 8 and 9 of [UKF], and over the resistance.
 
-One cycle of the valve at each voltage; then all noise levels, seeds and sign combinations of the filter at once.  The
-paper leaves the resistance out of its wrong parameters, and says nothing of landings that are missed.
+The runs are those of the scenario, of one cycle of the valve; all its filters get the same measurements.  The paper
+leaves the resistance out of its wrong parameters, and says nothing of landings that are missed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import product
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby, product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.workers import Progress
-from gapsense.actuators import solenoid_valve
-from gapsense.estimators import ukf
-from gapsense.estimators.valve_model import Filter, Tuned
-from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
-from gapsense.studies.devices import VALVE, driven
+from gapsense.fmi.components import load_component, own
+from gapsense.shipped import SCENARIOS
+from gapsense.studies.devices import VALVE
+from gapsense.studies.runs import Values, after, overlaid, signals
 
 Array = npt.NDArray[np.float64]
-Factors = Mapping[str, Any]  # by the field of a parameter: numbers or arrays (levels, voltages, runs)
+Factors = Mapping[str, Array]  # by parameter, of shapes that go with (levels, voltages, runs)
 
 T_S = 20e-6  # [s]
 REST, HALF = 10, 500  # samples before the first edge, and of each half of the cycle
 SAMPLES = REST + 2 * HALF
+SCENARIO = overlaid(SCENARIOS / "bounded_ukf", {"experiment": {"stop": (2 * HALF - 1) * T_S}})
 LAST = 50  # samples at the end of each half, in which the plunger has long landed
 MISSED = 0.25  # an estimate that is further from the stop there, in strokes, has missed the landing
 VOLTAGES = (24.0, 30.0, 36.0)  # [V]
@@ -36,30 +34,27 @@ NOISES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # sigma_n (37)
 ERRORS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05)  # relative, of the parameters
 RESISTANCES = (-0.05, -0.02, 0.02, 0.05)  # relative
 NOISE = 0.01  # sigma_n of Fig. 9
-WRONG = ("coil_turns", "core_reluctance", "core_saturation", "spring_stiffness", "damping", "mover_mass")
-PLANT = VALVE._replace(coil_resistance=77.5, gap_law=solenoid_valve.GapLaw.table)
-NOMINAL: ukf.Parameters = kernel_parameters(own("bounded_ukf"), {})  # what is right
-FILTERS: Mapping[str, Factors] = {
-    "bounded UKF, robust": {},
-    "bounded UKF, paper": {"option_tuning": Tuned.paper},
-    "bounded EKF": {"option_filter": Filter.bounded_ekf},
-    "unbounded UKF": {"option_filter": Filter.unbounded_ukf, "option_tuning": Tuned.paper},
-    "open loop": {"option_filter": Filter.open_loop},
+WRONG = ("coil.turns", "core.reluctance", "core.saturation", "spring.stiffness", "damping", "mover.mass")
+RESISTANCE = "coil.resistance"
+RIGHT: dict[str, float] = {  # what the filters should believe
+    port.name: float(port.start)
+    for port in load_component(own("bounded_ukf")).of("parameter")
+    if port.name in (*WRONG, RESISTANCE)
 }
-
-
-class Cycle(NamedTuple):
-    """One cycle of the valve."""
-
-    voltage: Array  # (samples,), of each sample, held until the next
-    current: Array
-    position: Array
+COMPONENTS = ("ukf", "paper", "ekf", "model")
+FILTERS: Mapping[str, tuple[str, Values]] = {  # component, and what is set beside its parameters
+    "bounded UKF, robust": ("ukf", {}),
+    "bounded UKF, paper": ("paper", {}),
+    "bounded EKF": ("ekf", {}),
+    "unbounded UKF": ("paper", {"paper.option.filter": "unbounded_ukf"}),
+    "open loop": ("model", {}),
+}
 
 
 class Errors(NamedTuple):
     """What the runs of one filter give; the last axis is closing, opening."""
 
-    rmse: Array  # (levels, voltages, runs, 2) [m]
+    rmse: Array  # (levels, voltages, runs, 2) [m]; NaN of a filter that has left the device
     missed: npt.NDArray[np.bool_]  # the same shape
 
 
@@ -68,10 +63,8 @@ Found = Mapping[str, Errors]  # by filter
 
 def noise(seeds: int = 20, progress: Progress = lambda done, total: None) -> Found:
     """Fig. 8: right parameters, all `NOISES`, errors of each seed."""
-    shape = (len(NOISES), len(VOLTAGES), seeds)
-    sizes = np.broadcast_to(np.array(NOISES)[:, None, None], shape)
-    drawn = np.random.default_rng(8).standard_normal((2, SAMPLES, len(VOLTAGES), seeds))  # same at every level
-    return _all(sizes, drawn[:, :, None], {}, progress)
+    sizes = np.broadcast_to(np.array(NOISES)[:, None, None], (len(NOISES), len(VOLTAGES), seeds))
+    return _all(sizes, np.arange(len(VOLTAGES) * seeds).reshape(-1, seeds), {}, progress)  # the same at every level
 
 
 def parameters(
@@ -80,11 +73,10 @@ def parameters(
     """Fig. 9: all 2^6 signs of each of the relative `errors` in six parameters; `resistance` is wrong by as much."""
     signs = np.array([*product((-1.0, 1.0), repeat=len(WRONG))]).T
     factors = dict(zip(WRONG, 1.0 + np.array(errors)[None, :, None, None] * signs[:, None, None]))
-    factors["core_saturation"] = factors["coil_turns"] / factors["core_saturation"]  # it is N / k_2
-    factors["coil_resistance"] = np.full((1, 1, 1), 1.0 + resistance)
-    shape = (len(errors), len(VOLTAGES), signs.shape[1])
-    drawn = np.random.default_rng(9).standard_normal((2, SAMPLES, 1, len(VOLTAGES), 1))  # one, as in the paper
-    return _all(np.full(shape, NOISE), drawn, factors, progress)
+    factors["core.saturation"] = factors["coil.turns"] / factors["core.saturation"]  # it is N / k_2
+    factors[RESISTANCE] = np.full((1, 1, 1), 1.0 + resistance)
+    sizes = np.full((len(errors), len(VOLTAGES), signs.shape[1]), NOISE)
+    return _all(sizes, np.arange(1000, 1000 + len(VOLTAGES))[:, None], factors, progress)  # one, as in the paper
 
 
 def unseen(runs: int = 200, progress: Progress = lambda done, total: None) -> Found:
@@ -93,46 +85,64 @@ def unseen(runs: int = 200, progress: Progress = lambda done, total: None) -> Fo
     The errors are uniform within +-5 and +-10 %, those of the resistance too, with noise of their own for each run.
     """
     rng, widths = np.random.default_rng(1000), np.array([0.05, 0.10])[:, None, None]
-    factors = {name: 1.0 + widths * rng.uniform(-1.0, 1.0, (1, 1, runs)) for name in (*WRONG, "coil_resistance")}
-    factors["core_saturation"] = factors["coil_turns"] / factors["core_saturation"]
-    shape = (len(widths), len(UNSEEN), runs)
-    drawn = rng.standard_normal((2, SAMPLES, 1, *shape[1:]))
-    return _all(np.full(shape, NOISE), drawn, factors, progress, UNSEEN)
+    factors = {name: 1.0 + widths * rng.uniform(-1.0, 1.0, (1, 1, runs)) for name in (*WRONG, RESISTANCE)}
+    factors["core.saturation"] = factors["coil.turns"] / factors["core.saturation"]
+    sizes = np.full((len(widths), len(UNSEEN), runs), NOISE)
+    return _all(sizes, np.arange(2000, 2000 + len(UNSEEN) * runs).reshape(-1, runs), factors, progress, UNSEEN)
+
+
+def means(voltages: Sequence[float]) -> Array:
+    """Mean voltage [V] and current [A] of a cycle at each voltage: (voltages, 2)."""
+    asked = [{"drive.square.amplitude": volts} for volts in voltages]
+    runs = signals(SCENARIO, None, ["drive.voltage_mean", "valve.current"], asked)
+    found = {k: run.mean(axis=0) for k, run in runs if run is not None}
+    return np.array([found[k] for k in range(len(asked))])
+
+
+def draw(volts: float, stds: Array, factors: Mapping[str, float]) -> Values:
+    """Values of one run: a voltage, noise that the filters are told, and what they get wrong."""
+    noises = {"noise.voltage": float(stds[0]), "noise.current": max(float(stds[1]), 1e-9)}
+    believed = {**noises, **{name: right * factors.get(name, 1.0) for name, right in RIGHT.items()}}
+    told = {f"{component}.{name}": value for component in COMPONENTS for name, value in believed.items()}
+    return {"drive.square.amplitude": volts, **{f"sensor.{name}": value for name, value in noises.items()}, **told}
 
 
 def _all(
-    sizes: Array, drawn: Array, factors: Factors, progress: Progress, voltages: Sequence[float] = VOLTAGES
+    sizes: Array,
+    seeds: npt.NDArray[np.int_],
+    factors: Factors,
+    progress: Progress,
+    voltages: Sequence[float] = VOLTAGES,
 ) -> Found:
-    """Errors of all filters; `sizes` (levels, voltages, runs) are those of the noise, `drawn` is noise of size 1."""
-    cycles = [*map(simulated, voltages)]
-    return {
-        name: _errors(cycles, sizes, drawn, factors, options, progress, k * SAMPLES)
-        for k, (name, options) in enumerate(FILTERS.items())
-    }
+    """Errors of all filters; `sizes` of the noise are (levels, voltages, runs), `seeds` are those of the sensor."""
+    scales = means(voltages)
+    spread = {name: np.broadcast_to(factor, sizes.shape) for name, factor in factors.items()}
+    draws = [
+        draw(voltages[at[1]], sizes[at] * scales[at[1]], {name: float(factor[at]) for name, factor in spread.items()})
+        for at in np.ndindex(sizes.shape)
+    ]
+    shifts: list[int] = np.broadcast_to(seeds, sizes.shape).ravel().tolist()
+    groups = groupby(sorted(FILTERS, key=lambda title: len(FILTERS[title][1])), key=lambda title: FILTERS[title][1])
+    found: dict[str, Errors] = {}
+    for options, titles in [(options, [*titles]) for options, titles in groups]:
+        asked, before = [{**values, **options} for values in draws], len(found) * sizes.size
+        tell = after(progress, before, len(FILTERS) * sizes.size, len(titles))
+        judged = _judged([FILTERS[title][0] for title in titles], asked, shifts, tell)
+        for title, (rmse, missed) in zip(titles, judged):
+            found[title] = Errors(rmse.reshape(*sizes.shape, 2), missed.reshape(*sizes.shape, 2))
+    return {title: found[title] for title in FILTERS}
 
 
-def _errors(
-    cycles: Sequence[Cycle], sizes: Array, drawn: Array, factors: Factors, options: Factors, tell: Progress, before: int
-) -> Errors:
-    """Errors of one filter; `before` samples of others are done."""
-    stds = [sizes * np.array([np.mean(x) for x in xs])[:, None] for xs in [*zip(*cycles)][:2]]
-    par = NOMINAL._asdict() | {"noise_voltage": stds[0], "noise_current": np.maximum(stds[1], 1e-9), **options}
-    par |= {name: par[name] * factor for name, factor in factors.items()}
-    flat = [v if isinstance(v, list) else np.broadcast_to(v, sizes.shape).ravel() for v in par.values()]
-    true = np.stack(cycles, axis=-1)[..., None]  # (quantities, samples, voltages, 1)
-    inputs = np.zeros((SAMPLES, len(ukf.Inputs._fields), sizes.size))  # the last one is not wired
-    for row, x, s, d in zip(inputs.swapaxes(0, 1), true, stds, drawn):
-        row[:] = (x[:, None] + s * d).reshape(SAMPLES, -1)
-    found = stepped(Kernel(ukf), inputs, flat, ("position",))
-    error = found.reshape(SAMPLES, *sizes.shape) - true[2][:, None]
-    tell(before + SAMPLES, SAMPLES * len(FILTERS))
-    halves = np.split(error[REST:], 2)
-    rmse = np.stack([np.sqrt(np.mean(half**2, axis=0)) for half in halves], axis=-1)
-    last = np.stack([np.mean(np.abs(half[-LAST:]), axis=0) for half in halves], axis=-1)
-    return Errors(rmse, last > MISSED * (PLANT.stop_upper - PLANT.stop_lower))
-
-
-def simulated(volts: float) -> Cycle:
-    """Rest, voltage on, voltage off: the valve with the fringing gap table."""
-    voltage = np.repeat([0.0, volts, 0.0], [REST, HALF, HALF])
-    return Cycle(voltage, *driven(solenoid_valve, PLANT, voltage, T_S, "current", "position").T)
+def _judged(
+    components: Sequence[str], draws: Sequence[Values], seeds: Sequence[int], tell: Callable[[int], None]
+) -> Iterator[tuple[Array, npt.NDArray[np.bool_]]]:
+    """For each component the errors of all runs in both halves, (runs, 2), and whether landings are missed."""
+    rmse, last = (np.full((len(components), len(draws), 2), np.nan) for _ in range(2))
+    names = [*(f"{component}.position" for component in components), "valve.position"]
+    for done, (k, run) in enumerate(signals(SCENARIO, None, names, draws, seeds), 1):
+        if run is not None:
+            halves = np.split((run[REST:, :-1] - run[REST:, -1:]).T, 2, axis=1)
+            rmse[:, k] = np.stack([np.sqrt(np.mean(half**2, axis=1)) for half in halves], axis=-1)
+            last[:, k] = np.stack([np.mean(np.abs(half[:, -LAST:]), axis=1) for half in halves], axis=-1)
+        tell(done)
+    return zip(rmse, ~(last <= MISSED * (VALVE.stop_upper - VALVE.stop_lower)))  # true where there is none

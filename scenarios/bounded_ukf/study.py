@@ -24,7 +24,7 @@ def ukf_noise(
     from . import errors
     from .show import noise_tables, over_noise
 
-    with bar("samples") as progress:
+    with bar("runs") as progress:
         found = errors.noise(seeds, progress)
     file = plot.save(over_noise(found, errors.NOISES), to / "ukf_noise.png")
     show(*noise_tables(found, errors.NOISES, seeds))
@@ -39,15 +39,15 @@ def ukf_parameters(to: Out = Path("results")) -> None:
     from .errors import ERRORS, RESISTANCES, parameters, unseen
     from .show import over_errors, parameter_tables, resistance_table, unseen_table
 
-    with bar("samples") as progress:
+    with bar("runs") as progress:
         found = parameters(progress=progress)
     file = plot.save(over_errors(found, ERRORS), to / "ukf_parameters.png")
     show(*parameter_tables(found, ERRORS, 0.0))
     written(file)
     wrong = {}
     for r in RESISTANCES:
-        with bar(f"resistance {100 * r:+g} %, samples") as progress:
+        with bar(f"resistance {100 * r:+g} %, runs") as progress:
             wrong[r] = parameters(r, (0.0, ERRORS[-1]), progress)
     show(resistance_table(wrong, ERRORS[-1]))
-    with bar("unseen cases, samples") as progress:
+    with bar("unseen cases, runs") as progress:
         show(unseen_table(unseen(progress=progress)))

@@ -13,8 +13,8 @@ import numpy as np
 
 from gapsense.cosim import Result, load, run
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.identification.actuator import file
 from gapsense.identification.actuator.fit import Commissioned, commission
+from gapsense.identification.actuator.show import write_actuator
 from gapsense.identification.measurements.record import Columns, Record, to_record
 
 from .contenders import COMMISSIONED, MHE
@@ -29,7 +29,7 @@ def write(folder: Path) -> None:
     """Write the parameter sets into the folder of the scenario."""
     for variant in (None, *DEVICES):
         given = load(folder, variant).components[MHE.component].values
-        file.write(folder / set_file(COMMISSIONED, variant), of_scenario(folder, variant), given, ORIGIN)
+        write_actuator(folder / set_file(COMMISSIONED, variant), of_scenario(folder, variant), given, ORIGIN)
 
 
 def of_scenario(folder: Path, variant: str | None = None) -> Commissioned:

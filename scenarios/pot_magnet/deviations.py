@@ -1,51 +1,39 @@
 """RMS deviations of `HybridEkf` over time, noise and wrong parameters: Figs. 8-11 of [HEKF] and beyond.
 
-One run of the plant for each step of the voltage; then all seeds and noise levels of the filter at once.  The noise of
-a seed is the same at every level but for its size, and so are its parameter errors.
+The runs are those of the scenario, from shortly before its edge on; all its filters get the same measurements.  The
+noise of a seed is the same at every level but for its size, and so are its parameter errors.
 """
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.workers import Progress
-from gapsense.actuators import pot_magnet
-from gapsense.estimators import hybrid_ekf
-from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
-from gapsense.kernels.layout import flat, names
-from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED, driven
+from gapsense.cosim import load
+from gapsense.shipped import SCENARIOS
+from gapsense.studies.runs import Values, after, overlaid, signals
 
 Array = npt.NDArray[np.float64]
 
 T_S = 1e-4  # [s]
-EDGE, SAMPLES = 1000, 2000  # of the voltage; the paper's edge at 0.5 s follows a rest, of which 0.1 s is enough
-HIGH = 24.0  # [V]
+EDGE, SAMPLES = 1000, 2000  # of the voltage; the edge at 0.5 s follows a rest, of which 0.1 s is enough
+SCENARIO = overlaid(SCENARIOS / "pot_magnet", {"experiment": {"start": 0.4, "stop": 0.4 + (SAMPLES - 1) * T_S}})
 LEVELS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)  # noise of the current [A]
-ERRORS, NOISE = 11, 12  # streams of random numbers; the tuning was chosen on others, 1 and 2
-TUNINGS = tuple(choice.name for choice in hybrid_ekf.Tuned)
+ERRORS = 11  # stream of random numbers; the tuning was chosen on others, 1 and 2
+FILTERS = {"robust": "robust", "paper": "paper", "none": "open_loop"}  # components by their tuning
 STEPS = ("0 to 24 V", "24 to 0 V")
-PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
-WRONG = ("coil_resistance", "pole_area", "core_length", "mover_mass", "current_on", "current_off")
-SEEN = 4  # the first outputs: as the states of `Truth`
-NOMINAL: hybrid_ekf.Parameters = kernel_parameters(own("hybrid_ekf"), {})
-
-
-class Truth(NamedTuple):
-    """One run of the plant, at multiples of `T_S`."""
-
-    voltage: Array  # of each sample, held until the next
-    states: Array  # (samples, 4): i, s, v, q
+VARIANTS = {"consistent": (None, "off"), "printed": ("printed", "printed_off")}  # for each step
+WRONG = ("coil.resistance", "pole.area", "core.length", "mover.mass", "current.on", "current.off")
+STATES = {"current": "current_estimated", "position": "position", "velocity": "velocity", "mode": "mode"}
 
 
 class Case(NamedTuple):
-    """One batch of runs."""
+    """Some runs of one filter."""
 
     step: str  # of `STEPS`
     mismatch: float
@@ -66,63 +54,59 @@ def study(
     mismatch: float = 0.05,
     progress: Progress = lambda done, total: None,
 ) -> dict[Case, Deviations]:
-    """Both steps of the voltage, right and wrong parameters, all tunings; `progress` gets samples done and in all."""
-    if orientation not in PLANTS:
-        raise ValueError(f"orientation `{orientation}` found, {' or '.join(PLANTS)} expected. Correct it.")
+    """Both steps of the voltage, right and wrong parameters, all tunings; `progress` gets runs done and in all."""
+    if orientation not in VARIANTS:
+        raise ValueError(f"orientation `{orientation}` found, {' or '.join(VARIANTS)} expected. Correct it.")
     if seeds < 1 or not 0.0 <= mismatch < 1.0:
         raise ValueError(
             f"{seeds} seeds and a mismatch of {mismatch:g}: at least 1, and from 0 to below 1, are needed."
         )
-    plant = PLANTS[orientation]
-    runs = {step: truth(plant, step == STEPS[0]) for step in STEPS}
-    cases = [Case(*key) for key in product(STEPS, dict.fromkeys((0.0, mismatch)), TUNINGS)]
-    found = {}
-    for done, case in enumerate(cases):
-        part = partial(lambda before, k, total: progress(before * total + k, len(cases) * total), done)
-        found[case] = deviations(
-            runs[case.step], plant, case.tuning, seeds=seeds, mismatch=case.mismatch, progress=part
-        )
+    parts = [*product(zip(STEPS, VARIANTS[orientation]), dict.fromkeys((0.0, mismatch)))]
+    runs, found = len(LEVELS) * seeds, {}
+    for k, ((step, variant), width) in enumerate(parts):
+        judged = deviations(variant, seeds, width, after(progress, k * runs, len(parts) * runs))
+        found.update({Case(step, width, tuning): one for tuning, one in judged.items()})
     return found
 
 
-def truth(plant: pot_magnet.Parameters, is_rising: bool) -> Truth:
-    """The plant during a step of the voltage from 0 V to 24 V, or back from there."""
-    voltage = np.where((np.arange(SAMPLES) >= EDGE) == is_rising, HIGH, 0.0)
-    return Truth(voltage, driven(pot_magnet, plant, voltage, T_S, "current", "position", "velocity", "mode"))
+def draws(variant: str | None, seeds: int, mismatch: float) -> list[Values]:
+    """Values of all runs, the seeds at each level: its noise, which the filters are told, and what they get wrong.
 
-
-def believed(plant: pot_magnet.Parameters, errors: Array, noise: Array, tuning: str) -> list[Any]:
-    """Flat parameters of all runs: those of the plant, of which `WRONG` are multiplied by 1 + `errors` (runs, 6)."""
-    known = {name: value for name, value in plant._asdict().items() if name in NOMINAL._fields}
-    for name, factor in zip((*WRONG, "coil_resistance_upper"), (1.0 + errors[:, [*range(len(WRONG)), 0]]).T):
-        known[name] = known[name] * factor
-    chosen = {"sample_time": T_S, "tuning": hybrid_ekf.Tuned[tuning], "noise_current": noise}
-    return flat(NOMINAL._replace(**known, **chosen))
+    Their parameters are wrong by up to the part `mismatch`, each by itself, evenly distributed.
+    """
+    believed = load(SCENARIO, variant).components["robust"].values
+    errors = mismatch * np.random.default_rng(ERRORS).uniform(-1.0, 1.0, (seeds, len(WRONG)))
+    factors = [dict(zip((*WRONG, "coil.resistance_upper"), (1.0 + np.append(e, e[0])).tolist())) for e in errors]
+    return [
+        {
+            "sensor.noise.voltage": 0.0,
+            "sensor.noise.current": level,
+            **{f"{name}.noise.current": level for name in FILTERS.values()},
+            **{f"{name}.{p}": float(believed[p]) * f for name in FILTERS.values() for p, f in of_seed.items()},
+        }
+        for level in LEVELS
+        for of_seed in factors
+    ]
 
 
 def deviations(
-    run: Truth,
-    plant: pot_magnet.Parameters,
-    tuning: str,
-    *,
-    seeds: int = 100,
-    mismatch: float = 0.0,
-    progress: Progress = lambda done, total: None,
-) -> Deviations:
-    """Deviations of the filter from the truth of a plant, for all `LEVELS` and seeds at once.
-
-    Parameters of the filter are wrong by up to the part `mismatch`, each by itself, evenly distributed.
-    """
-    rng = np.random.default_rng(ERRORS)
-    errors = mismatch * rng.uniform(-1.0, 1.0, (seeds, len(WRONG)))
-    noise = np.array([np.random.default_rng([NOISE, seed]).standard_normal(SAMPLES) for seed in range(seeds)]).T
-    levels = np.repeat(LEVELS, seeds)
-    par = believed(plant, np.tile(errors, (len(LEVELS), 1)), levels, tuning)
-    current = run.states[:, :1] + np.tile(noise, len(LEVELS)) * levels
-    inputs = np.stack([np.broadcast_to(run.voltage[:, None], current.shape), current], axis=1)
-    found = stepped(Kernel(hybrid_ekf), inputs, par, names(hybrid_ekf.Outputs)[:SEEN])
-    progress(SAMPLES, SAMPLES)
-    error = found.reshape(SAMPLES, SEEN, len(LEVELS), seeds) - run.states[:, :, None, None]
-    rmsd = np.sqrt(np.mean(error**2, axis=3)).transpose(2, 0, 1)
+    variant: str | None, seeds: int, mismatch: float = 0.0, tell: Callable[[int], None] = lambda done: None
+) -> dict[str, Deviations]:
+    """Deviations of each tuning from the truth, for all `LEVELS` and seeds; `tell` gets the runs that are done."""
+    names = [f"{name}.{state}" for name in FILTERS.values() for state in STATES.values()]
+    names += [f"magnet.{state}" for state in STATES]
+    squares = np.zeros((len(LEVELS), SAMPLES, len(FILTERS), len(STATES)))
+    wrong = np.zeros((len(LEVELS), seeds, len(FILTERS)))
+    asked = draws(variant, seeds, mismatch)
+    shifts = [*range(seeds)] * len(LEVELS)
+    for done, (k, run) in enumerate(signals(SCENARIO, variant, names, asked, shifts), 1):
+        assert run is not None, asked[k]
+        level, seed = divmod(k, seeds)
+        *estimated, true = np.split(run, len(FILTERS) + 1, axis=1)
+        error = np.stack(estimated, axis=1) - true[:, None]
+        squares[level] += error**2
+        wrong[level, seed] = np.mean(error[EDGE:, :, -1] != 0.0, axis=0)
+        tell(done)
+    rmsd = np.sqrt(squares / seeds)
     total = np.sqrt(np.mean(rmsd[:, EDGE:] ** 2, axis=1))
-    return Deviations(rmsd, total, np.mean(error[EDGE:, 3] != 0.0, axis=0))
+    return {tuning: Deviations(rmsd[:, :, k], total[:, k], wrong[..., k]) for k, tuning in enumerate(FILTERS)}

@@ -26,7 +26,7 @@ def hybrid_ekf(
     from . import deviations
     from .show import over_noise, over_time, tables
 
-    with bar("samples") as progress:
+    with bar("runs") as progress:
         found = deviations.study(orientation, seeds, mismatch, progress)
     figures = {"time": over_time(found), "noise": over_noise(found)}
     files = [plot.save(figure, to / f"hybrid_ekf_{orientation}_{name}.png") for name, figure in figures.items()]

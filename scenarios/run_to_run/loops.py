@@ -5,42 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gapsense.control import run_to_run
-from gapsense.control.records import LawKind, Parameters
+from gapsense.control.records import Parameters
+from gapsense.cosim import load
 from gapsense.drive import drive_voltage
 from gapsense.estimators.mhe import mhe
-from gapsense.fmi.components import kernel_parameters, own
+from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.sensor import sensor
+from gapsense.shipped import SCENARIOS
 
-from ..estimators.parameters import VALVE, blind, reduced
 from . import converter, disturbed, given, late
 from .actuators import drawn
 from .chain import Chain, Part
 from .conditions import Condition, Disturbance, piece
-from .taught import core
 
-NOISE = 2e-3  # of the current [A]
+SCENARIO = SCENARIOS / "run_to_run"  # what its components are told, the loops are told
 RECENT = 0.9  # of a cycle: age of a smoothed sample that the estimator still tells
-PRIORS = ("gap", "saturation", "mass", "rest", "damping", "bend")  # known to 10 %
-LOSSES = ("eddy", "hysteresis", "knee", "core")  # of another actuator of the type
-FURTHER: dict[str, float] = {  # what an estimator that serves `RunToRun` is told beyond the numbers of the valve
-    **dict.fromkeys(("option_further", "option_command", "option_mean", "option_zero"), 1.0),
-    **{f"prior_{name}": 0.1 for name in PRIORS},
-    **{f"prior_{name}": 0.3 for name in LOSSES},
-    "model_error": 3.5e-3,
-    "edge": 3.0,
-    "window_tail": 6e-3,
-    "window_longest": 30e-3,
-    "window_pace": 3.0,
-}
 ESTIMATING = ("model", "both")  # kinds with `Mhe`
-GENTLE = {"approach_first": 0.17, "approach_least": 0.06}  # what the law `model` can be told
 
 
 class Kind(NamedTuple):
@@ -64,15 +52,11 @@ LAWS = {
     "model": Kind("RunToRun, model", "model"),
     "both": Kind("RunToRun, contact and Mhe", "both"),
 }
-ESTIMATED = {
-    **{name: f"mhe.{name}" for name in ("windows", "misfit", "landing_time")},
-    "estimated_impact_speed": "mhe.impact_speed",
-    **{f"smoothed_{name}": f"mhe.smoothed_{name}" for name in ("published", "time", "flux_linkage")},
-    **{f"estimated_{name}": f"mhe.{name}" for name in ("flux_linkage", "resistance", "mass", "rest_position")},
-    **{f"estimated_{name}": f"mhe.{name}" for name in ("viscous_damping", "gap_factor", "gap_bend")},
+ESTIMATED = {  # inputs of the controller that `Mhe` feeds
+    c.target.variable: str(c.source)
+    for c in load(SCENARIO).connections
+    if (c.source.component, c.target.component) == ("mhe", "controller")
 }
-KNOWN = {name: value for name, value in reduced(VALVE).items() if name != "core.saturation"}
-TOLD: dict[str, Any] = kernel_parameters(own("run_to_run"), KNOWN)._asdict()  # nothing but nominal numbers
 
 
 class Loop(NamedTuple):
@@ -96,7 +80,7 @@ def loop_of(law: str, condition: Condition, seed: int, runs: range) -> Loop:
 
 def controller(condition: Condition) -> Parameters:
     """What a controller is told under a condition."""
-    par = _law(condition)
+    par = _law(condition, "contact")
     return Parameters(**{name: condition.changes.get(name, value) for name, value in par.items()})
 
 
@@ -145,25 +129,27 @@ def _parameters(part: str, kind: str, condition: Condition, seed: int, runs: ran
     """Flat parameters of a part."""
     if part == "plant":
         par = drawn(condition.plant, seed, runs, condition.width)
+    elif part == "law":
+        par = _law(condition, kind)
     else:
         par = PARAMETERS[part](condition)
     par |= {"seed": 1000.0 * seed + np.array(runs)} if part == "sensor" else {}
-    par |= {"law": float(LawKind.model), **GENTLE} if (part, kind) == ("law", "model") else {}
-    par |= dict.fromkeys(names(given.Parameters)[len(TOLD) :], 0.0) if (part, kind) == ("law", "given") else {}
     changes = condition.changes
     own_changes = {name: changes[f"{part}.{name}"] for name in par if f"{part}.{name}" in changes}
     return {**par, **{name: value for name, value in changes.items() if name in par}, **own_changes}
 
 
-def _drive(_: Condition) -> dict[str, Any]:
-    par = kernel_parameters(own("drive_voltage"), {})._asdict()
-    wave = float(drive_voltage.Waveform.bridge)
-    return {**par, "waveform": wave, "bridge_supply": TOLD["voltage_most"], "bridge_frequency": 0.0}
+@cache
+def stated(component: str, fmu: str, variant: str | None = None) -> Mapping[str, Any]:
+    """Flat parameters of a component of the scenario; its sets, which several share, have more."""
+    folder, values = own(fmu), load(SCENARIO, variant).components[component].values
+    ports = {port.name for port in load_component(folder).of("parameter")}
+    par = kernel_parameters(folder, {name: value for name, value in values.items() if name in ports})
+    return MappingProxyType(par._asdict())
 
 
 def _sensor(condition: Condition) -> dict[str, Any]:
-    par = kernel_parameters(own("sensor"), {})._asdict()
-    return {**par, "sample_time": condition.sample_time, "noise_current": NOISE, "noise_voltage": 0.0}
+    return {**stated("sensor", "sensor"), "sample_time": condition.sample_time}
 
 
 def _reading(condition: Condition) -> dict[str, Any]:
@@ -176,24 +162,24 @@ def _late(condition: Condition) -> dict[str, Any]:
 
 
 def _estimator(condition: Condition) -> dict[str, Any]:
-    par: Mapping[str, Any] = kernel_parameters(own("mhe"), blind(VALVE))._asdict()
-    par = {**par, **FURTHER, **core(condition.plant)}
+    par = stated("mhe", "mhe", "play" if condition.plant == "play_actuator" else None)
     wider = {name: condition.prior * value for name, value in par.items() if name.startswith("prior_")}
-    told = {"sample_time": condition.sample_time, "publish_within": RECENT * condition.period}
-    return {**par, **wider, **told, "noise_current": NOISE, "noise_voltage": 0.0}
+    return {**par, **wider, "sample_time": condition.sample_time, "publish_within": RECENT * condition.period}
 
 
-def _law(condition: Condition) -> dict[str, Any]:
-    return {**TOLD, "sample_time": condition.sample_time}
+def _law(condition: Condition, kind: str) -> dict[str, Any]:
+    """Nothing but nominal numbers; a law that is given from outside gets it before each cycle."""
+    par = stated("controller", "run_to_run", "model" if kind == "model" else None)
+    outside = names(given.Parameters)[len(par) :] if kind == "given" else ()
+    return {**par, "sample_time": condition.sample_time, **dict.fromkeys(outside, 0.0)}
 
 
 PARAMETERS: dict[str, Callable[[Condition], dict[str, Any]]] = {
-    "drive": _drive,
+    "drive": lambda _: {**stated("drive", "drive_voltage")},
     "converter": lambda condition: {"parts": condition.fine},
     "supply": lambda _: {"gain": 1.0, "offset": 0.0},
     "sensor": _sensor,
     "reading": _reading,
     "late": _late,
     "mhe": _estimator,
-    "law": _law,
 }

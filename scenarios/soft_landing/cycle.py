@@ -18,6 +18,7 @@ from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
 from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.runs import after
 
 from .inverse import Cycle, SoftLandingError, Vector
 from .phases import Setup, balancing_voltage, move, rest
@@ -86,7 +87,7 @@ def soft_landing(
     )
     found = []
     for k in range(cycles):
-        cycle, state = _cycle(fixed, trajectory, state, _after(progress, PARTS * k, PARTS * cycles))
+        cycle, state = _cycle(fixed, trajectory, state, after(progress, PARTS * k, PARTS * cycles))
         found.append(cycle)
     return found
 
@@ -130,15 +131,10 @@ def sampled(cycle: Cycle, sample_time: float = 20e-6) -> Samples:
     def at(values: Vector) -> Vector:
         return np.asarray(np.where(is_row, values[k], (1.0 - weight) * values[left] + weight * values[k]))
 
-    after = np.minimum(k + 1, cycle.time.size - 1)
-    lands = (cycle.mode[k] == MOVING) & is_row & (cycle.time[after] <= time + INSTANT)
+    following = np.minimum(k + 1, cycle.time.size - 1)
+    lands = (cycle.mode[k] == MOVING) & is_row & (cycle.time[following] <= time + INSTANT)
     columns = {name: at(getattr(cycle, name)) for name in Samples._fields}
-    return Samples(**{**columns, "time": time, "mode": cycle.mode[np.where(lands, after, k)]})
-
-
-def _after(progress: Progress, before: int, total: int) -> Callable[[int], None]:
-    """What is told of a cycle, with the parts before it counted."""
-    return lambda part: progress(before + part, total)
+    return Samples(**{**columns, "time": time, "mode": cycle.mode[np.where(lands, following, k)]})
 
 
 def _cycle(run: Setup, c: Trajectory, state: State, done: Callable[[int], None]) -> tuple[Cycle, State]:

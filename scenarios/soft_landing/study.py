@@ -41,7 +41,7 @@ def soft_landing(
 
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
-    from gapsense.identification.transfer import parameters_of
+    from gapsense.identification.parameter_set import parameters_of
 
     from . import cycle, table
     from .show import phases
@@ -66,7 +66,7 @@ def soft_landing(
 @study("reference-cycle")
 def reference_cycle(parameters: File = None, to: FigureFile = Path("results/reference_cycle.png")) -> None:
     """Figure 5 of [RTS]: the cycle with soft landing that its analyses take as the truth."""
-    from gapsense.identification.transfer import parameters_of
+    from gapsense.identification.parameter_set import parameters_of
     from gapsense.report import plot
 
     from .cycle import soft_landing
@@ -103,9 +103,9 @@ def reduced_fit(
     """Fit R_c0* and lambda_sat of the reduced model, Table II of [RTS], with standard errors."""
     from gapsense.estimators.reduced_model import GapLaw
     from gapsense.fmi.components import load_component, own
-    from gapsense.identification.actuator.needed import GAPS
+    from gapsense.identification.actuator.show import GAPS
     from gapsense.identification.assumptions import ask
-    from gapsense.identification.transfer import parameters_of, read_sets
+    from gapsense.identification.parameter_set import parameters_of, read_sets
 
     from .core_fit import cores, of_record, of_reference_cycle
 

@@ -2,15 +2,16 @@
 
 import _signal  # type: ignore[import-not-found]  # what `signal` is made of, which takes a while to load
 import os
+import sys
 
 _signal.signal(_signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._exit(130)))
 
 
 def main() -> None:
-    """Load all commands and run the one that the arguments name."""
-    from gapsense.cli import app
+    """Run the command that the arguments name; others are not loaded."""
+    from gapsense.cli import loaded
 
-    app()
+    loaded(*sys.argv[1:2])()
 
 
 if __name__ == "__main__":

@@ -84,9 +84,9 @@ class Response:
 
     def to_pandas(self) -> Any:
         """The outputs of a single run as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
-        from gapsense.report import frames
+        from gapsense.report import pages
 
-        return frames.frame(self._one(), "time", self.time, self.units)
+        return pages.frame(self._one(), "time", self.time, self.units)
 
     def plot(self, *patterns: str) -> Any:
         """Figure of the outputs of these names or patterns, by default all: a panel per unit."""

@@ -8,7 +8,7 @@ pole face of 4.2 mm diameter; 0.05 mm of residual gap keep the armature from sti
 
 from pathlib import Path
 
-from gapsense.identification.transfer import parameters_of
+from gapsense.identification.parameter_set import parameters_of
 
 FILE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_relay" / "parameters" / "relay.toml"
 RELAY = parameters_of("solenoid_valve", FILE)._replace(coil_resistance=1560.0)  # as its filter expects

@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from driven import POT_MAGNET, POT_MAGNET_PRINTED
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.actuators import pot_magnet
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
-from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 KERNEL = Kernel(pot_magnet)
 REST = pot_magnet.Inputs(0.0, 0.0, 0.0)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from driven import POT_MAGNET, POT_MAGNET_PRINTED
 from scipy.integrate import solve_ivp
 
 from gapsense.actuators import pot_magnet
 from gapsense.kernels.kernel import Kernel
-from gapsense.studies.devices import POT_MAGNET, POT_MAGNET_PRINTED
 
 MU_0 = 1.257e-6
 TIME = 1e-7  # of a change of mode [s]

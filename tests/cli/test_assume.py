@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gapsense._os.files import write_columns
-from gapsense.identification.transfer import read_sets
+from gapsense.identification.parameter_set import read_sets
 from gapsense.studies.devices import VALVE
 
 sys.path.append(str(Path(__file__).parents[1] / "identification"))

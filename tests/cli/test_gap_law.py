@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.identification.transfer import parameters_of, read_values
+from gapsense.identification.parameter_set import parameters_of, read_values
 
 TABLE = Path(__file__).resolve().parents[1] / "identification" / "records" / "takaha-inductance.csv"
 

@@ -16,7 +16,7 @@ import pytest
 
 from gapsense._os.files import read_columns
 from gapsense.cosim import run
-from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.valve.model import simulate
 from gapsense.studies.devices import VALVE
 
@@ -225,3 +225,26 @@ def test_resistance_of_another_voltage_than_the_coils_is_refused(data, gapsense,
     options = ["--voltage", "end", "--starts", "1", "--forms", "plain", "--parameters", tmp_path / "known.toml"]
     result = gapsense("identify", data / "fit.csv", *options, "--out", tmp_path / "valve.toml")
     assert result.exit_code == 1 and "PWM sampled in step" in " ".join(result.output.split())
+
+
+def written_as(folder, current):
+    rows = [f"{DT * k:.6g},{30.0 if 10 < k < 110 else 0.0!r},{i!r}" for k, i in enumerate(current.tolist())]
+    (folder / "record.csv").write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+
+
+def test_a_current_that_no_coil_has_writes_no_file(gapsense, tmp_path):
+    written_as(tmp_path, 1e300 * np.clip(np.minimum(np.arange(400) - 10, 300 - np.arange(400)), 0, 100) / 100.0)
+    done = gapsense("identify", "record.csv", "--assume", "--out", "made.toml")
+    assert done.exit_code == 2 and "`current` is 1e+300 A, at most 1e+06 A are expected" in " ".join(
+        done.stderr.split()
+    ), done.output
+    assert not Path("made.toml").exists()
+
+
+def test_estimates_of_white_noise_are_doubted(gapsense, fmus, tmp_path):
+    rng = np.random.default_rng(1)
+    rows = [f"{DT * k:.6g},{u!r},{i!r}" for k, (u, i) in enumerate(rng.standard_normal((2000, 2)).tolist())]
+    text = "\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n"
+    (tmp_path / "record.csv").write_text(text, encoding="utf-8")
+    done = gapsense("estimate", "record.csv", "--estimator", "bounded_ukf", "--fmus", fmus)
+    assert done.exit_code == 1 and "no current stands out of its noise" in " ".join(done.stderr.split()), done.output

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from gapsense._os.files import read_columns
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.flux import estimate
-from gapsense.identification.measurements.operations import operations
-from gapsense.identification.transfer import read_values
+from gapsense.identification.measurements.operations import estimate, operations
+from gapsense.identification.measurements.reading import read_record
+from gapsense.identification.parameter_set import read_values
 
 RECORDS = Path(__file__).parents[1] / "identification" / "records"
 TUBE, EMPTY = RECORDS / "tube-150-raw.csv", RECORDS / "empty-162-raw.csv"

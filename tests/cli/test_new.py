@@ -51,6 +51,7 @@ def test_copy_of_an_example_needs_nothing_of_the_others(gapsense, fmus, name):
     assert gapsense("new", "mine", "--like", name).exit_code == 0
     assert "../" not in Path("mine", "scenario.toml").read_text("utf-8")
     assert cosim.check("mine", fmus=fmus) == []
+    assert not [*Path("mine").rglob("*.py")]  # a study stays with its example
     assert {p.name for p in Path("mine").glob("baseline*")} == {
         p.name for p in (shipped.SCENARIOS / name).glob("baseline*")
     }

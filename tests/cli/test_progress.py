@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 
 import pytest
+
 from gapsense.scenarios.soft_landing import core_fit as fit
 
 COMMANDS = ("soft-landing", "study reference-cycle", "study observability-rts", "study reduced-fit")

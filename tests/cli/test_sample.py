@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gapsense._os.files import read_columns
-from gapsense.identification.transfer import read_sets
-from gapsense.identification.valve.file import BY_NAME
+from gapsense.identification.parameter_set import read_sets
+from gapsense.identification.valve.show import BY_NAME
 from gapsense.shipped import RECORDS, record
 
 MAKER = runpy.run_path(str(RECORDS / "make_sample_valve.py"))

@@ -11,8 +11,7 @@ import numpy as np
 from gapsense._os.processes import new_marks
 from gapsense.cosim.events.event import Event
 from gapsense.cosim.events.watch import Watch
-from gapsense.cosim.fmu.instance import Instance
-from gapsense.cosim.fmu.instance3 import Instance3
+from gapsense.cosim.fmu.instance import Instance, Instance3
 from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.run.loop import Work
 from gapsense.cosim.run.part import Layout, Part

@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gapsense.cosim import run
-from gapsense.cosim.result.difference import Difference
-from gapsense.cosim.result.edges import edges, moved, reach
-from gapsense.cosim.result.grids import sampled
+from gapsense.cosim.result.compare import Difference, edges, moved, reach, sampled
 from gapsense.cosim.result.pairs import (
     Trajectories,
     Window,

@@ -11,7 +11,7 @@ from test_compare_cli import gapsense, results, three  # noqa: F401  # three res
 from gapsense import Scenario
 from gapsense._os.checked import SEAL, sealed
 from gapsense.cosim import compare_results, test_scenario, update_baseline
-from gapsense.cosim.result.grids import apart
+from gapsense.cosim.result.compare import apart
 
 TIMES = 2e-5 * np.arange(801.0)
 CHANGES = {

@@ -17,7 +17,7 @@ import gapsense
 from gapsense import Scenario
 from gapsense.cosim import FmuError, ScenarioError, check, read_result, run
 from gapsense.cosim.fmu.instance import Instance
-from gapsense.cosim.scenario.content import plain
+from gapsense.cosim.scenario.build import plain
 from gapsense.problems import InputError
 
 

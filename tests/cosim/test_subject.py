@@ -11,7 +11,7 @@ import pytest
 from gapsense.cosim import Master, load, prepare, run, run_once
 from gapsense.cosim.result.measure import measure_all
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.run.finished import times
+from gapsense.cosim.run.subject import times
 from gapsense.cosim.scenario.elements import Experiment
 from gapsense.cosim.scenario.records import Metric, Record
 from gapsense.cosim.scenario.signals import matching

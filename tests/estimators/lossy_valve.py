@@ -6,12 +6,13 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from gapsense.scenarios.estimators.parameters import VALVE, reduced
+from driven import driven
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.scenarios.estimators.parameters import VALVE, reduced
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4  # sampling period and samples of the usual signals
 

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from c_code import CKernel
-from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
 
 from gapsense.estimators.mhe import mhe
 from gapsense.estimators.mhe.model import (
@@ -30,6 +29,7 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.emit import compiled
 from gapsense.kernels.kernel import Kernel, trace
 from gapsense.kernels.layout import Scalar, fields, flat, names, record
+from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
 
 KERNEL = Kernel(mhe)
 T_S, START = 20e-6, 11  # sampling period; correction of the flux linkage at the start

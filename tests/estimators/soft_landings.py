@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import soft_plant
-from gapsense.scenarios.estimators.parameters import VALVE, reduced
 
 from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import stepped
 from gapsense.kernels.layout import flat
+from gapsense.scenarios.estimators.parameters import VALVE, reduced
 from gapsense.studies.devices import RTS_VALVE
 
 CYCLE, CLOSED, CYCLES, RUNS = 20e-3, 9.8e-3, 8, 6  # [s], [s], cycles of each run, runs

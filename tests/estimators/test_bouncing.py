@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import VALVE, blind
+from driven import driven
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ekf, ertss
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
+from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.sensor import sensor
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, NEAR = 20e-6, 5e-6  # sampling period; distance of a stop at which its contact closes [m]
 VOLTAGE = np.tile(np.repeat([30.0, 0.0], 500), 3)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
 from kernel_cases import components
 from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
 
@@ -22,6 +21,7 @@ from gapsense.estimators.watch import stationary
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
+from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
 from gapsense.studies.devices import RTS_VALVE
 
 KERNEL, BLIND = Kernel(ekf), Kernel(ukf)

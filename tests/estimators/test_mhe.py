@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import wrong
 from mhe_plant import CYCLE, CYCLES, START, T_S, errors, noisy, plant, published, says
 from mhe_signals import at_rest, blind, entry_of, kernel, model_run, rows, run, state_of
 
@@ -12,6 +11,7 @@ from gapsense.estimators import readings
 from gapsense.estimators.mhe import solve
 from gapsense.estimators.mhe.model import device, model
 from gapsense.estimators.rts import motions
+from gapsense.scenarios.estimators.parameters import wrong
 from gapsense.studies.devices import RTS_VALVE
 
 # behaviour

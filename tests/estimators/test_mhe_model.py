@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import VALVE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mhe_signals import START, T_S, at_rest, blind, corrected_run, model_run, true_device
@@ -20,6 +19,7 @@ from gapsense.estimators.mhe import mhe
 from gapsense.estimators.mhe import model as mhe_model
 from gapsense.estimators.mhe.model import Model, Point, device, differentiate, model
 from gapsense.kernels.linalg import matrix
+from gapsense.scenarios.estimators.parameters import VALVE
 
 ALL = tuple(range(START + 1))
 PULSE = np.r_[np.zeros(11), np.full(350, 30.0), np.zeros(400)]  # closes, is held, opens, rests

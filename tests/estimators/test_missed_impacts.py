@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators.parameters import VALVE, blind
+from driven import driven
 from smoother_runs import KERNEL, assert_published
 
 from gapsense.actuators import reluctance_actuator
@@ -15,7 +15,8 @@ from gapsense.estimators import ertss, readings
 from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.scenarios.estimators.parameters import VALVE, blind
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, CYCLES = 20e-6, 500, 4
 SEEDS = (900, 901, 902)  # draws on which nothing was chosen

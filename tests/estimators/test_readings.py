@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from driven import POT_MAGNET, driven
 from lossy_valve import HALF, START, believed, square_wave
 from magnet_signals import exact as magnet_exact
 from table_i import defaults
@@ -20,7 +21,7 @@ from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
-from gapsense.studies.devices import POT_MAGNET, VALVE, driven
+from gapsense.studies.devices import VALVE
 
 Columns = Mapping[str, np.ndarray]
 

@@ -23,25 +23,22 @@ from gapsense.fmi.ports import Component
 from gapsense.kernels.kernel import Kernel
 
 COMPONENT = """
-from gapsense.fmi.ports import Component, choice, input_, output, parameter, table
+import amplifier_kernel
+from gapsense.fmi.ports import Component
+from gapsense.kernels.interface import ports_of
 
 COMPONENT = Component(
     name="Amplifier",
     description="Gain & <offset>",
     kernel="amplifier_kernel",
+    ports=ports_of(amplifier_kernel),
     resources=("curve.csv",),
-    ports=(
-        input_("voltage", "V", "What goes in"),
-        output("amplified", "V", "What comes out", feedthrough=("voltage",)),
-        parameter("gain", "1", "Factor < 3", 2.0, min=0.0),
-        choice("law", "Law", ("linear", "table")),
-        table("curve.file", "Curve", ("x", "y"), "curve.csv"),
-    ),
 )
 """
 KERNEL = """
 from typing import Annotated, NamedTuple
 
+from gapsense.kernels.interface import COLUMN, choice, input_, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 
 
@@ -49,24 +46,27 @@ class Law(Choice):
     linear, table = range(2)
 
 
+@ports()
 class Parameters(NamedTuple):
-    gain: Scalar
-    law: Annotated[Scalar, Law]
-    curve_file_x: Annotated[Array, Table()]
-    curve_file_y: Annotated[Array, Table()]
+    gain: Scalar = parameter("1", "Factor < 3", 2.0, min=0.0)
+    law: Annotated[Scalar, Law] = choice("Law")
+    curve_file_x: Annotated[Array, Table()] = table("Curve", ("x", "y"), "curve.csv")
+    curve_file_y: Annotated[Array, Table()] = COLUMN
 
 
 class State(NamedTuple):
     last: Scalar
 
 
+@ports()
 class Inputs(NamedTuple):
     time: Scalar
-    voltage: Scalar
+    voltage: Scalar = input_("V", "What goes in")
 
 
+@ports(feedthrough=("voltage",))
 class Outputs(NamedTuple):
-    amplified: Scalar
+    amplified: Scalar = output("V", "What comes out")
 
 
 def initial(inputs, par):
@@ -91,8 +91,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def component(folder: Path) -> Component:
-    return load_component(folder)
+def author(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Folder of the component; its kernel can be imported, and is forgotten afterwards."""
+    monkeypatch.syspath_prepend(folder.parent)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    yield folder
+    sys.modules.pop("amplifier_kernel", None)
+
+
+@pytest.fixture
+def component(author: Path) -> Component:
+    return load_component(author)
 
 
 @pytest.fixture
@@ -218,8 +227,8 @@ def test_command_line_refuses_unknown_names(tmp_path: Path) -> None:
 def test_identity_depends_on_interface_kernel_and_resources(folder: Path) -> None:
     seen = [guid(built(folder, "first"))]
     for name, old, new in (
-        ("amplifier/component.py", "2.0, min", "2.5, min"),
-        ("amplifier/component.py", "What goes in", "The input"),
+        ("amplifier_kernel.py", "2.0, min", "2.5, min"),
+        ("amplifier_kernel.py", "What goes in", "The input"),
         ("amplifier_kernel.py", "0.0 * state.last", "1e-3 * state.last"),
         ("amplifier/curve.csv", "1,1", "1,2"),
     ):
@@ -248,10 +257,10 @@ def test_archive_has_the_resources_and_no_times(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
-        ("amplifier/component.py", '"gain"', '"gian"', ["Amplifier", "gain", "gian"]),
+        ("amplifier_kernel.py", ' = parameter("1", "Factor < 3", 2.0, min=0.0)', "", ["Amplifier", "['gain']"]),
         ("amplifier/component.py", 'resources=("curve', 'resources=("kurve', ["kurve.csv"]),
         (
-            "amplifier/component.py",
+            "amplifier_kernel.py",
             '"V", "What goes in"',
             '"volt", "What goes in"',
             ["Amplifier", "unit volt", "gapsense/units.py"],
@@ -260,7 +269,7 @@ def test_archive_has_the_resources_and_no_times(folder: Path) -> None:
             "amplifier_kernel.py",
             "return State(inputs",
             "if state.last > 0: pass\n    return State(inputs",
-            ["kernel.py:36"],
+            ["kernel.py:40"],
         ),
     ],
 )
@@ -288,11 +297,11 @@ def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
 KERNEL_FILE, PORTS = "amplifier_kernel.py", "amplifier/component.py"
 GAIN = "par.gain * inputs.voltage + 0.0"
 MISTAKES = {
-    "if on data": (KERNEL_FILE, GAIN, "(1.0 if inputs.voltage > 0.0 else 2.0) + 0.0", ["kernel.py:36", "Use where()"]),
-    "function of math": (KERNEL_FILE, GAIN, "__import__('math').sqrt(par.gain)", ["kernel.py:36", "operations of"]),
-    "misspelt name": (KERNEL_FILE, GAIN, "gain * inputs.voltage", ["kernel.py:36", "NameError", "'gain'"]),
-    "misspelt field": (KERNEL_FILE, GAIN, "par.gian", ["kernel.py:36", "AttributeError", "'gian'"]),
-    "wrong syntax": (KERNEL_FILE, GAIN, "par.gain *", ["kernel.py:36", "SyntaxError"]),
+    "if on data": (KERNEL_FILE, GAIN, "(1.0 if inputs.voltage > 0.0 else 2.0) + 0.0", ["kernel.py:40", "Use where()"]),
+    "function of math": (KERNEL_FILE, GAIN, "__import__('math').sqrt(par.gain)", ["kernel.py:40", "operations of"]),
+    "misspelt name": (KERNEL_FILE, GAIN, "gain * inputs.voltage", ["kernel.py:40", "NameError", "'gain'"]),
+    "misspelt field": (KERNEL_FILE, GAIN, "par.gian", ["kernel.py:40", "AttributeError", "'gian'"]),
+    "wrong syntax": (KERNEL_FILE, GAIN, "par.gain *", ["kernel.py:40", "SyntaxError"]),
     "bad import": (
         KERNEL_FILE,
         "from typing",
@@ -302,8 +311,8 @@ MISTAKES = {
     "derivative by a constant": (
         KERNEL_FILE,
         GAIN,
-        "__import__('gapsense.kernels.derivative').derivative.derivative(par.gain, 1.0)",
-        ["kernel.py:36", "a derivative by the constant 1.0"],
+        "__import__('gapsense.kernels.derivative').kernels.derivative.derivative(par.gain, 1.0)",
+        ["kernel.py:40", "a derivative by the constant 1.0"],
     ),
     "wrong arguments": (
         KERNEL_FILE,
@@ -315,15 +324,15 @@ MISTAKES = {
         KERNEL_FILE,
         "State(inputs.voltage), ",
         "",
-        ["kernel.py:31, in initial: it returns Outputs;"],
+        ["kernel.py:35, in initial: it returns Outputs;"],
     ),
     "nothing returned": (
         KERNEL_FILE,
         "return State(inputs",
         "State(inputs",
-        ["kernel.py:31, in initial: it returns NoneType; expected State"],
+        ["kernel.py:35, in initial: it returns NoneType; expected State"],
     ),
-    "no record": (KERNEL_FILE, "class Outputs", "class Output", ["kernel.py", "'Outputs'"]),
+    "no record": (KERNEL_FILE, "class Outputs", "class Output", ["amplifier_kernel", "'Outputs'"]),
     "no kernel": (
         PORTS,
         '"amplifier_kernel"',
@@ -331,27 +340,23 @@ MISTAKES = {
         ["component.py", "No module named 'amplifier_kernl'"],
     ),
     "wrong syntax of ports": (PORTS, 'name="Amplifier",', 'name="Amplifier"', ["component.py:", "SyntaxError"]),
-    "unknown maker": (
-        PORTS,
-        '        input_("volt',
-        '        inptu("volt',
-        ["component.py:10", "NameError", "'inptu'"],
-    ),
-    "no description": (PORTS, ', "What goes in"', "", ["component.py:10", "missing", "'description'"]),
+    "unknown maker": (KERNEL_FILE, 'input_("V', 'inptu("V', ["kernel.py:27", "NameError", "'inptu'"]),
+    "no description": (KERNEL_FILE, ', "What goes in"', "", ["kernel.py:27", "missing", "'description'"]),
     "no component": (PORTS, "COMPONENT = ", "PORTS = ", ["component.py", "'COMPONENT'"]),
-    "follows nothing": (PORTS, '("voltage",)', '("voltag",)', ["`amplified`", "`voltag`", "Did you mean `voltage`?"]),
-    "unknown unit": (PORTS, '"V", "What goes', '"volt", "What goes', ["Amplifier", "unit volt", "gapsense/units.py"]),
-    "other port": (PORTS, '"gain"', '"gian"', ["Amplifier", "['gain', 'gian']"]),
+    "follows nothing": (
+        KERNEL_FILE,
+        '("voltage",)',
+        '("voltag",)',
+        ["`amplified`", "`voltag`", "Did you mean `voltage`?"],
+    ),
+    "unknown unit": (
+        KERNEL_FILE,
+        '"V", "What goes',
+        '"volt", "What goes',
+        ["Amplifier", "unit volt", "gapsense/units.py"],
+    ),
+    "no port": (KERNEL_FILE, ' = parameter("1", "Factor < 3", 2.0, min=0.0)', "", ["Amplifier", "['gain']"]),
 }
-
-
-@pytest.fixture
-def author(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Folder of the component; its kernel can be imported, and is forgotten afterwards."""
-    monkeypatch.syspath_prepend(folder.parent)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    yield folder
-    sys.modules.pop("amplifier_kernel", None)
 
 
 def told(folder: Path) -> str:
@@ -379,7 +384,7 @@ def test_mistake_in_a_table_that_another_takes_is_told_at_its_own_line(author: P
         "from pathlib import Path\nfrom gapsense.fmi.components import load_component\n"
         "COMPONENT = load_component(Path(__file__).parents[1] / 'amplifier')\n"
     )
-    changed(author / "component.py", 'input_("volt', 'inptu("volt')
+    changed(author / "component.py", "ports_of(amp", "prots_of(amp")
     assert told(other).startswith(f"{author / 'component.py'}:10: NameError")
 
 
@@ -436,7 +441,7 @@ def test_reference_is_written(author: Path) -> None:
     [
         (KERNEL_FILE, "1.0 / par.law", ["(Amplifier)", "ZeroDivisionError"]),
         (KERNEL_FILE, "par.gain / 1e-300 / 1e-300 + 0.0", ["(Amplifier)", "output `amplified` is not finite. Check"]),
-        (KERNEL_FILE, "gian", ["kernel.py:36", "'gian'"]),
+        (KERNEL_FILE, "gian", ["kernel.py:40", "'gian'"]),
     ],
 )
 def test_refused_reference_is_told_in_one_sentence_and_the_old_one_stays(

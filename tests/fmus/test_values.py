@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from parts import FOLDERS
 
 from gapsense.fmi.components import kernel_of, kernel_parameters, load_component
-from gapsense.fmi.ports import Component, Limit, choice, option, parameter, seed, table
+from gapsense.fmi.ports import Component, Limit
 from gapsense.fmi.values import ValuesError, fields, problems
+from gapsense.kernels.interface import choice, option, parameter, seed, table
 from gapsense.kernels.layout import fields as record_fields
 from gapsense.kernels.layout import leaves
 
@@ -25,14 +26,14 @@ COMPONENT = Component(
     rising=(("stop.lower", "stop.upper"),),
     limits=(Limit((("gain", 2), ("stop.upper", -1)), 100.0, "it would melt"),),
     ports=(
-        parameter("gain", "1", "Gain", 1.0, min=0.0, max=50.0),
-        parameter("offset", "V", "Offset", 0.0),
-        parameter("stop.lower", "m", "Lower stop", 0.5, min=0.0),
-        parameter("stop.upper", "m", "Upper stop", 1.0, min=0.0),
+        parameter("1", "Gain", 1.0, min=0.0, max=50.0, name="gain"),
+        parameter("V", "Offset", 0.0, name="offset"),
+        parameter("m", "Lower stop", 0.5, min=0.0, name="stop.lower"),
+        parameter("m", "Upper stop", 1.0, min=0.0, name="stop.upper"),
         seed(),
-        option("is.quiet", "Quiet", True),
-        choice("law", "Law", ("linear", "table")),
-        table("curve.file", "Curve", ("x", "rising:y"), "curve.csv"),
+        option("Quiet", True, name="is.quiet"),
+        choice("Law: linear, table", name="law")._replace(start="linear", choices=("linear", "table")),
+        table("Curve", ("x", "rising:y"), "curve.csv", name="curve.file"),
     ),
 )
 WRONG: dict[str, tuple[dict[str, Any], list[str]]] = {

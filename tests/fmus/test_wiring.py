@@ -14,8 +14,8 @@ from parts import FOLDERS, Part
 from gapsense.cosim import check
 from gapsense.cosim.scenario.document import Document
 from gapsense.fmi.components import load_component
+from gapsense.fmi.page import ROLES, called, chapter, snippet
 from gapsense.fmi.ports import Component
-from gapsense.fmi.wiring import ROLES, called, chapter, snippet
 from gapsense.tables import merged
 
 if sys.version_info >= (3, 11):

@@ -6,17 +6,17 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from gapsense.scenarios.estimators.parameters import VALVE
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
 from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.identification.actuator import problem
+from gapsense.identification.actuator import fit as problem
+from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.measurements.rest import without_offsets
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat
+from gapsense.scenarios.estimators.parameters import VALVE
 from gapsense.studies.devices import RTS_VALVE
 
 FINE = 5e-6  # s; step of the device, and where edges may lie
@@ -158,7 +158,7 @@ def measured(device: Parameters, d: Drive, instruments: Instruments, name: str =
         voltage, current = (step * np.round(x / step) for x, step in zip((voltage, current), steps))
     values = {"time": np.arange(voltage.size) * instruments.dt, "voltage": voltage, "current": current}
     made = to_record(Columns(f"{name}.csv", np.arange(voltage.size) + 2, values))
-    return Measured(without_offsets(made), position)
+    return Measured(subtract_offsets(made), position)
 
 
 def errors(par: mhe.Parameters, device: Parameters, drives=OTHERS) -> list[float]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapsense.identification.coil.device import FAR, Parameters
-from gapsense.identification.coil.problem import simulate
+from gapsense.identification.coil.fit import simulate
+from gapsense.identification.coil.kernel import NO_SATURATION, Parameters
+from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.measurements.rest import without_offsets
 
 DT, FINER = 20e-6, 4
-PLAIN = Parameters(DT, 2.0, 1.0 / 8e-3, 0.0, FAR, 0.0, 0.0, 1.0)
+PLAIN = Parameters(DT, 2.0, 1.0 / 8e-3, 0.0, NO_SATURATION, 0.0, 0.0, 1.0)
 PEAK = 0.04  # flux linkage of the stronger pulse, about [Wb]
 EDDY, HYSTERESIS = {"eddy": 0.03}, {"hysteresis": 0.5, "turnover": 0.012}
 CORE = {"air": 60.0, "core": 65.0, "saturation": 0.06}
@@ -32,4 +32,4 @@ def coil_record(par: Parameters = PLAIN, pulses=(12.0, 8.0), noise=2e-3, seed=1,
     if step:
         current = step * (np.floor(current / step) if floor else np.round(current / step))
     values = {"time": times, "voltage": voltage, "current": current}
-    return without_offsets(to_record(Columns("coil.csv", np.arange(times.size) + 2, values)))
+    return subtract_offsets(to_record(Columns("coil.csv", np.arange(times.size) + 2, values)))

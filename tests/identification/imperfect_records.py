@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.measurements.rest import without_offsets
-from gapsense.identification.valve.device import KERNELS, seen
+from gapsense.identification.valve.form import KERNELS, output_getter
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 
@@ -99,7 +99,7 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     i = np.round(i / c.step) * c.step if c.step else i
     values = {"time": np.arange(samples) * c.dt, "voltage": v, "current": i}
     made = to_record(Columns(f"{volts:g}.csv", np.arange(samples) + 2, values), c.convention or "trapezoid")
-    return without_offsets(made)
+    return subtract_offsets(made)
 
 
 def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +114,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
         v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))
-        i = (c.eddy * v + seen(KERNEL)(outputs)[0]) / shared
+        i = (c.eddy * v + output_getter(KERNEL)(outputs)[0]) / shared
         rows.append((wanted if c.duty < 1.0 and on else v, i))
     voltage, current = np.array(rows).T
     return voltage, current

@@ -9,10 +9,8 @@ from valve_records import record
 
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.valve import fit
-from gapsense.identification.valve.device import value
-from gapsense.identification.valve.forms import Sought
-from gapsense.identification.valve.identified import Identified
-from gapsense.identification.valve.scales import similar
+from gapsense.identification.valve.fit import Identified
+from gapsense.identification.valve.form import Sought, guess_similar, value_of
 from gapsense.studies.devices import VALVE
 
 SCALES = ("stop_lower", "stop_upper", "spring_rest", "gap_slope")
@@ -31,7 +29,7 @@ class Case(NamedTuple):
     def z(self) -> dict[str, float]:
         """Errors of the logarithms of the fitted parameters, in standard errors."""
         errors = dict(zip(self.result.names, self.result.uncertainty.relative.tolist()))
-        off = {name: np.log(value(self.result.parameters, name) / getattr(self.truth, name)) for name in errors}
+        off = {name: np.log(value_of(self.result.parameters, name) / getattr(self.truth, name)) for name in errors}
         return {name: float(off[name] / errors[name]) for name in errors if np.isfinite(errors[name])}
 
 
@@ -43,7 +41,7 @@ def valve(rng: np.random.Generator) -> Parameters:
         upper = lower + stroke
         par = VALVE._replace(stop_lower=lower, stop_upper=upper, initial_position=upper, gap_slope=slope)
         par = par._replace(spring_rest=upper + stroke * float(np.exp(rng.uniform(*np.log((1.0, 30.0))))))
-        like = similar(par, SCALES)
+        like = guess_similar(par, SCALES)
         preload = like.spring_stiffness * (par.spring_rest - 0.5 * (lower + upper)) * rng.uniform(0.7, 1.1)
         factors = {"coil_turns": 0.15, "core_reluctance": 0.3, "mover_mass": 0.3, "damping": 0.3}
         changes = {name: getattr(like, name) * rng.uniform(1.0 - f, 1.0 + f) for name, f in factors.items()}
@@ -64,9 +62,9 @@ def case(seed: int, knowledge: str) -> Case:
     off = {name: ROUGH * rng.uniform(-WIDE, WIDE) if knowledge == "roughly" else 0.0 for name in SCALES}
     accuracy = {name: ROUGH for name in SCALES[1:] if knowledge == "roughly"}
     told = {name: getattr(truth, name) * float(np.exp(off[name])) for name in SCALES if name in given}
-    known = similar(VALVE._replace(**told), given)
+    known = guess_similar(VALVE._replace(**told), given)
     sought = Sought((), given=given, accuracy=accuracy)
-    return Case(truth, fit.identify(records(truth, seed), known, 3, sought=sought))
+    return Case(truth, fit.fit_valve(records(truth, seed), known, 3, sought=sought))
 
 
 def records(truth: Parameters, seed: int):

@@ -10,16 +10,22 @@ import pytest
 from coil_records import CORE, EDDY, HYSTERESIS, PLAIN, coil_record
 from valve_records import record
 
-from gapsense.identification.choice import coil_of
-from gapsense.identification.coil.evidence import effective
-from gapsense.identification.coil.file import tuning
-from gapsense.identification.coil.fit import identify
-from gapsense.identification.coil.forms import RICHEST
-from gapsense.identification.coil.problem import Problem, currents, simulate
-from gapsense.identification.coil.runs import hidden, run, scale
-from gapsense.identification.coil.validation import validate
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.conventions import CONVENTIONS
+from gapsense.identification.coil.fit import (
+    RICHEST,
+    Problem,
+    currents,
+    effective,
+    fit_coil,
+    hidden,
+    run,
+    scale,
+    simulate,
+    validate_coil,
+)
+from gapsense.identification.coil.show import tuning
+from gapsense.identification.identify import coil_of
+from gapsense.identification.measurements.reading import read_record
+from gapsense.identification.options import CONVENTIONS
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 
@@ -30,7 +36,7 @@ LOCKED = VALVE._replace(spring_stiffness=1e6 * VALVE.spring_stiffness)
 
 @cache
 def measured(name):
-    return identify([read_record(RECORDS / f"{name}.csv")], conventions=CONVENTIONS)
+    return fit_coil([read_record(RECORDS / f"{name}.csv")], conventions=CONVENTIONS)
 
 
 def test_coil_with_a_tube_of_iron_is_explained_as_it_was_recorded():
@@ -63,12 +69,12 @@ def test_what_the_converter_of_the_voltage_may_hide_is_in_the_error_of_the_resis
 
 
 def test_sound_converter_hides_nothing():
-    coil = identify([coil_record()])
+    coil = fit_coil([coil_record()])
     assert coil.balanced is None and "prior.resistance" not in tuning(coil)
 
 
 def test_iron_is_seen_when_the_coil_without_it_predicts_the_other_record():
-    check = validate(measured("empty-162-raw"), measured("tube-150-raw").records[0])
+    check = validate_coil(measured("empty-162-raw"), measured("tube-150-raw").records[0])
     assert check.rms > 2.0 * measured("tube-150-raw").residuals[0].rms
 
 
@@ -85,7 +91,7 @@ DEVICES = {
 @pytest.mark.parametrize("words", DEVICES)
 def test_form_and_parameters_that_made_a_record_are_found(words):
     true = PLAIN._replace(**DEVICES[words])
-    coil = identify([coil_record(true)])
+    coil = fit_coil([coil_record(true)])
     assert coil.is_explained and coil.form.words == words
     for name, error in coil.errors.items():
         assert abs(np.log(getattr(coil.parameters, name) / getattr(true, name))) < CHANCE * error, name
@@ -96,7 +102,7 @@ def test_form_and_parameters_that_made_a_record_are_found(words):
 @pytest.mark.parametrize("parts", [{}, CORE])
 def test_coarse_converter_is_within_the_errors(parts, floor):
     true = PLAIN._replace(**parts)
-    coil = identify([coil_record(true, step=0.03, floor=floor)])
+    coil = fit_coil([coil_record(true, step=0.03, floor=floor)])
     assert coil.is_explained and coil.form.parts == (("core",) if parts else ())
     for name, error in coil.errors.items():
         assert abs(np.log(getattr(coil.parameters, name) / getattr(true, name))) < CHANCE * error, name
@@ -104,14 +110,14 @@ def test_coarse_converter_is_within_the_errors(parts, floor):
 
 def test_two_records_have_one_coil_and_another_one_is_predicted():
     first, second, third = (coil_record(PLAIN._replace(**CORE), pulses=(v,), seed=k) for k, v in enumerate((12, 9, 6)))
-    coil = identify([first, second])
+    coil = fit_coil([first, second])
     assert coil.is_explained and coil.form.parts == ("core",) and len(coil.models) == 2
-    assert validate(coil, third).rms < 1.1 * coil.residuals[0].noise
+    assert validate_coil(coil, third).rms < 1.1 * coil.residuals[0].noise
 
 
 def test_best_reading_of_the_voltage_is_taken_only_where_it_matters():
-    assert identify([coil_record()], conventions=CONVENTIONS).convention == "trapezoid"
-    assert identify([coil_record(PLAIN._replace(**EDDY))], conventions=CONVENTIONS).convention == "trapezoid"
+    assert fit_coil([coil_record()], conventions=CONVENTIONS).convention == "trapezoid"
+    assert fit_coil([coil_record(PLAIN._replace(**EDDY))], conventions=CONVENTIONS).convention == "trapezoid"
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators import commissioned
-from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns, write_columns
@@ -16,11 +14,16 @@ from gapsense.cli import app
 from gapsense.cosim import run
 from gapsense.estimators.mhe.model import device
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.identification.actuator import file, fit, problem
-from gapsense.identification.actuator.drive import drive
-from gapsense.identification.actuator.needed import doubts, missing
+from gapsense.identification.actuator import fit
+from gapsense.identification.actuator import fit as problem
+from gapsense.identification.actuator import show as file
+from gapsense.identification.actuator.drive import read_excitation
+from gapsense.identification.actuator.show import doubts, missing
+from gapsense.identification.least_squares import Minimum
 from gapsense.identification.measurements.record import Columns, to_record
-from gapsense.identification.transfer import parameters_of, read_sets, read_values, taken
+from gapsense.identification.parameter_set import parameters_of, read_sets, read_values, take_values
+from gapsense.scenarios.estimators import commissioned
+from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from gapsense.studies.devices import RTS_VALVE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +62,7 @@ def found():
 def test_a_record_of_the_model_gives_its_parameters_back(found):
     """From beliefs that are wrong by up to 5 % and guesses of the losses; errors are what the standard errors say."""
     assert set(found.names) == set(problem.DEVIATIONS)
-    right = fit.bent(TRUE)._replace(gap_factor=TRUE.gap_slope / BELIEVED.gap_slope)
+    right = fit.with_bend(TRUE)._replace(gap_factor=TRUE.gap_slope / BELIEVED.gap_slope)
     off = np.array([np.log(getattr(found.parameters, name) / getattr(right, name)) for name in found.names])
     assert np.all(np.abs(off) < 3.0 * np.array([*found.errors.values()])), dict(zip(found.names, off))
     assert abs(found.parameters.coil_resistance / right.coil_resistance - 1.0) < 1e-3
@@ -70,10 +73,28 @@ def test_a_record_of_the_model_gives_its_parameters_back(found):
     assert np.sqrt(np.mean((found.model.position - believed) ** 2)) > 30e-6
 
 
+def test_a_value_that_ends_at_a_limit_is_told_and_no_position_is_called_certain(found):
+    """True eddy currents are 74 times the guess; the search goes as far as ten times."""
+    lossy = TRUE._replace(core_eddy=7.4e-3)
+    result = fit.commission([record(par=lossy)], BELIEVED._replace(core_eddy=1e-4))
+    said = " ".join(file.remarks(result, fit.with_bend(BELIEVED)))
+    assert "core_eddy" in result.at_limit and "`core.eddy` ends at a limit of the search: 1 mS" in said
+    assert not result.is_explained and "the model is another one" in said and "certain to" not in said
+    sound = " ".join(file.remarks(found, fit.with_bend(BELIEVED)))
+    assert not found.at_limit and "certain to" in sound and "ends" not in sound
+
+
+def test_a_search_that_ends_where_no_minimum_is_says_so(monkeypatch):
+    monkeypatch.setattr(fit, "minimise", lambda p, x, *_: Minimum(x, p.residuals([x])[0], 0, np.zeros(x.size, bool)))
+    result = fit.commission([record(samples=1100)], BELIEVED)
+    (said,) = [text for text in file.remarks(result, fit.with_bend(BELIEVED)) if "The search ends" in text]
+    assert "without one step from what was believed" in said and not result.is_minimum
+
+
 def test_derivatives_of_the_cost_are_its_slopes():
     """By logarithms, offsets, what the places of edges share and each of them; of two records together."""
-    par = fit.bent(BELIEVED)
-    drives = [drive(record(samples=n), par) for n in (600, 400)]
+    par = fit.with_bend(BELIEVED)
+    drives = [read_excitation(record(samples=n), par) for n in (600, 400)]
     p = problem.Problem(par, [*problem.DEVIATIONS], drives)
     x, by = np.zeros(p.deviations.size), 1e-4 * np.random.default_rng(2).standard_normal(p.deviations.size)
     assert x.size == 13 + 2 + 2 + 2 + 1
@@ -82,22 +103,22 @@ def test_derivatives_of_the_cost_are_its_slopes():
 
 
 def test_bend_of_the_core_changes_no_device():
-    before, after = device(BELIEVED), device(fit.bent(BELIEVED))
+    before, after = device(BELIEVED), device(fit.with_bend(BELIEVED))
     assert after == pytest.approx(before, rel=1e-12)
-    assert device(fit.bent(TRUE)) == pytest.approx(device(TRUE), rel=1e-12)
-    assert fit.bent(TRUE).core_bend == pytest.approx(TRUE.core_bend, rel=1e-12)
+    assert device(fit.with_bend(TRUE)) == pytest.approx(device(TRUE), rel=1e-12)
+    assert fit.with_bend(TRUE).core_bend == pytest.approx(TRUE.core_bend, rel=1e-12)
 
 
 def test_what_is_zero_stays_zero_and_a_table_has_a_factor_only():
     gap = {"gap.law": "table", "gap.file": str(ROOT / "fmus" / "mhe" / "fringing_29.csv")}
     par = kernel_parameters(own("mhe"), {**read_values([SETS / "mhe.toml"]), **gap, "damping": 0.0})
-    names = [name for name in problem.DEVIATIONS if fit.is_fitted(fit.bent(par), name)]
+    names = [name for name in problem.DEVIATIONS if fit.is_fitted(fit.with_bend(par), name)]
     assert set(problem.DEVIATIONS) - set(names) == {"gap_fringing", "damping"}
 
 
 def test_the_parameter_set_is_what_was_found(found, tmp_path):
     given = read_values([SETS / "mhe.toml"])
-    written = file.write(tmp_path / "new" / "mine.toml", found, given, "test")
+    written = file.write_actuator(tmp_path / "new" / "mine.toml", found, given, "test")
     read = parameters_of("mhe", written)
     (model,) = (problem.simulate(read, d, at) for d, at in zip(found.drives, found.places))
     assert model.position == pytest.approx(found.model.position, abs=1e-9)
@@ -117,7 +138,7 @@ def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
     given = {**read_values([SETS / "mhe.toml"]), "gap.law": "table", "gap.file": str(table)}
     par = kernel_parameters(own("mhe"), given)
     by_table = found._replace(parameters=found.parameters._replace(gap_law=par.gap_law))
-    read = read_values([file.write(tmp_path / "sets" / "mine.toml", by_table, given, "test")])
+    read = read_values([file.write_actuator(tmp_path / "sets" / "mine.toml", by_table, given, "test")])
     assert Path(read["gap.file"]).samefile(table)
     assert read["gap.factor"] == pytest.approx(found.parameters.gap_factor, rel=1e-7)
 
@@ -189,7 +210,7 @@ def test_what_is_assumed_makes_all_that_goes_with_it_uncertain(stroke, turns, na
     fields = [name.replace(".", "_") for name in names]
     known = true._replace(**{field: getattr(shipped, field) for field in fields})
     result = fit.commission([record(par=true)], known, doubts=doubts(names))
-    right = fit.bent(true)._replace(gap_factor=true.gap_slope / known.gap_slope)
+    right = fit.with_bend(true)._replace(gap_factor=true.gap_slope / known.gap_slope)
     off = [np.log(getattr(result.parameters, n) / getattr(right, n)) / error for n, error in result.errors.items()]
     assert result.is_explained and np.abs(off).max() < 3.0, dict(zip(result.names, off))
     if "stop.upper" in names:
@@ -234,9 +255,9 @@ def test_identify_takes_the_option_and_says_what_it_has_not(tmp_path):
 
 def test_each_estimator_gets_the_device_that_was_found(found, tmp_path):
     given = {name: value for name, value in read_values([SETS / "mhe.toml"]).items() if name != "sample_time"}
-    written = file.write(tmp_path / "mine.toml", found, {**given, "prior.resistance": 0.08}, "test")
+    written = file.write_actuator(tmp_path / "mine.toml", found, {**given, "prior.resistance": 0.08}, "test")
     names = ("mhe", "ekf", "ertss", "bounded_ukf", "semera", "integral_estimator")
-    sets = {folder.name: values for folder, values in taken([own(name) for name in names], [written]).items()}
+    sets = {folder.name: values for folder, values in take_values([own(name) for name in names], [written]).items()}
     par = found.parameters
     assert sets["mhe"]["prior.resistance"] == 0.08
     for name in ("semera", "integral_estimator"):

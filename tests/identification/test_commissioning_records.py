@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from actuator_records import CONDITIONS, FINE, OTHERS, Drive, Instruments, case, errors, measured, run
 
-from gapsense.identification.actuator import file, fit, validation
-from gapsense.identification.actuator.drive import calm_noise, drive, means
-from gapsense.identification.actuator.show import tables
+from gapsense.identification.actuator import fit
+from gapsense.identification.actuator import fit as validation
+from gapsense.identification.actuator import show as file
+from gapsense.identification.actuator.drive import calm_noise, means, read_excitation
+from gapsense.identification.actuator.show import actuator_tables
 
 SEEDS = range(101, 104)
 GOAL = 15e-6  # m; RMS error of the position on other drives
@@ -25,7 +27,7 @@ def commissioned(seed, condition, **changes):
 
 
 def said(result, known):
-    return " ".join(text for text in tables(result, known) if isinstance(text, str))
+    return " ".join(text for text in actuator_tables(result, known) if isinstance(text, str))
 
 
 @pytest.mark.slow
@@ -80,7 +82,7 @@ def test_single_shots_together_and_one_more_for_the_validation():
     result = fit.commission(shots[:2], c.known)
     assert result.is_explained and [r.record for r in result.residuals] == ["30 V", "24 V"]
     assert max(errors(result.parameters, c.device, OTHERS[:1])) < GOAL
-    (check,) = validation.validated(result.parameters, shots[2:])
+    (check,) = validation.validate_actuator(result.parameters, shots[2:])
     edges = np.abs(np.diff(check.record.voltage, prepend=0.0)) > 5.0
     error = (check.record.current[check.first :] - check.model.current)[~edges[check.first :]]
     assert error.std() < 2.6e-3
@@ -116,7 +118,7 @@ def test_places_of_edges_are_found():
 def test_noise_is_not_what_pwm_does():
     c = case(6, "PWM, clamp of 40 V")
     record = measured(c.device, c.drive._replace(pulses=1), Instruments()).record
-    d = drive(record, c.known)
+    d = read_excitation(record, c.known)
     is_edge = np.abs(np.diff(record.voltage, prepend=0.0)) > 5.0
     assert d.noise == pytest.approx(2e-3, rel=0.15)
     assert calm_noise(record, d.first, is_edge[d.first :]) == d.noise

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from gapsense.fmi.components import components_folder
-from gapsense.identification.estimation import judge, run
-from gapsense.identification.estimation.run import run_estimator
+from gapsense.identification import estimate as judge
+from gapsense.identification import estimate as run
+from gapsense.identification.estimate import run_estimator
+from gapsense.identification.measurements.prepare import part
 from gapsense.identification.measurements.record import Columns, to_record
-from gapsense.identification.measurements.thin import part
-from gapsense.identification.valve.file import PORTS
 from gapsense.identification.valve.model import simulate
+from gapsense.identification.valve.show import PORTS
 from gapsense.studies.devices import VALVE
 
 DT, REST, PERIOD = 20e-6, 40, 1000
@@ -77,16 +78,16 @@ def test_estimator_that_does_not_take_the_sampling_is_left_out_with_a_word():
     fast = record(VALVE, periods=1)
     fast = fast._replace(times=fast.times / 4.0)
     found = run.estimators(components_folder())
-    names, left_out = run.chosen(None, found, fast, GIVEN)
+    names, left_out = run.choose_estimators(None, found, fast, GIVEN)
     assert "Semera" in names and "Mhe" not in names
     assert any(text.startswith("Mhe, every 5 us: `window.longest`") for text in left_out)
     with pytest.raises(ValueError, match="every 5 us"):
-        run.chosen("mhe", found, fast, GIVEN)
+        run.choose_estimators("mhe", found, fast, GIVEN)
 
 
 def test_estimators_of_a_mover_are_left_out_for_a_coil():
     coil = {"coil.resistance": 0.37, "prior.inductance": 3e-4, "noise.current": 2.0}
-    names, left_out = run.chosen(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
+    names, left_out = run.choose_estimators(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
     assert names == ["IntegralEstimator", "Semera"]
     assert "BoundedUkf models a mover, of which the parameters of a coil tell nothing." in left_out[0]
 

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.identification.gap_law.choice import best, candidates, jackknife
-from gapsense.identification.gap_law.eddy import missing_part, remarks
-from gapsense.identification.gap_law.laws import reluctance, rows, total
-from gapsense.identification.gap_law.table import names_of, read_inductances
+from gapsense.identification.gap_law.laws import best_law, candidates, jackknife, reluctance, rows, total
+from gapsense.identification.gap_law.table import columns_given, missing_part, read_inductances, remarks
 from gapsense.problems import InputError
 
 TAKAHA = Path(__file__).parent / "records" / "takaha-inductance.csv"
@@ -35,7 +33,7 @@ def pot(h):
 
 def chosen(truth, noise=0.0, seed=1, gaps=GAPS):
     measured = TURNS**2 / (CORE + truth(gaps)) * (1.0 + noise * np.random.default_rng(seed).standard_normal(gaps.size))
-    return best(candidates(gaps, TURNS**2 / measured))
+    return best_law(candidates(gaps, TURNS**2 / measured))
 
 
 def slope(truth, h):
@@ -76,7 +74,7 @@ def test_measured_solenoid_gives_a_table_from_its_lowest_frequency():
     measured = read_inductances(TAKAHA)
     assert measured.frequency == 100.0 and sorted(measured.others) == [1e3, 1e4, 1e5]
     assert measured.gap[-1] == pytest.approx(4.1e-3) and measured.inductance[0] == pytest.approx(0.11391)
-    found = best(candidates(measured.gap, TURNS**2 / measured.inductance))
+    found = best_law(candidates(measured.gap, TURNS**2 / measured.inductance))
     assert found.law.name == "3 slopes" and found.foretold < 0.02
     part = missing_part(measured)
     assert part is not None and 0.02 < part[-1] < part[0] < 0.1
@@ -126,6 +124,6 @@ def test_wrong_tables_are_refused_in_words(text, tmp_path):
 
 def test_columns_are_chosen_by_name(tmp_path):
     (tmp_path / "t.csv").write_text("x (um),y [mm],L [mH]\n0,1,100\n900,2,90\n1100,3,70\n", encoding="utf-8")
-    assert read_inductances(tmp_path / "t.csv", names_of(["gap=x"])).gap[-1] == pytest.approx(1.1e-3)
+    assert read_inductances(tmp_path / "t.csv", columns_given(["gap=x"])).gap[-1] == pytest.approx(1.1e-3)
     with pytest.raises(ValueError, match="`gap=NAME` or `inductance=NAME` expected"):
-        names_of(["voltage=u"])
+        columns_given(["voltage=u"])

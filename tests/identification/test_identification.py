@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from valve_records import GUESS, record
 
-from gapsense.identification.valve.errors import long_run, uncertainty
-from gapsense.identification.valve.fit import identify
+from gapsense.identification.least_squares import long_run
+from gapsense.identification.valve.errors import uncertainty
+from gapsense.identification.valve.fit import POOR, fit_valve
 from gapsense.identification.valve.form import FITTED, Form
-from gapsense.identification.valve.identified import POOR
-from gapsense.identification.valve.many import currents
 from gapsense.identification.valve.minimise import Fit
 from gapsense.identification.valve.model import (
-    balanced,
+    balance,
     cost,
-    integrated,
+    first_operation,
+    integrate_flux,
     prepare,
     residuals,
-    shortened,
     simulate,
-    simulated,
+    simulate_currents,
+    simulate_experiment,
 )
 from gapsense.identification.valve.search import search
-from gapsense.identification.valve.validation import validate
+from gapsense.identification.valve.show import validate
 from gapsense.studies.devices import VALVE
 
 
@@ -36,12 +36,12 @@ def errors(result) -> np.ndarray:
 
 @cache
 def noise_free():
-    return identify([record()], GUESS, starts=1)
+    return fit_valve([record()], GUESS, starts=1)
 
 
 @cache
 def noisy(seed: int, periods: int = 2):
-    return identify([record(seed=seed, periods=periods)], VALVE, starts=1)
+    return fit_valve([record(seed=seed, periods=periods)], VALVE, starts=1)
 
 
 def test_noise_free_record_gives_the_parameters_back():
@@ -56,17 +56,17 @@ def test_cost_is_that_of_the_paper():
     model = simulate(VALVE, experiment.halves, experiment.dt, experiment.resistance)
     i, lam = experiment.current, experiment.flux_linkage
     J = 10.0 / (i**2).max() * ((i - model.current) ** 2).sum()
-    J += 1.0 / (lam**2).max() * ((lam - integrated(experiment, model.current)) ** 2).sum()
-    assert cost(residuals(Form(VALVE), np.zeros(6), [experiment])) == pytest.approx(J, rel=1e-12)
-    assert np.abs(integrated(experiment, model.current) - model.flux_linkage).max() < 5e-3 * lam.max()
+    J += 1.0 / (lam**2).max() * ((lam - integrate_flux(experiment, model.current)) ** 2).sum()
+    assert cost(residuals(Form(VALVE), [np.zeros(6)], [experiment])[0]) == pytest.approx(J, rel=1e-12)
+    assert np.abs(integrate_flux(experiment, model.current) - model.flux_linkage).max() < 5e-3 * lam.max()
 
 
 def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():
     first, _ = prepare(record(seed=2))
-    experiment = balanced(Form(GUESS), np.zeros(6), first)  # each operation has a resistance of its own
+    experiment = balance(Form(GUESS), np.zeros(6), first)  # each operation has a resistance of its own
     pars = [Form(GUESS).at(0.05 * np.random.default_rng(k).normal(size=6)) for k in range(7)]
-    for par, found in zip(pars, currents(pars, experiment)):
-        np.testing.assert_array_equal(found, simulated(par, experiment).current)
+    for par, found in zip(pars, simulate_currents(pars, experiment)):
+        np.testing.assert_array_equal(found, simulate_experiment(par, experiment).current)
 
 
 def test_residual_of_the_flux_linkage_is_the_integral_of_that_of_the_current():
@@ -74,13 +74,13 @@ def test_residual_of_the_flux_linkage_is_the_integral_of_that_of_the_current():
     off = simulate(Form(VALVE).at(np.full(6, 0.01)), experiment.halves, experiment.dt, experiment.resistance).current
     r = experiment.current - off
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * experiment.resistance[1:]) * experiment.dt))
-    np.testing.assert_allclose(experiment.flux_linkage - integrated(experiment, off), -integral, atol=1e-12)
+    np.testing.assert_allclose(experiment.flux_linkage - integrate_flux(experiment, off), -integral, atol=1e-12)
 
 
 def test_balanced_charges_are_equal_in_every_operation():
     experiment, _ = prepare(record(seed=1))
-    after = balanced(Form(VALVE), np.zeros(6), experiment)
-    again = balanced(Form(VALVE), np.zeros(6), after)
+    after = balance(Form(VALVE), np.zeros(6), experiment)
+    again = balance(Form(VALVE), np.zeros(6), after)
     assert np.abs(after.resistance / experiment.resistance - 1.0).max() > 1e-5
     assert np.abs(again.resistance / after.resistance - 1.0).max() < 1e-5
 
@@ -119,11 +119,11 @@ def test_record_without_motion_identifies_neither_mass_nor_spring_nor_damping():
 def test_bad_minimum_is_rejected_by_its_cost():
     far = VALVE._replace(mover_mass=3.3 * VALVE.mover_mass, damping=4.0 * VALVE.damping, spring_stiffness=62.0)
     fit = Fit(Form(far))
-    experiment = shortened(prepare(record())[0])
+    experiment = first_operation(prepare(record())[0])
     alone = fit.least_squares(np.zeros(6), [experiment])
     starts = fit.multi_start([experiment], 3, 1)
     costs = sorted(s.cost for s in starts)
-    assert costs[0] <= cost(residuals(Form(far), alone, [experiment])) + 1e-12
+    assert costs[0] <= cost(residuals(Form(far), [alone], [experiment])[0]) + 1e-12
     assert costs[0] < 1e-3
 
 
@@ -163,9 +163,9 @@ def test_standard_errors_are_those_of_many_records():
 
 @pytest.mark.slow
 def test_least_squares_needs_a_small_part_of_the_evaluations_of_the_search():
-    first, fit = shortened(prepare(record(seed=1))[0]), Fit(Form(GUESS))
+    first, fit = first_operation(prepare(record(seed=1))[0]), Fit(Form(GUESS))
     ratios = fit.least_squares(np.zeros(6), [first])
-    ours, needed = cost(residuals(Form(GUESS), ratios, [first])), fit.samples / first.current.size
-    theirs = search(lambda x: cost(residuals(Form(GUESS), x, [first])), np.zeros(6), 0.1, limit=round(12 * needed))
+    ours, needed = cost(residuals(Form(GUESS), [ratios], [first])[0]), fit.samples / first.current.size
+    theirs = search(lambda x: cost(residuals(Form(GUESS), [x], [first])[0]), np.zeros(6), 0.1, limit=round(12 * needed))
     assert ours < 0.99 * theirs.value
     assert theirs.value < 2.0 * ours  # but it gets there

@@ -9,11 +9,10 @@ import pytest
 from imperfect_records import CONDITIONS, Condition, records
 from valve_records import GUESS
 
-from gapsense.identification.measurements.conventions import CONVENTIONS
-from gapsense.identification.valve.device import value
-from gapsense.identification.valve.drive import doubtful, drive_of
-from gapsense.identification.valve.fit import identify
-from gapsense.identification.valve.identified import Identified
+from gapsense.identification.options import CONVENTIONS
+from gapsense.identification.valve.driver import doubt_resistance, read_driver
+from gapsense.identification.valve.fit import Identified, fit_valve
+from gapsense.identification.valve.form import value_of
 from gapsense.identification.valve.show import remarks
 from gapsense.studies.devices import VALVE
 
@@ -25,11 +24,11 @@ FAR, RMS, BEYOND = 3.5, 1.3, 0.1  # largest error, RMS, part that is beyond two,
 def found(name: str, seed: int) -> Identified:
     c = CONDITIONS[name]
     conventions = () if c.convention else CONVENTIONS
-    return identify(records(c, seed), GUESS, 2, conventions=conventions, drive=drive_of(c.driver, c.accuracy))
+    return fit_valve(records(c, seed), GUESS, 2, conventions=conventions, drive=read_driver(c.driver, c.accuracy))
 
 
 def doubts(result: Identified) -> list[str]:
-    return doubtful(result.resistance, VALVE.coil_resistance)
+    return doubt_resistance(result.resistance, VALVE.coil_resistance)
 
 
 def z(name: str, result: Identified) -> dict[str, float]:
@@ -37,7 +36,7 @@ def z(name: str, result: Identified) -> dict[str, float]:
     off, c = {}, CONDITIONS[name]
     for field, error in zip(result.names, result.uncertainty.relative.tolist()):
         if field not in result.poor:
-            at, true = float(value(result.parameters, field)), truth(c, field)
+            at, true = float(value_of(result.parameters, field)), truth(c, field)
             off[field] = (at / np.clip(at, *true) - 1.0) / error if true[0] else np.inf
     return off
 

@@ -10,14 +10,12 @@ from imperfect_records import DROPS, Condition
 from imperfect_records import record as imperfect
 from valve_records import record
 
-from gapsense.identification import choice
+from gapsense.identification import identify as choice
 from gapsense.identification.residual import residual, verdict
-from gapsense.identification.valve.drive import UNKNOWN, doubtful, drive_of, notes
-from gapsense.identification.valve.fit import identify
-from gapsense.identification.valve.forms import Sought
-from gapsense.identification.valve.identified import Identified
-from gapsense.identification.valve.model import prepare, simulated
-from gapsense.identification.valve.prepared import without_causes
+from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver
+from gapsense.identification.valve.fit import Identified, fit_valve
+from gapsense.identification.valve.form import Sought
+from gapsense.identification.valve.model import prepare, simulate_experiment, take_out_causes
 from gapsense.identification.valve.show import labels, remarks
 from gapsense.studies.devices import VALVE
 
@@ -35,7 +33,7 @@ def z(result: Identified) -> dict[str, float]:
 
 @cache
 def late() -> Identified:
-    return identify([made(21, skew=20e-6)], VALVE, starts=1, sought=Sought(("eddy",)))
+    return fit_valve([made(21, skew=20e-6)], VALVE, starts=1, sought=Sought(("eddy",)))
 
 
 def test_delay_is_found_taken_out_and_told_with_its_error():
@@ -47,7 +45,7 @@ def test_delay_is_found_taken_out_and_told_with_its_error():
 
 
 def test_validation_of_a_late_record_needs_the_same_delay():
-    from gapsense.identification.valve.validation import validate
+    from gapsense.identification.valve.show import validate
 
     result, other = late(), made(22, 1, skew=20e-6)
     assert validate(result.parameters, other._replace(drive=result.drive)).rms < 1.15e-3
@@ -55,27 +53,27 @@ def test_validation_of_a_late_record_needs_the_same_delay():
 
 
 def test_record_that_is_not_late_keeps_its_times():
-    result = identify([made(23)], VALVE, starts=1, sought=Sought(("eddy",)))
+    result = fit_valve([made(23)], VALVE, starts=1, sought=Sought(("eddy",)))
     assert result.drive == {} and result.uncertainty.causes == {}
 
 
 def test_eddy_currents_are_not_taken_for_a_delay():
-    result = identify([made(24, eddy=1e-3)], VALVE, starts=1, sought=Sought(("eddy",)))
+    result = fit_valve([made(24, eddy=1e-3)], VALVE, starts=1, sought=Sought(("eddy",)))
     assert result.form.added == ("eddy",) and result.drive == {}
     assert "eddy" not in result.uncertainty.shares
 
 
 def test_known_drops_of_a_driver_are_taken_out_of_the_recorded_command():
     command = made(25, **DROPS)
-    wrong = identify([command], VALVE, starts=1, sought=PLAIN)
+    wrong = fit_valve([command], VALVE, starts=1, sought=PLAIN)
     assert not wrong.is_explained
     assert any("would explain most" in said and "a drop while the current falls" in said for said in remarks(wrong))
-    result = identify([command], VALVE, starts=1, sought=PLAIN, drive=drive_of("series=2,drop=0.8"))
+    result = fit_valve([command], VALVE, starts=1, sought=PLAIN, drive=read_driver("series=2,drop=0.8"))
     assert result.is_explained and max(map(abs, z(result).values())) < 3.0
 
 
 def test_drops_of_a_driver_are_fitted_on_request_with_their_correlations():
-    result = identify([made(26, **DROPS)], VALVE, starts=1, sought=PLAIN, drive=drive_of("fit"))
+    result = fit_valve([made(26, **DROPS)], VALVE, starts=1, sought=PLAIN, drive=read_driver("fit"))
     errors = result.uncertainty.causes
     assert result.is_explained and max(map(abs, z(result).values())) < 3.0
     assert abs(result.drive["series"] - 2.0) < 3.0 * errors["series"] and 0.1 < errors["series"] < 3.0
@@ -86,7 +84,7 @@ def test_drops_of_a_driver_are_fitted_on_request_with_their_correlations():
 
 def test_fitted_drops_are_those_that_given_ones_take():
     one = made(27, 1, **DROPS)
-    taken = without_causes(one._replace(drive={"series": 2.0, "drop": 0.8}))
+    taken = take_out_causes(one._replace(drive={"series": 2.0, "drop": 0.8}))
     on = one.voltage > 15.0
     lost = (one.applied - taken.applied)[on & (one.current > 0.1)]
     assert lost == pytest.approx(2.0 * one.current[on & (one.current > 0.1)], abs=0.03)
@@ -96,37 +94,40 @@ def test_fitted_drops_are_those_that_given_ones_take():
 @pytest.mark.parametrize("text", ["series", "series=two", "diode=0.8", "fit=2", "drop=nan"])
 def test_driver_that_is_not_understood_is_told_with_what_is(text):
     with pytest.raises(ValueError, match=r"--driver.*series=Ohm,drop=V"):
-        drive_of(text)
+        read_driver(text)
 
 
 def test_driver_and_accuracy_are_read():
-    assert drive_of(None) == UNKNOWN
-    assert drive_of("series=2, drop=fit").values == {"series": 2.0} and drive_of("fit").fitted == ("series", "drop")
-    assert drive_of("delay=0").is_timed and not drive_of("fit").is_timed
-    assert drive_of(None, "current=1").accuracy == {"current": 0.01}
+    assert read_driver(None) == UNKNOWN
+    assert read_driver("series=2, drop=fit").values == {"series": 2.0} and read_driver("fit").fitted == (
+        "series",
+        "drop",
+    )
+    assert read_driver("delay=0").is_timed and not read_driver("fit").is_timed
+    assert read_driver(None, "current=1").accuracy == {"current": 0.01}
     with pytest.raises(ValueError, match=r"--accuracy.*in percent"):
-        drive_of(None, "current=fit")
-    assert "series 2 Ohm" in notes({"series": 2.0})[0] and not notes({})
+        read_driver(None, "current=fit")
+    assert "series 2 Ohm" in driver_notes({"series": 2.0})[0] and not driver_notes({})
 
 
 def test_scales_of_the_instruments_are_in_the_errors_on_request():
     wrong = made(28, gain=1.01)
-    sure = identify([wrong], VALVE, starts=1, sought=PLAIN)
-    unsure = identify([wrong], VALVE, starts=1, sought=PLAIN, drive=drive_of(None, "current=1"))
+    sure = fit_valve([wrong], VALVE, starts=1, sought=PLAIN)
+    unsure = fit_valve([wrong], VALVE, starts=1, sought=PLAIN, drive=read_driver(None, "current=1"))
     assert sure.is_explained and abs(z(sure)["coil_resistance"]) > 10.0  # no residual tells a scale
     assert max(map(abs, z(unsure).values())) < 3.0 and unsure.cost == sure.cost
 
 
 def test_resistance_that_no_coil_of_copper_has_is_told():
-    (said,) = doubtful(1.58 * 76.0, 76.0)
+    (said,) = doubt_resistance(1.58 * 76.0, 76.0)
     assert "+58 %" in said and "PWM sampled in step" in said and "+149 K" in said
-    assert not doubtful(80.0, 76.0) and not doubtful(120.0, None)
+    assert not doubt_resistance(80.0, 76.0) and not doubt_resistance(120.0, None)
 
 
 def test_hum_is_told_by_its_frequency():
     measured = record(seed=1, periods=3)
     experiment, flux = prepare(measured)
-    model, first = simulated(VALVE, experiment), flux.operations[0].start
+    model, first = simulate_experiment(VALVE, experiment), flux.operations[0].start
     hum = 3e-3 * np.sin(2.0 * np.pi * 50.0 * measured.times)
     found = residual(measured._replace(current=measured.current + hum), model, first)
     assert "goes with 50 Hz: the usual cause is hum of the mains" in verdict(found, "2 mA", "1 mA")
@@ -134,7 +135,7 @@ def test_hum_is_told_by_its_frequency():
 
 def test_progress_goes_on_and_ends():
     told: list[tuple[int, int]] = []
-    identify([record(seed=1)], VALVE, 2, progress=lambda done, total: told.append((done, total)), sought=PLAIN)
+    fit_valve([record(seed=1)], VALVE, 2, progress=lambda done, total: told.append((done, total)), sought=PLAIN)
     done = [d for d, _ in told]
     assert done == sorted(done) and all(d <= total for d, total in told) and len({*done}) > 10
     assert done[-1] > 0.7 * told[-1][1]

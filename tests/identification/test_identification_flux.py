@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from valve_records import PERIOD, record
 
-from gapsense.identification.measurements.flux import estimate
-from gapsense.identification.measurements.operations import edges, operations
+from gapsense.identification.measurements.operations import edges, estimate, operations
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.valve.model import mean_resistance, prepare, simulate
 from gapsense.studies.devices import VALVE

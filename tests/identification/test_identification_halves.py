@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.identification.coil.fit import identify
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.conventions import CONVENTIONS
-from gapsense.identification.measurements.flux import mean_resistance
-from gapsense.identification.measurements.halves import ends, halves
-from gapsense.identification.measurements.record import Columns, to_record
+from gapsense.identification.coil.fit import fit_coil
+from gapsense.identification.measurements.operations import mean_resistance
+from gapsense.identification.measurements.reading import read_record
+from gapsense.identification.measurements.record import Columns, ends, halves, to_record
+from gapsense.identification.options import CONVENTIONS
 
 CLAMPED = Path(__file__).parent / "records" / "synthetic-flyback-clamp.csv"
 DT, FINE, R, L = 50e-6, 50, 10.0, 50e-3
@@ -52,7 +51,7 @@ def test_what_does_not_end_with_the_current_stays():
 
 
 def test_record_with_a_clamp_is_that_of_its_coil():
-    coil = identify([read_record(CLAMPED)], conventions=CONVENTIONS)
+    coil = fit_coil([read_record(CLAMPED)], conventions=CONVENTIONS)
     assert coil.is_explained and coil.form.parts == ()
     assert coil.parameters.resistance == pytest.approx(10.0, rel=4.0 * coil.errors["resistance"])
     explicit = -R * DT / np.log(1.0 - R * DT / L)  # the record was made by Euler's method

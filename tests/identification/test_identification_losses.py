@@ -11,15 +11,14 @@ from lossy_records import lossy
 from valve_records import DT, GUESS, record
 
 from gapsense.actuators.solenoid_valve import GapLaw
-from gapsense.identification.measurements.conventions import CONVENTIONS
-from gapsense.identification.valve import evidence, lossy_valve, model
-from gapsense.identification.valve.device import changed, value, valve, with_losses
-from gapsense.identification.valve.fit import identify
-from gapsense.identification.valve.form import Form
-from gapsense.identification.valve.forms import Sought, plain
-from gapsense.identification.valve.linear import linear
-from gapsense.identification.valve.many import currents
-from gapsense.identification.valve.prepared import prepare
+from gapsense.identification.least_squares import independent
+from gapsense.identification.options import CONVENTIONS
+from gapsense.identification.valve import lossy_valve, model
+from gapsense.identification.valve import minimise as evidence
+from gapsense.identification.valve.errors import linearise
+from gapsense.identification.valve.fit import fit_valve
+from gapsense.identification.valve.form import Form, Sought, plain, replace_values, value_of, valve, with_losses
+from gapsense.identification.valve.model import prepare_all, simulate_currents
 from gapsense.studies.devices import VALVE
 
 FRINGED = VALVE._replace(gap_law=GapLaw.fringing)
@@ -35,7 +34,7 @@ QUICK = ("both",)  # for every run of the tests
 
 @cache
 def found(name, seed=1, conventions=()):
-    return identify([lossy(seed=seed, **CASES[name][0])], GUESS, starts=2, conventions=conventions)
+    return fit_valve([lossy(seed=seed, **CASES[name][0])], GUESS, starts=2, conventions=conventions)
 
 
 def truth(name):
@@ -48,7 +47,7 @@ def z(name, result):
     """Errors in standard errors, by parameter."""
     true = truth(name)
     pairs = zip(result.names, result.uncertainty.relative)
-    return {n: np.log(value(result.parameters, n) / value(true, n)) / error for n, error in pairs}
+    return {n: np.log(value_of(result.parameters, n) / value_of(true, n)) / error for n, error in pairs}
 
 
 @pytest.mark.parametrize(("eddy", "amplitude"), [(0.0, 0.0), (1e-3, 0.0), (0.3e-3, 5e-3), (1e-3, 15e-3)])
@@ -73,17 +72,19 @@ def test_strong_hysteresis_does_not_swing_near_saturation(noise):
 
 def test_without_losses_the_lossy_kernel_has_the_bits_of_the_plain_one():
     experiment, _ = model.prepare(record(seed=3))
-    bare, with_none = (model.simulated(par, experiment) for par in (VALVE, with_losses(VALVE)))
+    bare, with_none = (model.simulate_experiment(par, experiment) for par in (VALVE, with_losses(VALVE)))
     np.testing.assert_array_equal(bare.current, with_none.current)
     np.testing.assert_array_equal(bare.position, with_none.position)
 
 
 def test_models_with_losses_that_are_simulated_together_have_the_bits_that_they_have_alone():
     experiment, _ = model.prepare(record(seed=2))
-    par = changed(with_losses(VALVE), core_eddy=1e-3, core_hysteresis=4e-3)
-    pars = [changed(par, core_turnover=length, gap_slope=2.7e10 * (1.0 + length)) for length in (1e-3, 2e-3, 3e-3)]
-    for one, current in zip(pars, currents(pars, experiment)):
-        np.testing.assert_array_equal(current, model.simulated(one, experiment).current)
+    par = replace_values(with_losses(VALVE), core_eddy=1e-3, core_hysteresis=4e-3)
+    pars = [
+        replace_values(par, core_turnover=length, gap_slope=2.7e10 * (1.0 + length)) for length in (1e-3, 2e-3, 3e-3)
+    ]
+    for one, current in zip(pars, simulate_currents(pars, experiment)):
+        np.testing.assert_array_equal(current, model.simulate_experiment(one, experiment).current)
 
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
@@ -98,20 +99,20 @@ def test_losses_and_fringes_are_found_within_their_errors(name):
 def test_resistances_of_a_core_that_stays_magnetised_are_balanced_until_they_rest():
     """The flux linkage that stays tells them, and they tell it: twice left turns 0.16 and damping 5 % off."""
     options = CASES["hysteresis"][0]
-    result = identify([lossy(**options)], GUESS, starts=1, sought=Sought(("hysteresis",)))
+    result = fit_valve([lossy(**options)], GUESS, starts=1, sought=Sought(("hysteresis",)))
     true = truth("hysteresis")
-    off = {name: abs(np.log(value(result.parameters, name) / value(true, name))) for name in result.names}
+    off = {name: abs(np.log(value_of(result.parameters, name) / value_of(true, name))) for name in result.names}
     assert off["coil_turns"] < 2e-4 and off["damping"] < 5e-3 and off["coil_resistance"] < 1e-5, off
 
 
 @pytest.mark.slow  # its record is one of the slow ones
 def test_errors_of_parameters_return_through_the_resistances_that_they_balance():
     result = found("hysteresis")
-    experiments = prepare([lossy(seed=1, **CASES["hysteresis"][0])], None).experiments
-    at = linear(result.form, result.ratios, experiments, (), ())
+    experiments = prepare_all([lossy(seed=1, **CASES["hysteresis"][0])], None).experiments
+    at = linearise(result.form, result.ratios, experiments, (), ())
     larger = np.linalg.norm(at.feedback @ at.inverse, axis=1) / np.linalg.norm(at.inverse, axis=1)
     assert 1.2 < dict(zip(result.form.fitted, larger))["coil_turns"] < 1.6
-    plain = linear(Form(VALVE), np.zeros(6), experiments, (), ())
+    plain = linearise(Form(VALVE), np.zeros(6), experiments, (), ())
     np.testing.assert_array_equal(plain.feedback, np.eye(6))
 
 
@@ -124,18 +125,18 @@ def test_turnover_in_a_false_minimum_starts_again():
 
 @pytest.mark.parametrize("name", ["both", pytest.param("eddy", marks=pytest.mark.slow)])
 def test_plain_form_alone_is_further_off(name):
-    result = identify([lossy(seed=1, **CASES[name][0])], GUESS, starts=1, sought=Sought(()))
+    result = fit_valve([lossy(seed=1, **CASES[name][0])], GUESS, starts=1, sought=Sought(()))
     assert result.form.added == () and len(result.trials) == 1
-    off = [abs(value(r.parameters, "coil_turns") / VALVE.coil_turns - 1.0) for r in (result, found(name))]
+    off = [abs(value_of(r.parameters, "coil_turns") / VALVE.coil_turns - 1.0) for r in (result, found(name))]
     assert off[0] > 8e-3 > 5e-3 > off[1]
 
 
 def test_sound_record_stays_plain():
     for seed in range(2):
-        result = identify([record(seed=seed)], GUESS, starts=1)
+        result = fit_valve([record(seed=seed)], GUESS, starts=1)
         assert result.form.added == () and isinstance(result.parameters, type(VALVE))
         assert len(result.trials) == 4 and max(t.evidence for t in result.trials[1:]) < 3.0
-    assert len(identify([record()], GUESS, starts=1).trials) == 1  # nothing is left that could be told
+    assert len(fit_valve([record()], GUESS, starts=1).trials) == 1  # nothing is left that could be told
 
 
 @pytest.mark.slow
@@ -146,9 +147,9 @@ def test_voltage_between_samples_is_found_in_spite_of_eddy_currents():
 
 def test_scale_of_the_gap_law_takes_the_place_of_turns_that_are_held():
     measured = record(seed=1)
-    free = identify([measured], GUESS._replace(gap_slope=2.0 * VALVE.gap_slope), starts=1)
+    free = fit_valve([measured], GUESS._replace(gap_slope=2.0 * VALVE.gap_slope), starts=1)
     known = GUESS._replace(coil_turns=VALVE.coil_turns, gap_slope=2.0 * VALVE.gap_slope)
-    held = identify([measured], known, starts=1, sought=Sought(held=("coil_turns",)))
+    held = fit_valve([measured], known, starts=1, sought=Sought(held=("coil_turns",)))
     assert held.form.fitted[-1] == "gap_slope" and held.parameters.coil_turns == VALVE.coil_turns
     errors = dict(zip(held.names, held.uncertainty.relative))
     assert abs(held.parameters.gap_slope / VALVE.gap_slope - 1.0) < 3.0 * errors["gap_slope"]
@@ -162,8 +163,8 @@ def test_scale_of_the_gap_law_takes_the_place_of_turns_that_are_held():
 def test_currents_do_not_tell_the_common_scale_of_squared_turns_and_reluctances():
     experiment, _ = model.prepare(record(seed=1))
     other = VALVE._replace(coil_turns=VALVE.coil_turns * 2.0, core_reluctance=VALVE.core_reluctance * 4.0)
-    same = model.simulated(other._replace(gap_slope=VALVE.gap_slope * 4.0), experiment)
-    here = model.simulated(VALVE, experiment)
+    same = model.simulate_experiment(other._replace(gap_slope=VALVE.gap_slope * 4.0), experiment)
+    here = model.simulate_experiment(VALVE, experiment)
     np.testing.assert_allclose(same.current, here.current, atol=1e-12)
     np.testing.assert_allclose(same.position, here.position, atol=1e-15)
 
@@ -179,9 +180,9 @@ def test_factor_on_a_table_is_on_both_of_its_columns():
 
 
 def test_what_has_no_effect_is_held_at_the_first_guess():
-    result = identify([record(seed=1, volts=6.0)], GUESS, starts=2)
+    result = fit_valve([record(seed=1, volts=6.0)], GUESS, starts=2)
     assert set(result.held) == {"mover_mass", "spring_stiffness", "damping"}
-    assert all(value(result.parameters, name) == getattr(GUESS, name) for name in result.held)
+    assert all(value_of(result.parameters, name) == getattr(GUESS, name) for name in result.held)
     assert np.isfinite(result.uncertainty.relative).all()
 
 
@@ -195,9 +196,9 @@ def test_loss_that_is_less_certain_than_large_is_held_where_it_is():
 def test_evidence_counts_independent_samples():
     rng = np.random.default_rng(1)
     white = rng.standard_normal(4000)
-    assert evidence.independent(white) == pytest.approx(4000, rel=0.1)
-    assert evidence.independent(np.repeat(white, 4)) == pytest.approx(4000, rel=0.2)
-    assert evidence.evidence(white, white, 1) == pytest.approx(-np.log(evidence.independent(white)))
+    assert independent(white) == pytest.approx(4000, rel=0.1)
+    assert independent(np.repeat(white, 4)) == pytest.approx(4000, rel=0.2)
+    assert evidence.evidence(white, white, 1) == pytest.approx(-np.log(independent(white)))
     assert evidence.evidence(1.01 * white, white, 1) == pytest.approx(
         2.0 * np.log(1.01) * 4000 - np.log(4000), rel=0.15
     )
@@ -216,9 +217,9 @@ def test_errors_of_losses_are_those_of_many_records(name):
 def test_valves_that_nobody_has_seen_come_out_within_their_errors_or_are_refused(seed):
     """Tuned on 0 to 10; small eddy currents may hide in the noise, but nothing is found that is not there."""
     case = random_valves.case(seed)
-    result = identify(case.records, case.known, starts=3)
+    result = fit_valve(case.records, case.known, starts=3)
     if result.is_explained:
         assert set(result.form.added) <= case.added
         errors = zip(result.names, result.uncertainty.relative)
-        off = {n: abs(np.log(value(result.parameters, n) / value(case.truth, n))) / error for n, error in errors}
+        off = {n: abs(np.log(value_of(result.parameters, n) / value_of(case.truth, n))) / error for n, error in errors}
         assert max(off.values()) < 4.0 and np.sqrt(np.mean(np.square([*off.values()]))) < 2.0, off

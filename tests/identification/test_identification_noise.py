@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import valve_records as records
 
-from gapsense.identification.noise import noises
-from gapsense.identification.transfer import parameters_of
+from gapsense.identification.parameter_set import parameters_of
+from gapsense.identification.residual import noises
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from valve_records import PERIOD, REST, columns, record, write
 
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.flux import estimate
-from gapsense.identification.measurements.operations import operations, starts
+from gapsense.identification.measurements.operations import estimate, operations, starts
+from gapsense.identification.measurements.prepare import remaining
+from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Columns, to_record
-from gapsense.identification.measurements.rest import remaining
 from gapsense.problems import InputError
 
 RECORDS = Path(__file__).parent / "records"

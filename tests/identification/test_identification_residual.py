@@ -6,21 +6,20 @@ import numpy as np
 import pytest
 from valve_records import DT, ON, PERIOD, record
 
-from gapsense.identification.measurements.conventions import CONVENTIONS
+from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.residual import residual, verdict
-from gapsense.identification.valve.form import Form
-from gapsense.identification.valve.forms import EVERYTHING
-from gapsense.identification.valve.minimise import Fit
-from gapsense.identification.valve.model import prepare, simulate, simulated
-from gapsense.identification.valve.prepared import prepare as prepare_all
-from gapsense.identification.valve.voltage import best_reading
+from gapsense.identification.valve.form import EVERYTHING, Form
+from gapsense.identification.valve.minimise import Fit, best_reading
+from gapsense.identification.valve.model import prepare, prepare_all, simulate, simulate_experiment
 from gapsense.studies.devices import VALVE
 
 
 def left(measured, current):
     """The residual of a record, measured as `current`, with the model that made it."""
     experiment, flux = prepare(measured)
-    model = simulated(VALVE, experiment._replace(resistance=np.full(experiment.current.size, VALVE.coil_resistance)))
+    model = simulate_experiment(
+        VALVE, experiment._replace(resistance=np.full(experiment.current.size, VALVE.coil_resistance))
+    )
     first = flux.operations[0].start
     return residual(measured._replace(current=current(measured, model, first)), model, first)
 

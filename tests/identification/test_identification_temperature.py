@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from valve_records import record, write
 
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.flux import estimate
-from gapsense.identification.measurements.operations import operations
-from gapsense.identification.temperature import coefficient, given, impossible, notes, tables
-from gapsense.identification.valve.validation import validated
+from gapsense.identification.measurements.operations import estimate, operations
+from gapsense.identification.measurements.reading import read_record
+from gapsense.identification.temperature import (
+    coefficient,
+    impossible,
+    temperature_notes,
+    temperature_tables,
+    with_temperatures,
+)
+from gapsense.identification.valve.show import validate_valve
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 
@@ -54,23 +59,23 @@ def test_resistance_in_series_is_no_metal():
     records = at([23.0, 85.0], alpha=1.5e-3, seed=3)
     result = found(records)
     assert not result.is_usual
-    assert "No metal of which coils are wound" in str(tables(records, 80.0, result)[-1])
-    assert "temperature coefficient is 0.00149" in notes(80.0, result)[0]
+    assert "No metal of which coils are wound" in str(temperature_tables(records, 80.0, result)[-1])
+    assert "temperature coefficient is 0.00149" in temperature_notes(80.0, result)[0]
 
 
 def test_what_tells_no_coefficient_is_refused_in_words():
     records = at([20.0, 25.0])
     assert "5 K from the coldest to the hottest" in impossible(records) and found(records) is None
-    assert "No temperature coefficient" in str(tables(records, 76.0, None)[0])
+    assert "No temperature coefficient" in str(temperature_tables(records, 76.0, None)[0])
     assert "one record" in impossible(records[:1])
     assert "has no temperature" in impossible([records[0], records[1]._replace(temperature=None)])
-    assert tables([record()], 76.0, None) == []
+    assert temperature_tables([record()], 76.0, None) == []
     for text, sentence in (
         ("20;60", "numbers in degC"), ("20", "1 found, 2 expected"), ("20,900", "900 degC"), ("20,26", "6 K from"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=sentence):
-            given(text, records)
-    assert [each.temperature for each in given("20,60", records)] == [20.0, 60.0]
+            with_temperatures(text, records)
+    assert [each.temperature for each in with_temperatures("20,60", records)] == [20.0, 60.0]
 
 
 def test_column_of_the_temperature_may_have_gaps_and_other_units(tmp_path):
@@ -88,5 +93,5 @@ def test_column_of_the_temperature_may_have_gaps_and_other_units(tmp_path):
 def test_validation_takes_the_resistance_at_its_temperature():
     cold, warm, other = at([20.0, 80.0, 50.0])
     result = found([cold, warm])
-    checks = validated(VALVE, [other, other._replace(temperature=None)], result)
+    checks = validate_valve(VALVE, [other, other._replace(temperature=None)], result)
     assert checks[0].rms < 0.1 * checks[1].rms

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import valve_records as records
 
-from gapsense.identification.measurements.checks import read_record
-from gapsense.identification.measurements.flux import estimate
-from gapsense.identification.measurements.operations import operations
+from gapsense.identification.measurements.operations import estimate, operations
+from gapsense.identification.measurements.prepare import LONG, MOST_SAMPLES, average_blocks, shorten, thin
+from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.measurements.thin import LONG, MOST, averaged, shortened, thinned
 from gapsense.identification.valve import fit
 from gapsense.studies.devices import VALVE
 
@@ -33,7 +32,7 @@ def test_charge_and_volt_seconds_are_kept(size):
     n = 600
     values = {"time": np.arange(n) * FINE, "voltage": rng.normal(size=n), "current": rng.normal(size=n)}
     whole = to_record(Columns("x.csv", np.arange(n), values))
-    made = averaged(whole, size)
+    made = average_blocks(whole, size)
     assert made.times.size == n // size and made.dt == pytest.approx(size * FINE)
     assert made.current.sum() * size == pytest.approx(whole.current[: made.times.size * size].sum())
     inside = slice((size - 1) // 2 + 1, None)  # from the middle of the first block to that of the last
@@ -47,7 +46,7 @@ def test_charge_and_volt_seconds_are_kept(size):
 def test_ramp_stays_the_same_ramp():
     t = np.arange(1000) * FINE
     ramp = to_record(Columns("x.csv", np.arange(t.size), {"time": t, "voltage": 3.0 * t, "current": 2.0 * t}))
-    made = averaged(ramp, 8)
+    made = average_blocks(ramp, 8)
     np.testing.assert_allclose(made.current, 2.0 * made.times, rtol=1e-9)
     np.testing.assert_allclose(made.applied[1:], 3.0 * (made.times[1:] - 0.5 * made.dt), rtol=1e-9)
 
@@ -56,20 +55,20 @@ def test_mode_and_position_go_along():
     t = np.arange(1000) * FINE
     mode = np.where(t > 0.5e-3, 2.0, 3.0)
     values = {"time": t, "voltage": t, "current": t, "mode": mode, "position": t}
-    made = averaged(to_record(Columns("x.csv", np.arange(t.size), values)), 10)
+    made = average_blocks(to_record(Columns("x.csv", np.arange(t.size), values)), 10)
     assert set(made.mode) == {2.0, 3.0}
     np.testing.assert_allclose(made.position, made.times)
 
 
 def test_short_record_stays_as_it_is():
     short = records.record(periods=4)
-    assert thinned(short) is short and shortened(short) is short
+    assert thin(short) is short and shorten(short) is short
 
 
 def test_long_record_is_thinned_with_a_word_and_gives_resistance_and_flux():
     long = fine()
     assert long.times.size > LONG
-    made = thinned(long)
+    made = thin(long)
     assert made.times.size < LONG / 2
     assert "averaged" in made.remarks[-1] and f"{long.times.size} samples" in made.remarks[-1]
     flux = estimate(made, operations(made))
@@ -79,7 +78,7 @@ def test_long_record_is_thinned_with_a_word_and_gives_resistance_and_flux():
 
 @pytest.mark.slow
 def test_thinned_record_identifies_the_valve():
-    result = fit.identify([thinned(fine(periods=4))], records.GUESS, starts=1)
+    result = fit.fit_valve([thin(fine(periods=4))], records.GUESS, starts=1)
     for name in ("coil_turns", "core_saturation", "spring_stiffness"):
         assert getattr(result.parameters, name) == pytest.approx(getattr(VALVE, name), rel=5e-3)
     assert result.parameters.mover_mass == pytest.approx(VALVE.mover_mass, rel=0.02)
@@ -88,11 +87,11 @@ def test_thinned_record_identifies_the_valve():
 
 def test_record_of_many_operations_is_cut_to_the_first_ones_with_a_word():
     one = records.record(periods=1, seed=1)
-    many = 1 + MOST // one.times.size
+    many = 1 + MOST_SAMPLES // one.times.size
     t = np.arange(many * one.times.size) * one.dt
     values = {"time": t, "voltage": np.tile(one.voltage, many), "current": np.tile(one.current, many)}
-    made = shortened(to_record(Columns("x.csv", np.arange(t.size), values)))
-    assert MOST - 2 * one.times.size < made.times.size <= MOST
+    made = shorten(to_record(Columns("x.csv", np.arange(t.size), values)))
+    assert MOST_SAMPLES - 2 * one.times.size < made.times.size <= MOST_SAMPLES
     assert f"the first {len(operations(made))} of {many} operations" in made.remarks[-1]
 
 

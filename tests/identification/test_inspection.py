@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 from valve_records import write
 
-from gapsense.identification.inspection.checklist import checklist
 from gapsense.identification.inspection.facts import facts, levels
-from gapsense.identification.inspection.figure import curve
-from gapsense.identification.inspection.remarks import of_resistances, remarks
-from gapsense.identification.measurements.checks import read_record
+from gapsense.identification.inspection.show import checklist, curve, of_resistances, remarks
+from gapsense.identification.measurements.prepare import subtract_offsets
+from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import to_record
-from gapsense.identification.measurements.rest import without_offsets
-from gapsense.identification.measuring.bench import Drive, Instruments, measured
-from gapsense.identification.measuring.examples import GOOD
+from gapsense.identification.measuring import GOOD, Instruments, Pulses, measure
 from gapsense.report.plot import panels, suited
 
 RECORDS = Path(__file__).parent / "records"
@@ -46,8 +43,8 @@ def test_clamp_is_a_level_and_the_last_pulse_is_incomplete():
 
 def bench(drive=None, instruments=None):
     """Facts of a record of the valve on the bench, and the remarks on it."""
-    columns = measured(Drive()._replace(**(drive or {})), Instruments()._replace(**(instruments or {})))
-    read = without_offsets(to_record(columns))
+    columns = measure(Pulses()._replace(**(drive or {})), Instruments()._replace(**(instruments or {})))
+    read = subtract_offsets(to_record(columns))
     found = facts(read)
     return found, " ".join(remarks(read, found)), {item.what: item for item in checklist(found, 0)}
 
@@ -136,12 +133,12 @@ def test_record_that_does_not_begin_at_rest_is_told_and_not_believed():
 
 def changed(**signals):
     """A good record with other signals."""
-    columns = measured(*GOOD)
+    columns = measure(*GOOD)
     return to_record(columns._replace(values={**columns.values, **{n: f(columns.values) for n, f in signals.items()}}))
 
 
 def said_of(record):
-    found = facts(without_offsets(record))
+    found = facts(subtract_offsets(record))
     return " ".join(remarks(record, found)), {item.what: item.answer for item in checklist(found, 0)}
 
 
@@ -170,7 +167,7 @@ def test_levels_of_a_command_are_no_steps_of_a_converter():
 
 
 def test_coil_knows_no_sign(tmp_path):
-    columns = measured(*GOOD).values
+    columns = measure(*GOOD).values
     usual = read_record(write(tmp_path / "usual.csv", columns))
     turned = read_record(
         write(tmp_path / "turned.csv", {**columns, "voltage": -columns["voltage"], "current": -columns["current"]})

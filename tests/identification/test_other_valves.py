@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from other_valves import KNOWLEDGE, SCALES, case, records
 
-from gapsense.identification.valve.doubt import shifted
-from gapsense.identification.valve.fit import identify
-from gapsense.identification.valve.forms import Sought
-from gapsense.identification.valve.guess import inductance
-from gapsense.identification.valve.scales import similar
+from gapsense.identification.valve.doubt import shift
+from gapsense.identification.valve.fit import fit_valve
+from gapsense.identification.valve.form import Sought, guess_similar
+from gapsense.identification.valve.model import inductance
 from gapsense.studies.devices import VALVE
 
 FAR, USUAL = 3.0, 1.3  # standard errors: of any parameter, and RMS of all
@@ -70,28 +69,26 @@ def test_assumed_slope_moves_turns_and_core_only(relative, name, powers):
 
 def test_what_is_given_is_not_assumed_and_adds_nothing():
     c = case(102, "all")
-    again = identify(records(c.truth, 102), c.result.form.known, 3, sought=Sought(()))
+    again = fit_valve(records(c.truth, 102), c.result.form.known, 3, sought=Sought(()))
     assert not c.result.assumed and not again.assumed
     assert c.result.uncertainty.relative == pytest.approx(again.uncertainty.relative)
 
 
 def test_first_guesses_are_electrically_like_the_valve_of_the_paper():
     given = {"stop_upper", "gap_slope", "spring_rest"}
-    par = similar(VALVE._replace(stop_upper=4e-3, gap_slope=1e9, spring_rest=30e-3), given)
+    par = guess_similar(VALVE._replace(stop_upper=4e-3, gap_slope=1e9, spring_rest=30e-3), given)
     assert inductance(par) == pytest.approx(inductance(VALVE), rel=1e-9)
     assert par.initial_position == 4e-3 and par.stop_upper == 4e-3
     preload = [p.spring_stiffness * p.spring_rest * p.stop_upper for p in (par, VALVE)]
     assert preload[0] == pytest.approx(preload[1])
-    assert similar(VALVE, set()) == VALVE
+    assert guess_similar(VALVE, set()) == VALVE
 
 
 def test_shift_of_the_stroke_takes_along_what_is_assumed_with_it():
-    far = shifted(VALVE, "stop_upper", np.log(2.0), ["spring_rest"])
+    far = shift(VALVE, "stop_upper", np.log(2.0), ["spring_rest"])
     assert far.stop_upper == far.initial_position == pytest.approx(1.8e-3)
-    assert (
-        far.spring_rest == pytest.approx(45e-3) and shifted(VALVE, "stop_upper", 0.1).spring_rest == VALVE.spring_rest
-    )
-    near = shifted(VALVE._replace(spring_rest=1e-3), "spring_rest", -2.0)
+    assert far.spring_rest == pytest.approx(45e-3) and shift(VALVE, "stop_upper", 0.1).spring_rest == VALVE.spring_rest
+    near = shift(VALVE._replace(spring_rest=1e-3), "spring_rest", -2.0)
     assert near.stop_upper < near.spring_rest < 1e-3  # it still opens the valve
-    assert shifted(VALVE, "stop_lower", 0.1).stop_lower == pytest.approx(0.09e-3)
-    assert shifted(VALVE, "stop_restitution", -0.1).stop_restitution == 0.0
+    assert shift(VALVE, "stop_lower", 0.1).stop_lower == pytest.approx(0.09e-3)
+    assert shift(VALVE, "stop_restitution", -0.1).stop_restitution == 0.0

@@ -10,7 +10,7 @@ import pytest
 from gapsense._os.files import read_columns
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.fmi.components import load_component, own
-from gapsense.identification.transfer import read_values, reduced_gap, values_for
+from gapsense.identification.parameter_set import read_values, reduced_gap, values_for
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 

@@ -9,7 +9,7 @@ import pytest
 from traced import Pair, graph
 
 from gapsense.kernels.lanes import Array, Code, plan
-from gapsense.kernels.lanes.program import KEEP, NOWHERE, TAKE
+from gapsense.kernels.lanes.plan import KEEP, NOWHERE, TAKE
 
 SAMPLES, RUNS = 40, 13
 

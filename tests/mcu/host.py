@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.embedded.design import Design
-from gapsense.embedded.example import record, sample_time, signals
-from gapsense.embedded.export import export
+from gapsense.embedded.export import export, record, sample_time, signals
 from gapsense.kernels.layout import names
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, design_of, line, measured
 from host import ROOT, played
 
 from gapsense.embedded.design import designed
-from gapsense.embedded.readme import memory
+from gapsense.embedded.export import memory
 
 # Largest instructions per step of Semera (mean) on each board, with four outputs and its parameters as constants; lean
 AIMS = {False: {"Cortex-M3": 5600, "Cortex-M4F": 225}, True: {"Cortex-M3": 4700, "Cortex-M4F": 205}}

@@ -15,10 +15,10 @@ from lxml import etree
 from native3 import FOLDERS, Fmu, Instance, built, fmu, placed  # noqa: F401
 
 from gapsense.fmi import references
-from gapsense.fmi.fmi3.terminals import ICON, NAME, terminals
+from gapsense.fmi.fmi3.description import TERMINALS, TERMINALS_ICON, terminals
 from gapsense.fmi.native import package
 from gapsense.fmi.native.compile import fat, thin, timeless
-from gapsense.fmi.native.package3 import libraries
+from gapsense.fmi.native.package import libraries_3
 from gapsense.fmi.tables import heads, read_table
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
@@ -46,7 +46,7 @@ def test_fmpy_finds_nothing_to_complain_about(own: Fmu) -> None:
 
 @pytest.mark.parametrize(
     ("name", "schema"),
-    [(NAME, "fmi3TerminalsAndIcons"), ("sources/buildDescription.xml", "fmi3BuildDescription")],
+    [(TERMINALS, "fmi3TerminalsAndIcons"), ("sources/buildDescription.xml", "fmi3BuildDescription")],
 )
 def test_other_xml_obeys_its_schema(own: Fmu, name: str, schema: str) -> None:
     etree.XMLSchema(file=str(SCHEMAS / f"{schema}.xsd")).assertValid(etree.fromstring(member(own, name)))
@@ -110,7 +110,7 @@ def test_archive_is_complete(own: Fmu) -> None:
     with zipfile.ZipFile(own.path) as archive:
         names = set(archive.namelist())
     sources = ElementTree.fromstring(member(own, "sources/buildDescription.xml")).iter("SourceFile")
-    wanted = {"documentation/index.html", "documentation/licenses/license.txt", ICON, NAME}
+    wanted = {"documentation/index.html", "documentation/licenses/license.txt", TERMINALS_ICON, TERMINALS}
     wanted |= {f"sources/{source.attrib['name']}" for source in sources}
     wanted |= {f"{references.FOLDER}fmi-ls-manifest.xml", f"{references.FOLDER}{references.EXPERIMENTS}"}
     assert wanted <= names and "model.png" not in names
@@ -140,7 +140,7 @@ def test_every_platform_has_its_folder() -> None:
 
     made = {"x86_64-macos.11.0": b"a", "aarch64-macos.11.0": b"b"}
     content = {"linux64": b"l", "win64": b"w", "aarch64-linux": b"r", "darwin64": fat(made)}
-    found = dict(item for name, data in content.items() for item in libraries(Parts, name, data))  # type: ignore[arg-type]
+    found = dict(item for name, data in content.items() for item in libraries_3(Parts, name, data))  # type: ignore[arg-type]
     name = Parts.component.name
     assert found == {
         f"binaries/x86_64-linux/{name}.so": b"l",

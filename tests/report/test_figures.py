@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.semera_valve.show import LABELS, snr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from gapsense.cosim import load, run
 from gapsense.report import plot as figures
+from gapsense.scenarios.semera_valve.show import LABELS, snr
 from gapsense.studies.figures import drawer
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"

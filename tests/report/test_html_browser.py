@@ -12,10 +12,10 @@ import pytest
 from html_many import made_campaign, made_sweep
 from html_results import made
 
-from gapsense.report.html import many_plots
+from gapsense.report import distributions
 from gapsense.report.html.page import write_report
-from gapsense.report.html.plots import BAND
 
+BAND = " \N{PLUS-MINUS SIGN}2\N{GREEK SMALL LETTER SIGMA}"
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium to open a report in")
 VIEWS = "[...Bokeh.index.roots].filter((v) => v.model.x_range)"
@@ -267,7 +267,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report on a sweep whose runs are points, and on a campaign whose runs are counted."""
     folder = tmp_path_factory.mktemp("many")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(many_plots, "POINTS", 100)
+        patch.setattr(distributions, "POINTS", 100)
         patch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)  # the resistance has 7
         return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
 

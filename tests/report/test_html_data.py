@@ -16,13 +16,10 @@ from gapsense.cosim import load, read_result, run
 from gapsense.cosim.result.metrics import rms
 from gapsense.cosim.result.result import Signal
 from gapsense.cosim.scenario.elements import Port
-from gapsense.report.html import curves, layout, thin
-from gapsense.report.html.consistency import consistency
-from gapsense.report.html.layout import Wire
-from gapsense.report.html.pairs import pairs
-from gapsense.report.html.panels import panels, strips
-from gapsense.report.html.subject import Shown, events, read_all
-from gapsense.report.html.tubes import regression
+from gapsense.report.html import curves
+from gapsense.report.html.run import consistency, pairs, panels, strips
+from gapsense.report.html.subject import Shown, events, read_all, regression
+from gapsense.report.html.wiring import Wire, arranged
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -34,7 +31,7 @@ def shown(result, scenario=None) -> Shown:
 @given(st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), min_size=1, max_size=400), st.integers(4, 60))
 def test_thinned_curve_has_its_ends_its_extremes_and_few_points(values, most):
     values = np.array(values)
-    rows = thin.kept(values, most)
+    rows = curves.kept(values, most)
     assert rows.size <= max(most, 2) and (np.diff(rows) > 0).all()
     assert rows[0] == 0 and rows[-1] == values.size - 1
     if np.isfinite(values).any():
@@ -43,15 +40,15 @@ def test_thinned_curve_has_its_ends_its_extremes_and_few_points(values, most):
 
 def test_every_piece_of_a_thinned_curve_has_its_extremes():
     values = np.random.default_rng(1).normal(size=100_000)
-    rows = thin.kept(values, 2002)
+    rows = curves.kept(values, 2002)
     for k in range(0, 100_000, 100):
         own = rows[(rows >= k) & (rows < k + 100)]
         assert values[own].max() == values[k : k + 100].max() and values[own].min() == values[k : k + 100].min()
 
 
 def test_curves_of_large_reports_have_fewer_points():
-    assert thin.most(10) == thin.MOST
-    assert thin.most(400) * 400 <= thin.ALL
+    assert curves.most(10) == curves.MOST
+    assert curves.most(400) * 400 <= curves.ALL
 
 
 def test_estimate_is_held_to_the_plant_that_drives_it_and_never_the_other_way():
@@ -224,7 +221,7 @@ def wirings(draw):
 @given(wirings())
 def test_boxes_never_overlap_and_wires_that_go_on_go_to_the_right(wiring):
     count, wires = wiring
-    boxes, ways = layout.arranged({name: (name, "fmu") for name in NAMES[:count]}, wires)
+    boxes, ways = arranged({name: (name, "fmu") for name in NAMES[:count]}, wires)
     assert [wire for wire, _ in ways] == wires
     placed = list(boxes.values())
     for k, a in enumerate(placed):

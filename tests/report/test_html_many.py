@@ -30,11 +30,11 @@ from gapsense.cosim import read_result
 from gapsense.cosim.provenance import kind
 from gapsense.cosim.scenario.changes import changed
 from gapsense.problems import InputError
-from gapsense.report.html import many_plots
+from gapsense.report import distributions
+from gapsense.report.html import many_chapter
 from gapsense.report.html.many import read_many
-from gapsense.report.html.many_sections import goes_with
+from gapsense.report.html.many_chapter import goes_with, repeated
 from gapsense.report.html.page import write_report
-from gapsense.report.html.repeat import repeated
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 MAKERS = pytest.mark.parametrize("make", [made_sweep, made_campaign])
@@ -208,26 +208,26 @@ def test_texts_of_others_are_texts_and_nothing_else(tmp_path, make, monkeypatch)
     assert page.texts["title"][0].startswith(EVIL)
 
 
-def test_many_runs_are_counted_and_many_plots_are_chosen(tmp_path, monkeypatch):
-    monkeypatch.setattr(many_plots, "POINTS", 20)
-    monkeypatch.setattr(many_plots, "PANELS", 6)
+def test_many_runs_are_counted_and_many_chapter_are_chosen(tmp_path, monkeypatch):
+    monkeypatch.setattr(distributions, "POINTS", 20)
+    monkeypatch.setattr(many_chapter, "PANELS", 6)
     many = read_many(made_campaign(tmp_path / "out", 200))
-    found = many_plots.panels(many)
+    found = many_chapter.panels(many)
     assert found.chosen == {"miss": ["valve.mode", "valve.on"], "noise": ["valve.mode", "valve.on"]}
     assert found.note == "2 of 3 metrics are drawn, each over the 2 of 4 parameters that it goes with most. "
-    monkeypatch.setattr(many_plots, "METRICS", 1)
+    monkeypatch.setattr(many_chapter, "METRICS", 1)
     monkeypatch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)
-    (only,) = many_plots.panels(many).chosen
+    (only,) = many_chapter.panels(many).chosen
     assert only == "miss"  # it leaves its bounds
-    drawer = many_plots.Drawer(read_many(many.file), {"miss": ["valve.r"]})
-    (image,) = drawer.over("miss", "valve.r").figure.renderers
+    drawer = many_chapter.Drawer(read_many(many.file), {"miss": ["valve.r"]})
+    (image,) = drawer.over("miss", "valve.r", "key").figure.renderers
     shown = image.data_source.data["image"][0].view(np.uint8).reshape(-1, 4)[:, 3]
-    assert (shown > 0).sum() == (drawer.clouds["valve.r", "miss"].counts > 0).sum() > 4
+    assert (shown > 0).sum() == (drawer.found.clouds["valve.r", "miss"].counts > 0).sum() > 4
 
 
 def test_color_is_stronger_where_more_runs_lie():
-    alpha = many_plots.coloured(np.array([[0.0, 1.0], [10.0, 1000.0]])).view(np.uint8).reshape(2, 2, 4)[..., 3]
-    assert alpha[0, 0] == 0 and many_plots.FAINTEST <= alpha[0, 1] < alpha[1, 0] < alpha[1, 1] == 255
+    alpha = many_chapter.coloured(np.array([[0.0, 1.0], [10.0, 1000.0]])).view(np.uint8).reshape(2, 2, 4)[..., 3]
+    assert alpha[0, 0] == 0 and many_chapter.FAINTEST <= alpha[0, 1] < alpha[1, 0] < alpha[1, 1] == 255
 
 
 def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
@@ -273,7 +273,7 @@ def test_metric_that_goes_up_and_down_with_a_parameter_is_said_to(tmp_path, monk
     many = read_many(made_campaign(tmp_path / "out", 210))
     assert goes_with(many, "miss") == "valve.r, up and down" and "valve." in goes_with(many, "noise")
     assert goes_with(many, "never") == "-"
-    assert many_plots.ordered(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
+    assert many_chapter.ordered(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
 
 
 def test_without_pyarrow_the_extra_to_install_is_told_and_single_runs_have_reports(tmp_path):

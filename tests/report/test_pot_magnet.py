@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gapsense.scenarios.pot_magnet.figure import LABELS, last_edge
 
+from gapsense.scenarios.pot_magnet.figure import LABELS, last_edge
 from gapsense.studies.figures import drawer
 
 

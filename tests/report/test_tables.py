@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.semera_valve.show import run_tables
 from rich.console import Console
 
 from gapsense.cosim import Sweep, load
 from gapsense.cosim.regression import Check, Outcome
-from gapsense.fmi.ports import Component, input_
+from gapsense.fmi.ports import Component, Port
 from gapsense.report import runs as tables
 from gapsense.report.table import quantity, table, text
+from gapsense.scenarios.semera_valve.show import run_tables
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 
@@ -107,7 +107,7 @@ def test_brackets_in_names_are_shown(valve):
     metric = replace(next(iter(valve.metrics.values())), table="Currents [mA]", label="peak [red]")
     text = shown(tables.metrics(replace(valve, metrics={"m": metric}))[0])
     assert "Currents [mA]" in text and "peak [red]" in text
-    component = Component("Coil", "a coil [bold]", "none", (input_("voltage", "V", "Voltage"),))
+    component = Component("Coil", "a coil [bold]", "none", (Port("voltage", "input", "V", "Voltage"),))
     assert "a coil [bold]" in shown(tables.components([component], {"Coil"}))
 
 

@@ -96,7 +96,7 @@ def arguments(function: Function) -> list[str]:
 
 def part_of(path: Path) -> str:
     """The part that a file belongs to: a folder, a module at the top, the commands of studies, or build_fmus.py."""
-    if path == BUILD or path.name == "command.py":
+    if path == BUILD:
         return path.stem
     if path.name == "study.py" and path.is_relative_to(SCENARIOS):
         return "command"
@@ -109,8 +109,9 @@ def name_parts(path: Path) -> tuple[str, ...]:
 
 
 def _part(names: Sequence[str]) -> str:
-    """A module of the foundations, `kernels` and `_os`, is a part by itself: their order is held too."""
-    return names[1] if names[0] in ("kernels", "_os") and len(names) > 1 else names[0]
+    """A module of the foundations, `kernels`, `_os` and `fmi.ports`, is a part by itself: their order is held too."""
+    is_foundation = names[0] in ("kernels", "_os") or tuple(names[:2]) == ("fmi", "ports")
+    return names[1] if is_foundation and len(names) > 1 else names[0]
 
 
 @cache

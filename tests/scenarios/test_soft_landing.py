@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from gapsense import cosim
+from gapsense.fmi.tables import read_table
 from gapsense.scenarios.soft_landing import cycle
 from gapsense.scenarios.soft_landing.reference import process_noise
 from gapsense.scenarios.soft_landing.setting import nominal, unvaried
 from gapsense.scenarios.soft_landing.show import LABELS, smoothed
 from gapsense.scenarios.soft_landing.table import deviation, voltage_table, write
 from gapsense.scenarios.soft_landing.trajectory import FIG_5
-
-from gapsense import cosim
-from gapsense.fmi.tables import read_table
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.figures import drawer
 

@@ -17,9 +17,8 @@ from gapsense.cosim import check, run
 from gapsense.cosim.fmu.variables import Variable
 from gapsense.problems import InputError, ScenarioError
 from gapsense.ssp.bring import bring
-from gapsense.ssp.export import export
-from gapsense.ssp.parts import parameter_set, text_of, written
-from gapsense.ssp.schema import violations
+from gapsense.ssp.export import export, parameter_set, text_of, written
+from gapsense.ssp.package import violations
 from gapsense.ssp.values import parsed
 from gapsense.ssp.words import tag
 

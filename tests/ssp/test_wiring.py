@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from packages import UNITS, bindings, component, connectors, linear, link, structure, system
 
-from gapsense.ssp.flat import Wiring
-from gapsense.ssp.scenario import plain_names
+from gapsense.ssp.scenario import Wiring, plain_names
 from gapsense.ssp.structure import read_element
 from gapsense.ssp.units import read_units
 from gapsense.ssp.words import tag
@@ -89,7 +88,7 @@ def test_every_component_gets_a_name_of_its_own(paths):
 
 
 def test_helpers_make_what_the_schema_allows():
-    from gapsense.ssp.schema import violations
+    from gapsense.ssp.package import violations
 
     text = structure(system("root", elements=component("a", "Lag", connectors(u="input V"), bindings())), units=UNITS)
     assert any("ParameterBindings" in text for text in violations(text.encode(), "ssd"))

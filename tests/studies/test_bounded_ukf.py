@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.bounded_ukf import errors as bounded_ukf
-from gapsense.scenarios.bounded_ukf import show
-from gapsense.scenarios.bounded_ukf.errors import HALF, REST, SAMPLES, VOLTAGES, WRONG, Errors
 from typer.testing import CliRunner
 
 from gapsense.cli import app
-from gapsense.estimators import ukf
-from gapsense.kernels.kernel import Kernel
+from gapsense.cosim import load
 from gapsense.report.table import text
+from gapsense.scenarios.bounded_ukf import errors as bounded_ukf
+from gapsense.scenarios.bounded_ukf import show
+from gapsense.scenarios.bounded_ukf.errors import HALF, NOISE, REST, SAMPLES, SCENARIO, VOLTAGES, WRONG, Errors
+from gapsense.studies.runs import signals
 
 ROBUST, PAPER, OPEN = "bounded UKF, robust", "bounded UKF, paper", "open loop"
 
@@ -81,27 +81,34 @@ def test_errors_grow_with_the_noise(right: dict[str, Errors]) -> None:
     assert right[ROBUST].rmse[-1].max() < 60e-6
 
 
-def test_a_run_of_the_study_is_that_of_the_kernel(wrong: dict[str, Errors]) -> None:
-    """One combination of signs at 36 V, sample by sample in scalar Python."""
-    run, cycle = 37, bounded_ukf.simulated(36.0)
+def test_a_run_of_the_study_is_that_of_the_fmus(wrong: dict[str, Errors], fmus: Path) -> None:
+    """One combination of signs at 36 V."""
+    run = 37
     signs = [*product((-1.0, 1.0), repeat=len(WRONG))][run]
     f = dict(zip(WRONG, (1.0 + 0.05 * s for s in signs)))
-    f |= {"core_saturation": f["coil_turns"] / f["core_saturation"], "coil_resistance": 1.05}
-    stds = 0.01 * cycle.voltage.mean(), 0.01 * cycle.current.mean()
-    par = bounded_ukf.NOMINAL
-    par = par._replace(noise_voltage=float(stds[0]), noise_current=float(stds[1]))
-    par = par._replace(**{name: getattr(par, name) * factor for name, factor in f.items()})
-    drawn = np.random.default_rng(9).standard_normal((2, SAMPLES, 1, len(VOLTAGES), 1))[:, :, 0, 2, 0]
-    rows = [(cycle.voltage + stds[0] * drawn[0]).tolist(), (cycle.current + stds[1] * drawn[1]).tolist()]
-    kernel = Kernel(ukf)
-    state, outputs = kernel.initial(ukf.Inputs(rows[0][0], rows[1][0]), par)
-    found = [outputs.position]
-    for v, i in zip(rows[0][1:], rows[1][1:]):
-        state, outputs = kernel.step(state, ukf.Inputs(v, i), par)
-        found.append(outputs.position)
-    error = (np.array(found) - cycle.position)[REST:]
+    f |= {"core.saturation": f["coil.turns"] / f["core.saturation"], "coil.resistance": 1.05}
+    stds = NOISE * bounded_ukf.means((36.0,))[0]
+    values = bounded_ukf.draw(36.0, stds, f)
+    assert (
+        values["ukf.noise.current"]
+        == values["sensor.noise.current"]
+        == pytest.approx(NOISE * 0.5 * 36.0 / 77.5, rel=0.02)
+    )
+    ((_, found),) = signals(SCENARIO, None, ["ukf.position", "valve.position"], [values], [1002], "fmu")
+    assert found is not None and len(found) == SAMPLES
+    error = np.diff(found[REST:], axis=1)
     for part, half in enumerate((error[:HALF], error[HALF:])):
-        assert wrong[ROBUST].rmse[1, 2, run, part] == pytest.approx(np.sqrt(np.mean(half**2)), rel=1e-6)
+        assert wrong[ROBUST].rmse[1, 2, run, part] == pytest.approx(np.sqrt(np.mean(half**2)), rel=1e-12)
+
+
+def test_what_is_right_is_what_the_valve_of_the_scenario_has() -> None:
+    components = load(SCENARIO, "exact").components
+    for name in bounded_ukf.COMPONENTS:
+        assert (
+            components[name].values.items()
+            >= {name: right for name, right in bounded_ukf.RIGHT.items() if name != "core.saturation"}.items()
+        )
+    assert components["valve"].values["coil.resistance"] == bounded_ukf.RIGHT["coil.resistance"]
 
 
 def test_tables_name_every_filter(wrong: dict[str, Errors]) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
+
 from gapsense.scenarios.soft_landing.batch import Variant, normalised_errors
 from gapsense.scenarios.soft_landing.consistency import BOUND, INTERVAL, consistency
-from scipy.stats import chi2
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 

@@ -5,11 +5,6 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from gapsense.scenarios.estimators import core, scenario
-from gapsense.scenarios.estimators import measures as benchmark
-from gapsense.scenarios.estimators import parameters as known
-from gapsense.scenarios.estimators import show as drawn
-from gapsense.scenarios.estimators.contenders import CONTENDERS, EKF, Contender
 from matplotlib.image import imread
 from typer.testing import CliRunner
 from valve_signals import exact
@@ -22,6 +17,11 @@ from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
 from gapsense.report.table import text as plain_text
+from gapsense.scenarios.estimators import core, scenario
+from gapsense.scenarios.estimators import measures as benchmark
+from gapsense.scenarios.estimators import parameters as known
+from gapsense.scenarios.estimators import show as drawn
+from gapsense.scenarios.estimators.contenders import CONTENDERS, EKF, Contender
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.figures import drawer
 

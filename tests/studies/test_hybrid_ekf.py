@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gapsense.scenarios.pot_magnet import deviations as study
-from gapsense.scenarios.pot_magnet import show as drawings
 
-from gapsense.estimators import hybrid_ekf as kernel_module
+from gapsense.cosim import load
 from gapsense.fmi.components import load_component
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.layout import flat
 from gapsense.report import plot as figures
 from gapsense.report.table import text
-from gapsense.studies.devices import POT_MAGNET
+from gapsense.scenarios.pot_magnet import deviations as study
+from gapsense.scenarios.pot_magnet import show as drawings
+from gapsense.shipped import SCENARIOS
+from gapsense.studies.runs import overlaid, signals
 
 FMUS = Path(__file__).resolve().parents[2] / "fmus"
 
@@ -29,40 +28,48 @@ def found() -> Any:
     return result
 
 
-def test_tuning_is_that_of_the_component() -> None:
-    ports = {port.field: port for port in load_component(FMUS / "hybrid_ekf").of("parameter")}
-    assert {n: v for n, v in study.NOMINAL._asdict().items() if not ports[n].choices} == {
-        n: port.start for n, port in ports.items() if not port.choices
-    }
-    assert ports["tuning"].choices == study.TUNINGS
-    starts = {port.field: port.start for port in load_component(FMUS / "pot_magnet").of("parameter")}
-    assert {n: v for n, v in POT_MAGNET._asdict().items() if n != "orientation"} == {
-        n: v for n, v in starts.items() if n != "orientation"
-    }
+def test_filters_of_the_scenario_know_the_magnet_of_the_paper() -> None:
+    """Their parameter sets say what the start values of the components say."""
+    ports = {port.name: port for port in load_component(FMUS / "hybrid_ekf").of("parameter")}
+    scenario = load(study.SCENARIO)
+    for tuning, name in study.FILTERS.items():
+        believed = {**scenario.components[name].values}
+        assert believed.pop("tuning", ports["tuning"].start) == tuning in ports["tuning"].choices
+        assert believed == {name: ports[name].start for name in believed}
+        assert {*study.WRONG, "coil.resistance_upper"} <= {*believed}
+    starts = {port.name: port.start for port in load_component(FMUS / "pot_magnet").of("parameter")}
+    assert scenario.components["magnet"].values.items() <= starts.items()
 
 
-def test_one_run_of_the_batch_is_a_run_of_the_kernel(found: Any) -> None:
-    """The first seed at the lowest noise, without errors of the parameters."""
-    run = study.truth(POT_MAGNET, True)
-    one = study.deviations(run, POT_MAGNET, "robust", seeds=1)
-    noise = study.LEVELS[0] * np.random.default_rng([study.NOISE, 0]).standard_normal(study.SAMPLES)
-    par = [float(np.ravel(v)[0]) for v in study.believed(POT_MAGNET, np.zeros((1, 6)), np.array([1e-4]), "robust")]
-    kernel = Kernel(kernel_module)
-    step, rows = kernel.scalar["step"], []
-    state, outputs = kernel.scalar["initial"]((0.0, float(run.states[0, 0] + noise[0])), tuple(par))
-    for u, i in zip(run.voltage.tolist(), (run.states[:, 0] + noise).tolist()):
-        if rows:
-            state, outputs = step(state, (u, i), tuple(par))
-        rows.append(outputs[:4])
-    np.testing.assert_allclose(one.rmsd[0], np.abs(np.array(rows) - run.states), rtol=1e-6, atol=1e-12)
-    assert len(par) == len(flat(kernel_module.Parameters(*par)))
+def test_draws_are_wrong_by_as_much_as_was_asked_and_the_same_at_every_level() -> None:
+    drawn = study.draws("printed", 50, 0.05)
+    believed = load(study.SCENARIO, "printed").components["robust"].values
+    assert len(drawn) == 50 * len(study.LEVELS)
+    for name in study.WRONG:
+        factors = np.array([of[f"paper.{name}"] for of in drawn]).reshape(-1, 50) / believed[name]
+        assert np.ptp(factors, axis=0).max() == 0.0 and 0.04 < np.abs(factors[0] - 1.0).max() <= 0.05
+    assert all(of["robust.noise.current"] == of["sensor.noise.current"] for of in drawn)
+    warm = [of["open_loop.coil.resistance_upper"] / of["open_loop.coil.resistance"] for of in drawn]
+    assert warm == pytest.approx([believed["coil.resistance_upper"] / believed["coil.resistance"]] * len(drawn))
+
+
+@pytest.mark.parametrize("variant", [None, "off"])
+def test_one_run_has_the_bits_of_the_fmus(fmus: Path, variant: str | None) -> None:
+    """The first seed at the lowest noise."""
+    drawn, names = study.draws(variant, 1, 0.05)[:1], ["robust.position", "magnet.position", "magnet.mode"]
+    scenario = overlaid(SCENARIOS / "pot_magnet", {"experiment": {"start": 0.49, "stop": 0.51}})
+    ((_, by_vectors),) = signals(scenario, variant, names, drawn, [3])
+    ((_, by_fmus),) = signals(scenario, variant, names, drawn, [3], "fmu")
+    assert by_vectors is not None and by_fmus is not None
+    np.testing.assert_array_equal(by_vectors, by_fmus)
+    assert len(by_fmus) == 201 and np.ptp(by_fmus[:, 0]) > 0.0
 
 
 @pytest.mark.slow
 def test_what_must_come_out(found: Any) -> None:
     """Robust beats the open loop with wrong parameters and the published tuning in noise; the open loop is exact."""
     for step in study.STEPS:
-        wrong, right = ({t: found[study.Case(step, m, t)] for t in study.TUNINGS} for m in (0.05, 0.0))
+        wrong, right = ({t: found[study.Case(step, m, t)] for t in study.FILTERS} for m in (0.05, 0.0))
         assert np.all(wrong["robust"].total[:4, 0] < 0.6 * wrong["none"].total[:4, 0])
         assert np.all(wrong["robust"].total[:4, 1] < wrong["none"].total[:4, 1])
         assert right["none"].total[0, 1] < 0.5e-6 and np.ptp(right["none"].total, axis=0).max() == 0.0

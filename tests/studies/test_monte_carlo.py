@@ -11,6 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wrong_models import filter_parameters
+
+from gapsense import ledger
+from gapsense.estimators.rts import motions, smooth_record
 from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 from gapsense.scenarios.soft_landing.comparison import (
     ESTIMATORS,
@@ -36,10 +40,6 @@ from gapsense.scenarios.soft_landing.setting import (
     tuning,
 )
 from gapsense.scenarios.soft_landing.smoother_show import orderings
-from wrong_models import filter_parameters
-
-from gapsense import ledger
-from gapsense.estimators.rts import motions, smooth_record
 from gapsense.studies.tasks import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"

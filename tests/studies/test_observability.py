@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from gapsense.scenarios.semera_valve.observability import (
     flux_state_matrix,
     observability_matrix,
     rank,
     steps_since_observable,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 DT = 50e-6
 F = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [0.0, 1.0, 0.0]])

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import reduced_model_textbook as textbook
+from reduced_model_textbook import TABLE_I
+
+from gapsense.report.table import text
 from gapsense.scenarios.soft_landing.cycle import reference, sampled
 from gapsense.scenarios.soft_landing.observability import (
     along_reference_cycle,
@@ -16,9 +19,6 @@ from gapsense.scenarios.soft_landing.observability import (
 )
 from gapsense.scenarios.soft_landing.reference import reference_states
 from gapsense.scenarios.soft_landing.setting import nominal, unvaried
-from reduced_model_textbook import TABLE_I
-
-from gapsense.report.table import text
 
 MODEL = nominal()
 LANDINGS = [250, 750]

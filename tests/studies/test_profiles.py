@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gapsense.scenarios.profiles import experiment
-from gapsense.scenarios.profiles import show as drawn
 from matplotlib.image import imread
 
 from gapsense.cosim import run, sweep
 from gapsense.report import plot as figures
 from gapsense.report.table import text
+from gapsense.scenarios.profiles import experiment
+from gapsense.scenarios.profiles import show as drawn
 from gapsense.studies.figures import drawer
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"

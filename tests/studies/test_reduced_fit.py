@@ -7,6 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from driven import driven
+from scipy.signal import lfilter
+
+from gapsense.actuators import solenoid_valve
+from gapsense.estimators.reduced_model import current, gap_law, normalised
+from gapsense.fmi.components import kernel_parameters
 from gapsense.scenarios.soft_landing import core_fit as fit
 from gapsense.scenarios.soft_landing.core_fit import (
     PUBLISHED,
@@ -15,12 +21,7 @@ from gapsense.scenarios.soft_landing.core_fit import (
     of_reference_cycle,
     standard_errors,
 )
-from scipy.signal import lfilter
-
-from gapsense.actuators import solenoid_valve
-from gapsense.estimators.reduced_model import current, gap_law, normalised
-from gapsense.fmi.components import kernel_parameters
-from gapsense.studies.devices import VALVE, driven
+from gapsense.studies.devices import VALVE
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})

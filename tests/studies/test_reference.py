@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gapsense.scenarios.soft_landing.reference import process_noise, reference_states, squared_noise
-from gapsense.scenarios.soft_landing.setting import errors, fitted, gap_means, nominal, perturbed, unvaried
 from scipy.integrate import quad
 from wrong_models import Textbook
 
 from gapsense.estimators.reduced_model import gap_law
+from gapsense.scenarios.soft_landing.reference import process_noise, reference_states, squared_noise
+from gapsense.scenarios.soft_landing.setting import errors, fitted, gap_means, nominal, perturbed, unvaried
 
 RUNS, WIDTH = 3, 0.2
 

@@ -8,6 +8,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
+from gapsense.cli import app
+from gapsense.control.laws import BEFORE
+from gapsense.control.mover import make_mover
+from gapsense.control.profile import flux
+from gapsense.control.records import CLOSING, OPENING, LawKind
+from gapsense.control.tracking import planned
+from gapsense.cosim.scenario.read import load
+from gapsense.fmi.components import load_component, own
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names, record
+from gapsense.report.table import text
 from gapsense.scenarios.run_to_run import comparison as study
 from gapsense.scenarios.run_to_run import converter, forward, late, searches, show
 from gapsense.scenarios.run_to_run import figure as scenario
@@ -17,19 +30,6 @@ from gapsense.scenarios.run_to_run.conditions import CHANGED, CONDITIONS, factor
 from gapsense.scenarios.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
 from gapsense.scenarios.run_to_run.loops import LAWS, Loop, controller, loop_of
 from gapsense.scenarios.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
-from typer.testing import CliRunner
-
-from gapsense.cli import app
-from gapsense.control.laws import BEFORE
-from gapsense.control.mover import make_mover
-from gapsense.control.profile import flux
-from gapsense.control.records import CLOSING, OPENING
-from gapsense.control.tracking import planned
-from gapsense.cosim.scenario.read import load
-from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.layout import flat, names, record
-from gapsense.report.table import text
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = CONDITIONS["plain"]
@@ -64,13 +64,15 @@ def test_an_actuator_does_not_depend_on_those_beside_it():
     assert not np.any(drawn("reluctance_actuator", 8, range(9), 0.1)["mover_mass"] == more)
 
 
-@pytest.mark.parametrize(("variant", "name"), [("", "plain"), ("model", "plain"), ("play", "play")])
-def test_scenario_tells_the_estimator_what_the_study_does(variant, name):
-    mhe = load(ROOT / "scenarios" / "run_to_run", variant or None).components["mhe"]
-    told = kernel_parameters(own("mhe"), mhe.values)._asdict()
-    expected = loop_of("model", CONDITIONS[name], 1, range(1)).par
-    pairs = {key: (np.ravel(expected[f"mhe.{key}"]), np.ravel(value)) for key, value in told.items()}
-    assert {key: pair for key, pair in pairs.items() if pair[0] != pytest.approx(pair[1], rel=1e-6)} == {}
+@pytest.mark.parametrize(("law", "variant"), [("contact", None), ("model", "model")])
+def test_loops_are_told_what_the_scenario_tells_its_components(law, variant):
+    components = load(ROOT / "scenarios" / "run_to_run", variant).components
+    par = loop_of(law, PLAIN, 1, range(1)).par
+    for part, name, fmu in (("law", "controller", "run_to_run"), ("drive", "drive", "drive_voltage")):
+        ports = {p.name: p for p in load_component(own(fmu)).of("parameter")}
+        told = {ports[n].field: v for n, v in components[name].values.items() if n in ports and not ports[n].choices}
+        assert len(told) > 1 and {field: par[f"{part}.{field}"].item() for field in told} == told
+    assert par["law.law"].item() == float(LawKind.model if variant else LawKind.contact)
 
 
 # what is measured of a cycle

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gapsense.scenarios.run_to_run.chain import Running
-from gapsense.scenarios.run_to_run.conditions import CONDITIONS, samples
-from gapsense.scenarios.run_to_run.loops import ESTIMATED, loop_of
 
 from gapsense import Scenario
 from gapsense.fmi.components import load_component, own
+from gapsense.scenarios.run_to_run.chain import Running
+from gapsense.scenarios.run_to_run.conditions import CONDITIONS, samples
+from gapsense.scenarios.run_to_run.loops import ESTIMATED, loop_of
 
 HELD_OUT, CYCLES, SEEN = 6, 8, ("plant.position", "plant.mode", "plant.current")
 COMMAND = "command.voltage"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gapsense.scenarios.soft_landing.batch import MOVING, Tuning, Variant, uncertain
-from gapsense.scenarios.soft_landing.runs import Estimator, filtered, open_loop, smoothed
-from gapsense.scenarios.soft_landing.setting import errors, gap_means, noise, perturbed
 from wrong_models import Textbook, filter_parameters
 
 from gapsense.estimators.rts import smooth_record
+from gapsense.scenarios.soft_landing.batch import MOVING, Tuning, Variant, uncertain
+from gapsense.scenarios.soft_landing.runs import Estimator, filtered, open_loop, smoothed
+from gapsense.scenarios.soft_landing.setting import errors, gap_means, noise, perturbed
 
 RUNS = 3
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
-from gapsense.scenarios.soft_landing.inverse import SoftLandingError
-from gapsense.scenarios.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics
 from reluctance_dop853 import Oracle
 from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.kernels.kernel import Kernel
+from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
+from gapsense.scenarios.soft_landing.inverse import SoftLandingError
+from gapsense.scenarios.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics
 from gapsense.studies.devices import RTS_VALVE
 
 CLOSE = 1e-8  # [m]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import reduced_model_textbook as textbook
-from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 from table_i import defaults
 
 from gapsense.estimators import ekf
 from gapsense.estimators.reduced_model import Model
+from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 
 
 def filter_parameters(m: Model, varied: Varied, run: int, tuning: Tuning, variant: Variant) -> Any:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_cases import kernel_modules
 
-from gapsense.kernels.emit.names import renamed
+from gapsense.kernels.emit.python import renamed
 from gapsense.kernels.kernel import Kernel
 
 NESTED = """

@@ -7,7 +7,6 @@ stale one is noticed without a compiler.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import hashlib
 import os
@@ -16,10 +15,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
 ZIG = "0.17.1"  # another version may give other bytes
@@ -37,6 +34,8 @@ class NativeError(RuntimeError):
 
 def zig_version() -> str | None:
     """Version of the installed Zig compiler, if there is one."""
+    from importlib.metadata import PackageNotFoundError, version  # here, so that what compiles nothing starts fast
+
     try:
         return version("ziglang")
     except PackageNotFoundError:
@@ -45,6 +44,8 @@ def zig_version() -> str | None:
 
 def zig_compiler() -> tuple[str, ...]:
     """Command of Zig's C compiler: its program itself, since `python -m` looks into the working folder first."""
+    from importlib.metadata import distribution
+
     return str(distribution("ziglang").locate_file("ziglang/zig")), "cc"
 
 
@@ -128,6 +129,8 @@ class Library:
 
     def check(self) -> None:
         """Compare the committed binary with its sources and, where Zig is installed, with a rebuild, byte for byte."""
+        import tempfile
+
         found = self.problems()
         if not found and zig_version() == ZIG:
             with tempfile.TemporaryDirectory() as folder:
@@ -141,6 +144,8 @@ class Library:
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Entry point of `python -m <module>`; returns the exit code."""
+        import argparse
+
         parser = argparse.ArgumentParser(prog=f"python -m {self.module}", description=f"Compile {self.source.name}.")
         parser.add_argument("--check", action="store_true", help="only compare the committed binary with its sources")
         try:

@@ -13,10 +13,11 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
-from gapsense.actuators import magnetics, motion
+from gapsense.actuators import magnetics, motion, reluctance_actuator
 from gapsense.actuators.magnetics import Circuit
 from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.kernels.interface import fixed, output, parameter, ports, same
 from gapsense.kernels.layout import Array, Scalar, Vector
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import clip, cond, loop, not_, square, where
@@ -26,31 +27,37 @@ FINENESS, REFINEMENT = 0.05, 256.0  # micro-step in time constants of the flux; 
 ELEMENTS = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # limits of the elements, relative to the widest
 
 
+# ports of `ReluctanceActuator`
+KNOWN = same(reluctance_actuator.Parameters)
+INPUT, OUTPUT = same(reluctance_actuator.Inputs), same(reluctance_actuator.Outputs)
+
+
+@ports()
 class Parameters(NamedTuple):
     """Coil, core with its losses, gap, and mover."""
 
-    coil_resistance: Scalar  # [ohm]
-    coil_turns: Scalar  # [1]
-    core_reluctance: Scalar  # without flux [1/H]
-    core_saturation: Scalar  # flux linkage of saturation [Wb]
-    hysteresis_amplitude: Scalar  # current of all elements at their limits [A]
-    hysteresis_reach: Scalar  # flux linkage from zero to the limit of the widest element [Wb]
-    eddy_fast: Scalar  # g of the fast pole [S]
-    eddy_fast_time: Scalar  # tau of the fast pole [s]
-    eddy_slow: Scalar  # the same of the slow one [S]
-    eddy_slow_time: Scalar  # [s]
-    gap_slope: Scalar  # reluctance per gap without fringing [1/(H m)]
-    gap_fringing: Scalar  # [1/m]
-    gap_window: Scalar  # [m]
-    mover_mass: Scalar  # [kg]
-    spring_stiffness: Scalar  # [N/m]
-    spring_rest: Scalar  # [m]
-    damping: Scalar  # [N s/m]
-    stop_lower: Scalar  # [m]
-    stop_upper: Scalar  # [m]
-    stop_restitution: Scalar  # speed after an impact over that before it [1]
-    initial_position: Scalar  # [m]
-    micro_step: Scalar  # longest step of the integrator [s]
+    coil_resistance: Scalar = KNOWN
+    coil_turns: Scalar = KNOWN
+    core_reluctance: Scalar = fixed("1/H", "Reluctance of the core without flux", 2.01888e6, min=1e-9)
+    core_saturation: Scalar = fixed("Wb", "Flux linkage of saturation", 24.71e-3, min=1e-12)
+    hysteresis_amplitude: Scalar = parameter("A", "Current of all play elements at their limits", 15e-3, min=0.0)
+    hysteresis_reach: Scalar = fixed("Wb", "Flux linkage from zero to the limit of the widest", 3e-3, min=1e-12)
+    eddy_fast: Scalar = parameter("S", "Fast eddy current per rate of the flux linkage", 0.7e-3, min=0.0)
+    eddy_fast_time: Scalar = fixed("s", "Its time constant", 50e-6, min=10e-6)
+    eddy_slow: Scalar = parameter("S", "Slow eddy current per rate of the flux linkage", 0.5e-3, min=0.0)
+    eddy_slow_time: Scalar = fixed("s", "Its time constant", 0.5e-3, min=10e-6)
+    gap_slope: Scalar = KNOWN
+    gap_fringing: Scalar = KNOWN
+    gap_window: Scalar = KNOWN
+    mover_mass: Scalar = KNOWN
+    spring_stiffness: Scalar = KNOWN
+    spring_rest: Scalar = KNOWN
+    damping: Scalar = KNOWN
+    stop_lower: Scalar = KNOWN
+    stop_upper: Scalar = KNOWN
+    stop_restitution: Scalar = KNOWN
+    initial_position: Scalar = KNOWN
+    micro_step: Scalar = fixed("s", "Longest step of the integrator", 5e-6, min=1e-7, max=10e-6, name="micro_step")
 
 
 class Continuous(NamedTuple):
@@ -71,27 +78,29 @@ class State(NamedTuple):
     contact: Contact
 
 
+@ports()
 class Inputs(NamedTuple):
     """Voltage, and the communication step that ends at `time`."""
 
     time: Scalar  # [s]
     dt: Scalar  # [s]
-    voltage: Scalar  # held during the step [V]
+    voltage: Scalar = INPUT
 
 
+@ports()
 class Outputs(NamedTuple):
     """Values at the end of the step."""
 
-    current: Scalar
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    force: Scalar  # magnetic, negative: it closes the gap
-    mode: Scalar
-    contact: Scalar  # 1 on a stop, else 0
-    eddy_current: Scalar  # part of the current
-    hysteresis_current: Scalar  # part of the current
-    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
+    current: Scalar = OUTPUT
+    position: Scalar = OUTPUT
+    velocity: Scalar = OUTPUT
+    flux_linkage: Scalar = OUTPUT
+    force: Scalar = OUTPUT
+    mode: Scalar = OUTPUT
+    contact: Scalar = OUTPUT
+    eddy_current: Scalar = output("A", "Part of the current that eddy currents need", nominal=1e-2)
+    hysteresis_current: Scalar = output("A", "Part of the current that the play elements need", nominal=1e-2)
+    impact_speed: Scalar = OUTPUT
 
 
 class Actuator(NamedTuple):

@@ -24,6 +24,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.actuators.motion import Contact, hardest, rebound
 from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
+from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
 from gapsense.kernels.layout import Choice, Scalar
 from gapsense.kernels.trace import clip, cond, fabs, loop, not_, square, where
 
@@ -39,24 +40,27 @@ class Orientation(Choice):
     consistent, printed = range(2)
 
 
+@ports()
 class Parameters(NamedTuple):
     """Table 1, the orientation and the micro-step."""
 
-    orientation: Annotated[Scalar, Orientation]
-    coil_turns: Scalar  # N [1]
-    coil_resistance: Scalar  # K6 = R_i + R_m, modes 0 to 2 [ohm]
-    coil_resistance_upper: Scalar  # K7 = R_d + R_m, modes 3 and 4 [ohm]
-    core_permeability: Scalar  # mu_r [1]
-    core_length: Scalar  # l_1 [m]
-    pole_area: Scalar  # A [m^2]
-    mover_mass: Scalar  # m [kg]
-    gravity: Scalar  # g [m/s^2]
-    stop_upper: Scalar  # s_max [m]
-    stop_restitution: Scalar  # speed after an impact over that before it [1]
-    current_on: Scalar  # i_on [A]
-    current_off: Scalar  # i_off [A]
-    initial_position: Scalar  # s [m]
-    micro_step: Scalar  # longest step of the integrator [s]
+    orientation: Annotated[Scalar, Orientation] = choice(
+        "Gap under the upper stop, or above the lower one as in the paper"
+    )
+    coil_turns: Scalar = fixed("1", "Number of windings N", 964.0, min=1e-9)
+    coil_resistance: Scalar = parameter("Ohm", "Resistance in modes 0 to 2, K6 = R_i + R_m", 114.3, min=1e-9)
+    coil_resistance_upper: Scalar = parameter("Ohm", "Resistance in modes 3 and 4, K7 = R_d + R_m", 120.0, min=1e-9)
+    core_permeability: Scalar = fixed("1", "Relative permeability mu_r", 200.0, min=1e-9)
+    core_length: Scalar = fixed("m", "Average length of the field lines l_1", 22e-3, min=1e-9)
+    pole_area: Scalar = fixed("m2", "Area of the flux A", 7.6341e-5, min=1e-12)
+    mover_mass: Scalar = fixed("kg", "Mass of the armature m", 0.34, min=1e-9)
+    gravity: Scalar = parameter("m/s2", "Gravity g", 9.81, min=1e-9)
+    stop_upper: Scalar = fixed("m", "Position of the upper stop s_max; [HEKF] prints 0.5 mm", 0.2e-3, min=1e-9)
+    stop_restitution: Scalar = fixed("1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95)
+    current_on: Scalar = parameter("A", "Least current for a lift i_on", 0.1, min=1e-9)
+    current_off: Scalar = parameter("A", "Current below which it drops i_off", 0.02, min=1e-9)
+    initial_position: Scalar = fixed("m", "Position at the start", 0.0, min=0.0)
+    micro_step: Scalar = fixed("s", "Longest step of the integrator", 25e-6, min=1e-7, name="micro_step")
 
 
 class State(NamedTuple):
@@ -72,30 +76,34 @@ class State(NamedTuple):
     impact_speed: Scalar  # of the hardest impact since the armature last left its rest [m/s]
 
 
+@ports()
 class Inputs(NamedTuple):
     """Voltage, and the communication step that ends at `time`."""
 
     time: Scalar  # [s]
     dt: Scalar  # [s]
-    voltage: Scalar  # u, held during the step [V]
+    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=24.0)
 
 
+@ports()
 class Outputs(NamedTuple):
     """Values at the end of the step."""
 
-    current: Scalar
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    inductance: Scalar
-    force: Scalar  # magnetic, upwards
-    mode: Scalar
-    contact: Scalar  # 1 on a stop, else 0
-    dissipated_energy: Scalar
-    stored_energy: Scalar  # magnetic, potential and kinetic
-    supplied_energy: Scalar
-    created_energy: Scalar
-    impact_speed: Scalar  # of the hardest impact since the armature last left its rest
+    current: Scalar = output("A", "Coil current", nominal=0.2)
+    position: Scalar = output("m", "Lift of the armature: 0 at the lower stop", nominal=0.2e-3)
+    velocity: Scalar = output("m/s", "Rate of the position", nominal=0.1)
+    flux_linkage: Scalar = output("Wb", "Flux linkage", nominal=0.1)
+    inductance: Scalar = output("H", "Inductance, flux linkage / current", nominal=0.8)
+    force: Scalar = output("N", "Magnetic force, upwards", nominal=3.0)
+    mode: Scalar = output(
+        "1", "0: at the lower stop, 1: lifting, 2: contact, 3: at the upper stop, 4: falling", min=0.0, max=4.0
+    )
+    contact: Scalar = output("1", "1 on a stop, else 0", min=0.0, max=1.0)
+    dissipated_energy: Scalar = output("J", "Lost in the coil and the impacts since the start", nominal=0.1)
+    stored_energy: Scalar = output("J", "Magnetic, potential and kinetic energy", nominal=0.01)
+    supplied_energy: Scalar = output("J", "Integral of voltage times current since the start", nominal=0.1)
+    created_energy: Scalar = output("J", "What the printed orientation creates out of nothing, since the start")
+    impact_speed: Scalar = output("m/s", "Hardest impact since the armature last left its rest", nominal=0.5)
 
 
 class Magnet(NamedTuple):

@@ -16,6 +16,7 @@ from gapsense.actuators.magnetics import Gap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.kernels.integrate import equal_parts
+from gapsense.kernels.interface import COLUMN, choice, fixed, input_, option, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.trace import clip, fabs, loop, square, where
 
@@ -31,40 +32,45 @@ class GapLaw(Choice):
     fringing, table = range(2)
 
 
+@ports()
 class Parameters(NamedTuple):
     """Table I, the gap laws, what is switched on, and the micro-step."""
 
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    hysteresis: Scalar  # 0: anhysteretic core
-    saturation: Scalar  # 0: no saturation, the anhysteretic curve is its tangent at zero
-    eddy_currents: Scalar  # 0: none
-    core_length: Scalar  # l_c [m]
-    core_area: Scalar  # A_c [m^2]
-    core_magnetization: Scalar  # M_sat [A/m]
-    core_shape: Scalar  # a = b/mu0 [A/m]
-    core_coupling: Scalar  # alpha [1]
-    core_pinning: Scalar  # kappa [A/m]
-    core_reversibility: Scalar  # c [1]
-    core_eddy_conductance: Scalar  # k_eddy [S]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_reluctance: Scalar  # R_g0 [1/H]
-    gap_slope: Scalar  # R_gp [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
-    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    friction: Scalar  # dry [N]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    stop_restitution: Scalar  # speed after an impact over that before it [1]
-    initial_position: Scalar  # [m]
-    micro_step: Scalar  # longest step of the integrator [s]
+    coil_resistance: Scalar = parameter("Ohm", "Resistance R", 48.0, min=1e-9)
+    coil_turns: Scalar = fixed("1", "Number of turns N", 1200.0, min=1e-9)
+    hysteresis: Scalar = option("Hysteresis of the core; off: its anhysteretic curve", True)
+    saturation: Scalar = option("Saturation of the core; off: its slope is that at zero", True)  # 0: no saturation
+    eddy_currents: Scalar = option("Eddy currents in the core", True, name="eddy_currents")  # 0: none
+    core_length: Scalar = fixed("m", "Length of the flux path l_c", 0.055, min=1e-9)
+    core_area: Scalar = fixed("m2", "Cross section A_c", 1.26e-5, min=1e-12)
+    core_magnetization: Scalar = fixed("A/m", "Saturation magnetization M_sat", 1.45e6, min=1.0)
+    core_shape: Scalar = fixed("A/m", "Shape of the anhysteretic curve a = b/mu0", 1949.6, min=1e-3)
+    core_coupling: Scalar = fixed("1", "Coupling of the domains alpha", 3.66e-3, min=0.0, max=0.9)
+    core_pinning: Scalar = fixed("A/m", "Pinning of the walls kappa", 942.0, min=1e-3)
+    core_reversibility: Scalar = fixed("1", "Reversible share of the magnetization c", 0.736, min=0.0, max=0.999)
+    core_eddy_conductance: Scalar = fixed("S", "Eddy current per rate of flux, k_eddy", 1630.0, min=0.0)
+    gap_law: Annotated[Scalar, GapLaw] = choice("Reluctance of the gap")
+    gap_reluctance: Scalar = fixed("1/H", "Fringing law: reluctance without gap, R_g0", 0.0, min=0.0)
+    gap_slope: Scalar = fixed("1/(H.m)", "Fringing law: reluctance per gap without fringing, R_gp", 4.7e10, min=0.0)
+    gap_fringing: Scalar = fixed("1/m", "Fringing law: strength k_f", 300.0, min=0.0)
+    gap_window: Scalar = fixed("m", "Fringing law: reach c_f; no fringing in larger gaps", 9.73e-3, min=1e-9)
+    gap_file_gap: Annotated[Array, Table()] = table(
+        "Table: CSV file with the columns gap [m], reluctance [1/H], both rising; interpolated by a cubic spline",
+        ("rising:gap [m]", "rising:reluctance [1/H]", "spline:reluctance"),
+        "fringing_29.csv",
+    )
+    gap_file_reluctance: Annotated[Array, Table()] = COLUMN
+    gap_file_spline: Annotated[Array, Table()] = COLUMN
+    mover_mass: Scalar = fixed("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
+    spring_stiffness: Scalar = parameter("N/m", "Stiffness k_sp", 61.8, min=0.0)
+    spring_rest: Scalar = parameter("m", "Gap without spring force, z_sp", 0.0192)
+    damping: Scalar = parameter("N.s/m", "Viscous damping c_f", 0.8, min=0.0)
+    friction: Scalar = fixed("N", "Dry friction, at rest and in motion", 0.0, min=0.0)
+    stop_lower: Scalar = fixed("m", "Smallest gap z_min", 0.4e-3, min=0.0)
+    stop_upper: Scalar = fixed("m", "Largest gap z_max", 1.4e-3, min=1e-9)
+    stop_restitution: Scalar = fixed("1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95)
+    initial_position: Scalar = fixed("m", "Gap at the start", 1.4e-3, min=0.0)
+    micro_step: Scalar = fixed("s", "Longest step of the integrator", 10e-6, min=1e-7, name="micro_step")
 
 
 class State(NamedTuple):
@@ -82,33 +88,37 @@ class State(NamedTuple):
     impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
 
 
+@ports()
 class Inputs(NamedTuple):
     """Voltage, and the communication step that ends at `time`."""
 
     time: Scalar  # [s]
     dt: Scalar  # [s]
-    voltage: Scalar  # u, held during the step [V]
+    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=30.0)
 
 
+@ports()
 class Outputs(NamedTuple):
     """Values at the end of the step."""
 
-    current: Scalar  # with the voltage of the step: just before a jump
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    inductance: Scalar  # apparent, lambda / i, limited
-    force: Scalar  # magnetic, negative: it closes the gap
-    mode: Scalar
-    contact: Scalar  # 1 on a stop, else 0
-    core_field: Scalar  # H_c
-    flux_density: Scalar  # B_c
-    dissipated_energy: Scalar
-    eddy_energy: Scalar  # part of it
-    hysteresis_energy: Scalar  # part of it
-    stored_energy: Scalar  # magnetic, elastic and kinetic
-    supplied_energy: Scalar
-    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
+    current: Scalar = output("A", "Coil current; at a jump of the voltage, that before it", nominal=0.6)
+    position: Scalar = output("m", "Gap: the smallest is closed", nominal=1e-3)
+    velocity: Scalar = output("m/s", "Rate of the gap", nominal=0.5)
+    flux_linkage: Scalar = output("Wb", "Flux linkage", nominal=0.02)
+    inductance: Scalar = output(
+        "H", "Flux linkage / current, limited to 10 times that of the demagnetized coil", nominal=0.05
+    )
+    force: Scalar = output("N", "Magnetic force; negative: it closes the gap")
+    mode: Scalar = output("1", "1: at the lower stop, 2: moving, 3: at the upper stop", min=1.0, max=3.0)
+    contact: Scalar = output("1", "1 on a stop, else 0", min=0.0, max=1.0)
+    core_field: Scalar = output("A/m", "Magnetic field strength in the core, H_c", nominal=1e3)
+    flux_density: Scalar = output("T", "Flux density in the core, B_c")
+    dissipated_energy: Scalar = output("J", "Lost in coil, core, damping and impacts since the start", nominal=0.1)
+    eddy_energy: Scalar = output("J", "Part of it lost to eddy currents", nominal=1e-3)
+    hysteresis_energy: Scalar = output("J", "Part of it lost to hysteresis", nominal=1e-3)
+    stored_energy: Scalar = output("J", "Magnetic, elastic and kinetic energy", nominal=0.01)
+    supplied_energy: Scalar = output("J", "Integral of voltage times current since the start", nominal=0.1)
+    impact_speed: Scalar = output("m/s", "Hardest impact since the mover last left its rest", nominal=0.5)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

@@ -17,6 +17,7 @@ from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact
 from gapsense.actuators.valve_steps import MICRO_STEPS, REFINEMENT, Moving, Rest, Sums, Valve, gap_at, micro_step
 from gapsense.kernels.integrate import equal_parts
+from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.trace import clip, loop, sqrt, square, where
 
@@ -27,29 +28,34 @@ class GapLaw(Choice):
     linear, fringing, table = range(3)
 
 
+@ports()
 class Parameters(NamedTuple):
     """Table I, the other gap laws and the micro-step."""
 
-    coil_resistance: Scalar  # r [ohm]
-    coil_turns: Scalar  # N [1]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_slope: Scalar  # k_air, linear law [1/(H m)]
-    gap_area: Scalar  # A, fringing law [m^2]
-    gap_window: Scalar  # G, fringing law [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing, at least two [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # [1/H]
-    gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
-    core_reluctance: Scalar  # R_iron0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_s [N/m]
-    spring_rest: Scalar  # h_s [m]
-    damping: Scalar  # c [N s/m]
-    stop_lower: Scalar  # h_min [m]
-    stop_upper: Scalar  # h_max [m]
-    stop_restitution: Scalar  # speed after an impact over that before it [1]
-    initial_position: Scalar  # [m]
-    micro_step: Scalar  # longest step of the integrator [s]
+    coil_resistance: Scalar = parameter("Ohm", "Resistance r", 76.0, min=1e-9)
+    coil_turns: Scalar = fixed("1", "Number of turns N", 1200.0, min=1e-9)
+    gap_law: Annotated[Scalar, GapLaw] = choice("Reluctance of the gap")
+    gap_slope: Scalar = fixed("1/(H.m)", "Linear law: reluctance per gap, k_air", 2.7e10, min=0.0)
+    gap_area: Scalar = fixed("m2", "Fringing law: pole area A", 1.75e-5, min=1e-12)
+    gap_window: Scalar = fixed("m", "Fringing law: height of the winding window G", 10e-3, min=1e-9)
+    gap_file_gap: Annotated[Array, Table()] = table(
+        "Table: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H.m)]",
+        ("gap [m]", "reluctance [1/H]", "slope [1/(H.m)]"),
+        "fringing_19.csv",
+    )
+    gap_file_reluctance: Annotated[Array, Table()] = COLUMN
+    gap_file_slope: Annotated[Array, Table()] = COLUMN
+    core_reluctance: Scalar = fixed("1/H", "Reluctance of the core without flux, R_iron0", 3.25e6, min=1e-9)
+    core_saturation: Scalar = fixed("Wb", "Flux linkage of saturation, lambda_sat", 0.024, min=1e-12)
+    mover_mass: Scalar = fixed("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
+    spring_stiffness: Scalar = parameter("N/m", "Stiffness k_s", 37.0, min=0.0)
+    spring_rest: Scalar = parameter("m", "Gap without spring force, h_s", 22.5e-3)
+    damping: Scalar = parameter("N.s/m", "Viscous damping c", 0.4, min=0.0)
+    stop_lower: Scalar = fixed("m", "Smallest gap h_min", 0.0, min=0.0)
+    stop_upper: Scalar = fixed("m", "Largest gap h_max", 0.9e-3, min=1e-9)
+    stop_restitution: Scalar = fixed("1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95)
+    initial_position: Scalar = fixed("m", "Gap at the start", 0.9e-3, min=0.0)
+    micro_step: Scalar = fixed("s", "Longest step of the integrator", 12.5e-6, min=1e-7, name="micro_step")
 
 
 class State(NamedTuple):
@@ -64,29 +70,33 @@ class State(NamedTuple):
     impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
 
 
+@ports()
 class Inputs(NamedTuple):
     """Voltage, and the communication step that ends at `time`."""
 
     time: Scalar  # [s]
     dt: Scalar  # [s]
-    voltage: Scalar  # u, held during the step [V]
+    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=30.0)
 
 
+@ports()
 class Outputs(NamedTuple):
     """Values at the end of the step."""
 
-    current: Scalar
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    inductance: Scalar  # apparent, lambda / i = N^2 / R
-    force: Scalar  # magnetic, negative: it closes the gap
-    mode: Scalar
-    contact: Scalar  # 1 on a stop, else 0
-    dissipated_energy: Scalar
-    stored_energy: Scalar  # magnetic, elastic and kinetic
-    supplied_energy: Scalar
-    impact_speed: Scalar  # of the hardest impact since the mover last left its rest
+    current: Scalar = output("A", "Coil current", nominal=0.4)
+    position: Scalar = output("m", "Gap: 0 is closed", nominal=1e-3)
+    velocity: Scalar = output("m/s", "Rate of the gap", nominal=0.5)
+    flux_linkage: Scalar = output("Wb", "Flux linkage", nominal=0.02)
+    inductance: Scalar = output("H", "Apparent inductance, flux linkage / current", nominal=0.1)
+    force: Scalar = output("N", "Magnetic force; negative: it closes the gap")
+    mode: Scalar = output("1", "1: at the lower stop, 2: moving, 3: at the upper stop", min=1.0, max=3.0)
+    contact: Scalar = output("1", "1 on a stop, else 0", min=0.0, max=1.0)
+    dissipated_energy: Scalar = output(
+        "J", "Lost in the coil, the damping and the impacts since the start", nominal=0.1
+    )
+    stored_energy: Scalar = output("J", "Magnetic, elastic and kinetic energy", nominal=10e-3)
+    supplied_energy: Scalar = output("J", "Integral of voltage times current since the start", nominal=0.1)
+    impact_speed: Scalar = output("m/s", "Hardest impact since the mover last left its rest", nominal=0.5)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

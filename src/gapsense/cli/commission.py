@@ -25,7 +25,7 @@ from gapsense.cli.common import (
     show,
     written,
 )
-from gapsense.identification.measurements.conventions import AUTO, CONVENTIONS
+from gapsense.identification.options import AUTO, CONVENTIONS
 
 if TYPE_CHECKING:
     from gapsense.identification.measurements.record import Reading
@@ -55,7 +55,7 @@ def commission(
     Known are stops and turns and, within a few percent, the gap law, the spring, the mass and the core. Prints values
     and standard errors; exit code 1 where the model does not explain the records.
     """
-    from gapsense.identification.measurements.checks import reading
+    from gapsense.identification.measurements.reading import reading
 
     how = reading(column, voltage, separator, decimal, clipped)
     commissioned(data, how, parameters, to, validate or [], figure, assume)
@@ -71,12 +71,19 @@ def commissioned(
     assume: bool = False,
 ) -> None:
     """Read, fit, write and show; ends the command."""
-    from gapsense.identification.actuator import file, fit, validation
-    from gapsense.identification.actuator import show as shown
-    from gapsense.identification.actuator.needed import doubts, missing
+    from gapsense.identification.actuator import fit
+    from gapsense.identification.actuator.fit import validate_actuator
+    from gapsense.identification.actuator.show import (
+        PORTS,
+        actuator_figure,
+        actuator_tables,
+        doubts,
+        missing,
+        write_actuator,
+    )
     from gapsense.identification.assumptions import ask
-    from gapsense.identification.measurements.checks import read_records
-    from gapsense.identification.transfer import parameters_of, read_sets
+    from gapsense.identification.measurements.reading import read_records
+    from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.report import plot
 
     if figure is not None:
@@ -84,15 +91,15 @@ def commissioned(
     known, (given, marked) = parameters_of("mhe", parameters), read_sets([parameters])
     lacking = missing(known, {*given} - {*marked})
     if not assume:
-        ask(lacking, {port.name: port for port in file.PORTS.values()}, parameters.name, "the component `Mhe`")
+        ask(lacking, {port.name: port for port in PORTS.values()}, parameters.name, "the component `Mhe`")
     records, kept = (read_records(files, how, needs="rest") for files in (data, validate))
     with bar("commissioning") as progress:
         result = fit.commission(records, known, progress, doubts(lacking))
     names = " ".join(path.name for path in data)
-    file.write(to, result, given, f"gapsense commission {names} --parameters {parameters.name}", lacking)
-    checks = validation.validated(result.parameters, kept)
-    show(*shown.tables(result, known, checks, lacking))
+    write_actuator(to, result, given, f"gapsense commission {names} --parameters {parameters.name}", lacking)
+    checks = validate_actuator(result.parameters, kept)
+    show(*actuator_tables(result, known, checks, lacking))
     written(to)
     if figure is not None:
-        written(plot.save(shown.figure(result, checks), figure))
+        written(plot.save(actuator_figure(result, checks), figure))
     raise typer.Exit(0 if result.is_explained else FAILED)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
 from functools import wraps
-from importlib.metadata import version
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
@@ -28,6 +27,7 @@ from gapsense._os.plain_files import refuse_unwritable
 from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
+from gapsense.version import __version__
 
 ELSEWHERE = "or choose another folder"
 ADVICE = {
@@ -65,7 +65,7 @@ Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a componen
 def show_version(asked: bool) -> None:
     """Print the version, on request, and end."""
     if asked:
-        typer.echo(f"gapsense {version('gapsense')}")
+        typer.echo(f"gapsense {__version__}")
         raise typer.Exit
 
 

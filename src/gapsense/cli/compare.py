@@ -13,7 +13,7 @@ from gapsense.cli import common as cli
 from gapsense.problems import InputError
 
 if TYPE_CHECKING:
-    from gapsense.cosim.result.difference import Comparison
+    from gapsense.cosim.result.compare import Comparison
     from gapsense.cosim.scenario.records import Baseline
 
 RTOL, EDGE_STEPS = 1e-9, 1

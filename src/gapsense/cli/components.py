@@ -58,11 +58,11 @@ def build(
 ) -> None:
     """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
-    from gapsense.identification.transfer import read_sets, taken
+    from gapsense.identification.parameter_set import read_sets, take_values
 
     every = components_folder(root)
     folders = find_components(every, names or ())
-    values = taken(folders, parameters, find_components(every)) if parameters else {}
+    values = take_values(folders, parameters, find_components(every)) if parameters else {}
     if assumed := ", ".join(f"`{name}`" for name in read_sets(parameters or []).assumed):
         notice(f"assumed in the parameter file, not known: {assumed}. The FMUs start with these values all the same.")
     is_native = bool(native or platforms or scalars)

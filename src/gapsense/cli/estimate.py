@@ -69,29 +69,38 @@ def estimate(
     """
     from gapsense.cosim.prepare import find_fmus
     from gapsense.fmi.components import components_folder, find_components
-    from gapsense.identification.estimation import judge, run
-    from gapsense.identification.estimation.show import measured_and_estimated, repeated, tables
-    from gapsense.identification.measurements.checks import read_records, reading
-    from gapsense.identification.measurements.thin import thinned
-    from gapsense.identification.transfer import read_sets, taken
-    from gapsense.identification.valve.show import about
+    from gapsense.identification import estimate as judge
+    from gapsense.identification.estimate import (
+        choose_estimators,
+        estimate_figure,
+        estimate_tables,
+        estimators,
+        repeat_assumed,
+        run_all,
+        save,
+        subtract_given,
+    )
+    from gapsense.identification.measurements.prepare import thin
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.parameter_set import read_sets, take_values
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     picture = figure or Path("results") / f"{data.stem}_estimates.png"
     plot.check_file(picture)
     every, folder = components_folder(), fmus or find_fmus(Path("here"))
-    record = thinned(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
-    record, (values, assumed) = run.shifted(record, offset or []), read_sets(parameters or [])
-    names, left_out = run.chosen(estimator, run.estimators(every), record, values)
+    record = thin(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
+    record, (values, assumed) = subtract_given(record, offset or []), read_sets(parameters or [])
+    names, left_out = choose_estimators(estimator, estimators(every), record, values)
     for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
         problem(text, "yellow")
-    taken(find_components(every, names), parameters or [], find_components(every))  # before any run
+    take_values(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
-        estimates = run.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
-    show(*tables(estimates), *repeated(values, assumed))
+        estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
+    show(*estimate_tables(estimates), *repeat_assumed(values, assumed))
     if to is not None:
-        written(run.save(to, record, estimates))
-    written(plot.save(measured_and_estimated(record, estimates), picture))
+        written(save(to, record, estimates))
+    written(plot.save(estimate_figure(record, estimates), picture))
     doubts = judge.doubts(record, estimates)
     for text in doubts:
         problem(text)

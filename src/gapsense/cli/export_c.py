@@ -69,9 +69,9 @@ def given(
 ) -> dict[Path, dict[str, Value]]:
     """Start values of parameters for each component that has them: those of files, and over them the settings."""
     from gapsense.fmi.components import load_component
-    from gapsense.identification.transfer import taken
+    from gapsense.identification.parameter_set import take_values
 
-    values = taken(folders, files, known) if files else {folder: {} for folder in folders}
+    values = take_values(folders, files, known) if files else {folder: {} for folder in folders}
     names = {folder: {port.name for port in load_component(folder).of("parameter")} for folder in folders}
     problems: list[str] = []
     changes = _changes(settings, set().union(*names.values()), problems)

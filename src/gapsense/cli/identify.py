@@ -24,11 +24,10 @@ from gapsense.cli.common import (
     show,
     written,
 )
-from gapsense.identification.measurements.conventions import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 
 if TYPE_CHECKING:
-    from gapsense.identification.asked import Asked
-    from gapsense.identification.finished import Finished
+    from gapsense.identification.identify import Asked, Finished
 
 MODELS = (AUTO, "coil", "solenoid_valve")
 
@@ -97,19 +96,17 @@ def identify(
     correlations, names what the records do not identify, and with --assume all that was assumed.
     """
     from gapsense.cli.commission import commissioned
-    from gapsense.identification import finished
-    from gapsense.identification.asked import Asked, read
-    from gapsense.identification.choice import coil_of
-    from gapsense.identification.measurements.checks import reading
-    from gapsense.identification.options import believed
-    from gapsense.identification.valve import fit, known_gap
+    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
+    from gapsense.identification.measurements.reading import reading
+    from gapsense.identification.valve.fit import fit_valve
+    from gapsense.identification.valve.gap import find_gap
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
     how = reading(column, voltage, separator, decimal, clipped)
     others = (model, period, temperatures, forms, hold or [], inductance, driver, accuracy)
     if commission:
-        commissioned(data, how, believed(parameters, others), to, validate or [], figure, assume)
+        commissioned(data, how, check_believed(parameters, others), to, validate or [], figure, assume)
     asked = Asked(data, how, to, validate or [], figure, parameters, assume, *others)
     given = read(asked)
     if model == "solenoid_valve":
@@ -117,13 +114,13 @@ def identify(
     with bar("looking for motion") as progress:
         coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
     if coil is not None:
-        end(asked, finished.coil(asked, given, coil), told)
+        end(asked, finish_coil(asked, given, coil), told)
     given.ask()
-    start = known_gap.known(given.known.parameters, given.records, given.sought, inductance, given.conventions, period)
+    start = find_gap(given.known.parameters, given.records, given.sought, inductance, given.conventions, period)
     given.ask_for(start.parameters, start.sought)
     with bar("identifying") as progress:
-        result = fit.identify(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
-    end(asked, finished.valve(asked, given, start, result), told)
+        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+    end(asked, finish_valve(asked, given, start, result), told)
 
 
 def end(asked: Asked, result: Finished, told: list[str]) -> NoReturn:

@@ -24,10 +24,9 @@ def inspect(
 ) -> None:
     """Tell what a record of voltage and current can give, before anything is fitted to it."""
     from gapsense.identification.inspection.facts import facts
-    from gapsense.identification.inspection.figure import figure_of
-    from gapsense.identification.inspection.show import tables
-    from gapsense.identification.measurements.checks import read_records, reading
-    from gapsense.identification.valve.show import about
+    from gapsense.identification.inspection.show import inspection_figure, inspection_tables
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.show import about
     from gapsense.report import plot
 
     if figure is not None:
@@ -36,6 +35,6 @@ def inspect(
     records = read_records(data, how, needs="samples")
     found = [facts(record, period, clipped) for record in records]
     for record, about_it in zip(records, found):
-        show(*tables(record, about_it, resistance), *about(record))
+        show(*inspection_tables(record, about_it, resistance), *about(record))
     if figure is not None:
-        written(plot.save(figure_of(records, found), figure))
+        written(plot.save(inspection_figure(records, found), figure))

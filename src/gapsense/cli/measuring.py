@@ -18,17 +18,16 @@ def measuring(
     """How wrong `identify` is over sampling, converters, noise, filters and drives; figures of good and bad records."""
     from gapsense._os.files import write_atomically
     from gapsense.identification.inspection.facts import facts
-    from gapsense.identification.inspection.figure import figure_of
-    from gapsense.identification.measuring import examples
-    from gapsense.identification.measuring.show import markdown, outcome_table
+    from gapsense.identification.inspection.show import inspection_figure
+    from gapsense.identification.measuring import GOOD, bad, markdown, outcome_table, outcomes, record
     from gapsense.report import plot
 
     files = []
-    for name, records in (("good", [examples.record(*examples.GOOD)]), ("bad", examples.bad())):
-        files.append(plot.save(figure_of(records, [*map(facts, records)]), to / f"measuring_{name}.png"))
+    for name, records in (("good", [record(*GOOD)]), ("bad", bad())):
+        files.append(plot.save(inspection_figure(records, [*map(facts, records)]), to / f"measuring_{name}.png"))
     if seeds:
         with bar("identifying") as progress:
-            found = examples.outcomes(seeds, progress=progress)
+            found = outcomes(seeds, progress=progress)
         show(outcome_table(found))
         files.append(to / "measuring.md")
         write_atomically(files[-1], lambda file: print(markdown(found), end="", file=file))

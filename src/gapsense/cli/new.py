@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from gapsense._os.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
-from gapsense.cli.common import command, show
+from gapsense.cli.common import Output, command, show, written
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 
@@ -66,3 +66,26 @@ def copy(to: Path, source: Path) -> None:
         shutil.copy2(source / name, to / own)
         text = text.replace(f'"{name}"', f'"{own}"')
     file.write_text(text, encoding="utf-8")
+
+
+# The command that writes the JSON schema of scenario files.
+
+
+@command("schema")
+def schema(
+    to: Annotated[
+        Path | None, Output.FILE, typer.Option("--out", help="File to write", show_default="print it")
+    ] = None,
+) -> None:
+    """Show or write the JSON schema of scenario files, by which editors complete and check them.
+
+    Name it in the first line of a scenario: `#:schema scenario.schema.json`.
+    """
+    from gapsense._os.files import write_atomically
+    from gapsense.report import reference
+
+    text = json.dumps(reference.schema(), indent=2)
+    if to is None:
+        return show(text)
+    write_atomically(to, lambda file: print(text, file=file))
+    written(to)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+from gapsense.estimators import reduced_model
+from gapsense.estimators.mhe import model as mhe_model
 from gapsense.estimators.reduced_model import GapLaw
+from gapsense.kernels.interface import choice, input_, measured, output, parameter, ports, same, sample_time
 from gapsense.kernels.layout import COUNT, Array, Choice, Count, Memory, Scalar, Table, Vector, Whole
 
 LONGEST = 1024  # samples of an operation that are kept
@@ -20,81 +23,120 @@ class LawKind(Choice):
     contact, model = range(2)
 
 
+EKF, MHE = same(reduced_model.Parameters), same(mhe_model.Parameters)
+
+
+@ports()
 class Parameters(NamedTuple):
     """The actuator as a user knows it, the voltages, and the shape of an operation."""
 
-    sample_time: Scalar  # T_s [s]
-    law: Annotated[Scalar, LawKind]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    core_reluctance: Scalar  # R_c0 [1/H]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_reluctance: Scalar  # R_g0 [1/H]
-    gap_slope: Scalar  # R_g0' [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
-    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
-    gap_factor: Scalar  # of R_g [1]
-    gap_bend: Scalar  # added to it between the stops [1]
-    voltage_least: Scalar  # that the bridge can give [V]
-    voltage_most: Scalar  # [V]
-    voltage_hold: Scalar  # of an ordinary operation, and after a soft one [V]
-    closing_lead: Scalar  # until the mover is to leave its stop [s]
-    closing_travel: Scalar  # then until it is near the other one [s]
-    opening_lead: Scalar
-    opening_travel: Scalar
-    approach_time: Scalar  # for which the mover is expected after that [s]
-    approach_distance: Scalar  # to the stop, where the approach begins [m]
-    approach_first: Scalar  # speed of the first approach [m/s]
-    approach_least: Scalar  # of the slowest one [m/s]
+    sample_time: Scalar = sample_time(20e-6)  # T_s
+    law: Annotated[Scalar, LawKind] = choice("What it learns from")
+    coil_resistance: Scalar = EKF
+    coil_turns: Scalar = EKF
+    mover_mass: Scalar = EKF
+    spring_stiffness: Scalar = EKF
+    spring_rest: Scalar = EKF
+    damping: Scalar = EKF
+    stop_lower: Scalar = EKF
+    stop_upper: Scalar = EKF
+    core_reluctance: Scalar = EKF
+    gap_law: Annotated[Scalar, GapLaw] = EKF
+    gap_reluctance: Scalar = EKF
+    gap_slope: Scalar = EKF
+    gap_fringing: Scalar = EKF
+    gap_window: Scalar = EKF
+    gap_file_gap: Annotated[Array, Table()] = EKF
+    gap_file_reluctance: Annotated[Array, Table()] = EKF
+    gap_file_spline: Annotated[Array, Table()] = EKF
+    gap_factor: Scalar = MHE
+    gap_bend: Scalar = MHE
+    voltage_least: Scalar = parameter("V", "Least mean voltage of the bridge; 0: half bridge", -30.0)
+    voltage_most: Scalar = parameter("V", "Largest mean voltage of the bridge", 30.0, min=1e-9)
+    voltage_hold: Scalar = parameter("V", "Of an ordinary closing, and after a soft one", 24.0, min=1e-9)
+    closing_lead: Scalar = parameter("s", "From the command until the mover is to take off", 1.5e-3, min=1e-9)
+    closing_travel: Scalar = parameter(
+        "s", "Then until it is near the other stop, in the first cycle", 3.4e-3, min=1e-9
+    )
+    opening_lead: Scalar = parameter("s", "From the command until the mover is to take off", 1.2e-3, min=1e-9)
+    opening_travel: Scalar = parameter(
+        "s", "Then until it is near the other stop, in the first cycle", 3.4e-3, min=1e-9
+    )
+    approach_time: Scalar = parameter("s", "Then for so long it is expected to land", 3.5e-3, min=0.0)
+    approach_distance: Scalar = parameter("m", "Distance from the stop at which the approach begins", 80e-6, min=0.0)
+    approach_first: Scalar = parameter("m/s", "Speed of the first approaches", 0.4, min=1e-9)
+    approach_least: Scalar = parameter("m/s", "Speed of the slowest ones", 0.08, min=1e-9)
 
 
+def of_mhe(unit: str, output: str) -> Any:
+    """An output of `Mhe`."""
+    return input_(unit, f"Law model: `{output}` of `Mhe`", is_optional=True)
+
+
+@ports()
 class Inputs(NamedTuple):
     """Measurements at the sample `time`, and what an estimator says."""
 
     time: Scalar
-    enable: Scalar
-    command: Scalar  # above 0.5: closed
-    voltage: Scalar  # mean since the last sample
-    current: Scalar
-    mode: Scalar  # 0: not known
-    impact_speed: Scalar  # of the last landing; 0: not known
-    estimated_flux_linkage: Scalar  # causal
-    windows: Scalar  # that were solved
-    misfit: Scalar  # of the last one
-    landing_time: Scalar  # in it
-    estimated_impact_speed: Scalar  # of that landing
-    smoothed_published: Scalar
-    smoothed_time: Scalar
-    smoothed_flux_linkage: Scalar
-    estimated_resistance: Scalar
-    estimated_mass: Scalar
-    estimated_rest_position: Scalar
-    estimated_viscous_damping: Scalar
-    estimated_gap_factor: Scalar  # factor
-    estimated_gap_bend: Scalar
+    enable: Scalar = input_("1", "0.5 or less when a closing begins: the cycle is an ordinary one", start=1.0)
+    command: Scalar = input_("1", "Above 0.5: closed")
+    voltage: Scalar = input_("V", "Mean voltage since the last sample", source="drive.voltage_mean", nominal=30.0)
+    current: Scalar = measured("A", "Measured coil current", nominal=0.4)
+    mode: Scalar = measured(
+        "1",
+        "Law contact: 1 at the lower stop, 2 moving, 3 at the upper stop; 0: not known",
+        nominal=2.0,
+        min=0.0,
+        max=3.0,
+    )
+    impact_speed: Scalar = input_(
+        "m/s", "Law contact: speed of the landing, of the operation that ends", min=0.0, is_optional=True
+    )
+    estimated_flux_linkage: Scalar = of_mhe("Wb", "flux_linkage")
+    windows: Scalar = of_mhe("1", "windows")
+    misfit: Scalar = of_mhe("1", "misfit")
+    landing_time: Scalar = of_mhe("s", "landing_time")
+    estimated_impact_speed: Scalar = of_mhe("m/s", "impact_speed")
+    smoothed_published: Scalar = of_mhe("1", "smoothed_published")
+    smoothed_time: Scalar = of_mhe("s", "smoothed_time")
+    smoothed_flux_linkage: Scalar = of_mhe("Wb", "smoothed_flux_linkage")
+    estimated_resistance: Scalar = of_mhe("Ohm", "resistance")
+    estimated_mass: Scalar = of_mhe("kg", "mass")
+    estimated_rest_position: Scalar = of_mhe("m", "rest_position")
+    estimated_viscous_damping: Scalar = of_mhe("N.s/m", "viscous_damping")
+    estimated_gap_factor: Scalar = of_mhe("1", "gap_factor")
+    estimated_gap_bend: Scalar = of_mhe("1", "gap_bend")
 
 
+@ports(feedthrough=Inputs._fields[1:])
 class Outputs(NamedTuple):
     """What is to be done, and why."""
 
-    voltage_reference: Scalar  # mean until the next sample
-    flux_reference: Scalar  # 0 where there is none
-    flux_linkage: Scalar
-    resistance: Scalar
-    approach_speed: Scalar  # of this operation
-    balance_flux: Scalar  # of the spring where this operation begins
-    cycle: Scalar  # so far
-    state: Scalar
-    warnings: Scalar
+    voltage_reference: Scalar = output("V", "Mean voltage that is to be until the next sample", nominal=30.0)
+    flux_reference: Scalar = output("Wb", "Flux linkage at the next sample; 0: no profile", nominal=0.02)
+    flux_linkage: Scalar = output("Wb", "By the integral of u - R i", nominal=0.02)
+    resistance: Scalar = output("Ohm", "Resistance R in use", nominal=48.0)
+    approach_speed: Scalar = output("m/s", "Speed that this operation is to land with", min=0.0)
+    balance_flux: Scalar = output(
+        "Wb", "Flux linkage that balances the spring where this operation begins", nominal=0.02
+    )
+    cycle: Scalar = output("1", "Cycles begun so far", min=0.0)
+    state: Scalar = output(
+        "1",
+        "0: no command yet, 1: first cycles, ordinary, 2: soft, 3: soft, but the last operation that was judged "
+        "did not arrive in time, 4: ordinary cycle after that",
+        min=0.0,
+        max=4.0,
+    )
+    warnings: Scalar = output(
+        "1",
+        "Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile "
+        "faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no "
+        "window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation "
+        "landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary",
+        min=0.0,
+        max=255.0,
+    )
 
 
 class Law(NamedTuple):

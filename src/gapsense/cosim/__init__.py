@@ -13,7 +13,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gapsense.cosim.junit import write_junit as write_junit
     from gapsense.cosim.prepare import check as check
     from gapsense.cosim.prepare import prepare as prepare
     from gapsense.cosim.prepare import remarks as remarks
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.regression import test_scenario as test_scenario
     from gapsense.cosim.regression import test_scenarios as test_scenarios
     from gapsense.cosim.regression import update_baseline as update_baseline
+    from gapsense.cosim.regression import write_junit as write_junit
     from gapsense.cosim.result.compare import compare as compare
     from gapsense.cosim.result.metrics import Measured as Measured
     from gapsense.cosim.result.pairs import compare_results as compare_results
@@ -58,7 +58,9 @@ OF_MODULES = {
     "prepare": ("check", "prepare", "remarks"),
     "run.failure": ("FmuError",),
     "result.result": ("Result", "read_result"),
-    "regression": (*("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline"),),
+    "regression": (
+        *("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline", "write_junit"),
+    ),
     "run.run": ("run", "run_once"),
     "scenario.records": ("Scenario",),
     "sensitivity": ("Growth", "sensitivity"),

@@ -9,11 +9,11 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense._os.files import write_atomically, write_columns
 from gapsense._os.plain_files import unfit, unwritable
-from gapsense.cosim.result.compare import compare, selected, thinned
-from gapsense.cosim.result.difference import Comparison
+from gapsense.cosim.result.compare import Comparison, compare, selected, thinned
 from gapsense.cosim.result.result import TIME, Result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.run.ahead import FMU, run_ahead
@@ -321,3 +321,35 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
         return f"{path}: add a table `{head}`, so that `gapsense test` misses the baseline when it is gone."
     write_atomically(path, lambda file: print(text, end="", file=file))
     return f"{path}: `{head}` added, so that `gapsense test` misses the baseline when it is gone."
+
+
+# JUnit XML, which every CI system reads: one suite per scenario, one case per check.
+
+
+def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
+    """Write outcomes as a JUnit file, complete or not at all."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    root = Element("testsuites", {"name": "gapsense", **counts(outcomes)})
+    for outcome in outcomes:
+        add_suite(root, outcome)
+    indent(root)
+    text = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+    write_atomically(path, lambda file: print(text, end="", file=file))
+
+
+def counts(outcomes: Sequence[Outcome]) -> dict[str, str]:
+    """Number of checks, and of those that failed."""
+    failures = sum(len(outcome.failures) for outcome in outcomes)
+    return {"tests": str(sum(len(outcome.checks) for outcome in outcomes)), "failures": str(failures)}
+
+
+def add_suite(root: Element, outcome: Outcome) -> None:
+    """One scenario or variant; the whole time counts for its first check, the run."""
+    name, time = outcome.scenario, f"{outcome.seconds:.3f}"
+    suite = SubElement(root, "testsuite", {"name": name, **counts([outcome]), "time": time})
+    for index, check in enumerate(outcome.checks):
+        case = SubElement(suite, "testcase", classname=name, name=check.name, time="0.000" if index else time)
+        if check.failure:
+            text = "".join(c if c >= " " or c in "\n\t" else " " for c in check.failure)  # what XML allows
+            SubElement(case, "failure", message=text.splitlines()[0]).text = text

@@ -17,9 +17,9 @@ def plot(result: Any, patterns: Sequence[str]) -> Any:
 
 def frame(columns: Mapping[str, Any], name: str, index: Any, units: Mapping[str, str]) -> Any:
     """Columns as a DataFrame of pandas, with an index of that name."""
-    from gapsense.report import frames
+    from gapsense.report import pages
 
-    return frames.frame(columns, name, index, units)
+    return pages.frame(columns, name, index, units)
 
 
 def scenario_html(tables: Mapping[str, Any], line: str) -> str:

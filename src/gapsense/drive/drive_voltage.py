@@ -15,6 +15,7 @@ from typing import Annotated, NamedTuple
 from gapsense.drive.bridge import Bridge, Kind, wave
 from gapsense.drive.curve import Curve, positive, tabulated
 from gapsense.drive.pulses import ALWAYS, Pulse, Wave, levels, pulsed
+from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, flat, record
 from gapsense.kernels.trace import clip, cond, fabs, not_, where
 
@@ -25,41 +26,53 @@ class Waveform(Choice):
     square, step, table, pwm, profile, soft_landing, bridge = range(7)
 
 
+@ports()
 class Parameters(NamedTuple):
     """The waveform and the numbers of each; only those of the chosen one matter."""
 
-    waveform: Annotated[Scalar, Waveform]
-    square_amplitude: Scalar  # height above `square_low` [V]
-    square_low: Scalar  # low level, also before the delay [V]
-    square_period: Scalar  # positive [s]
-    square_duty: Scalar  # fraction of the period that is high, and comes first, 0 to 1 [1]
-    square_delay: Scalar  # time of the first rising edge [s]
-    step_initial: Scalar  # [V]
-    step_final: Scalar  # [V]
-    step_time: Scalar  # [s]
-    table_file_time: Annotated[Array, Table()]  # not decreasing, a repeated time is a jump; at least two rows [s]
-    table_file_voltage: Annotated[Array, Table()]  # linear in between, the ends are held [V]
-    table_file_integral: Annotated[Array, Table()]  # its running integral, made by the shell [V s]
-    table_period: Scalar  # with which it repeats, 0 for never [s]
-    table_repeat_from: Scalar  # start of the part that repeats [s]
-    pwm_high: Scalar  # above `pwm_low` [V]
-    pwm_low: Scalar  # [V]
-    pwm_frequency: Scalar  # of the carrier, positive [Hz]
-    profile_amplitude: Scalar  # height above `profile_low` [V]
-    profile_low: Scalar  # low level, also before the delay [V]
-    profile_first: Scalar  # dt1, high [s]
-    profile_second: Scalar  # dt2, low; high for the rest of the half period; then the mirror image [s]
-    profile_half_period: Scalar  # positive [s]
-    profile_delay: Scalar  # time of the first rising edge [s]
-    soft_landing_file_time: Annotated[Array, Table()]  # as the table [s]
-    soft_landing_file_voltage: Annotated[Array, Table()]  # [V]
-    soft_landing_file_integral: Annotated[Array, Table()]  # [V s]
-    soft_landing_period: Scalar  # [s]
-    soft_landing_repeat_from: Scalar  # [s]
-    bridge_kind: Annotated[Scalar, Kind]
-    bridge_supply: Scalar  # positive [V]
-    bridge_frequency: Scalar  # of the carrier, 0 for a steady voltage [Hz]
-    bridge_levels: Scalar  # of the mean between zero and the supply, 0 for any [1]
+    waveform: Annotated[Scalar, Waveform] = choice("What is generated")
+    square_amplitude: Scalar = parameter("V", "Height above square.low", 30.0)
+    square_low: Scalar = parameter("V", "Low level, also before the delay", 0.0)
+    square_period: Scalar = fixed("s", "Period", 20e-3, min=1e-9)
+    square_duty: Scalar = parameter("1", "Share of the period that is high and comes first", 0.5, min=0.0, max=1.0)
+    square_delay: Scalar = fixed("s", "Time of the first rising edge", 0.0)
+    step_initial: Scalar = parameter("V", "Voltage before the step", 0.0)
+    step_final: Scalar = parameter("V", "Voltage after the step", 30.0)
+    step_time: Scalar = fixed("s", "Time of the step", 0.0)
+    table_file_time: Annotated[Array, Table()] = table(
+        "Table: CSV file with the columns time [s], voltage [V]; a repeated time is a jump, the ends are held",
+        ("time [s]", "voltage [V]", "integral:voltage"),
+        "voltage.csv",
+    )
+    table_file_voltage: Annotated[Array, Table()] = COLUMN
+    table_file_integral: Annotated[Array, Table()] = COLUMN
+    table_period: Scalar = fixed("s", "Period with which the table repeats; 0: it does not", 0.0, min=0.0)
+    table_repeat_from: Scalar = fixed("s", "Start of the part that repeats; what is before comes once", 0.0)
+    pwm_high: Scalar = parameter("V", "High level", 30.0)  # above `pwm_low`
+    pwm_low: Scalar = parameter("V", "Low level", 0.0)
+    pwm_frequency: Scalar = fixed("Hz", "Carrier frequency; the carrier starts at time 0", 20e3, min=1e-3)
+    profile_amplitude: Scalar = parameter("V", "Height above profile.low", 30.0)
+    profile_low: Scalar = parameter("V", "Low level, also before the delay", 0.0)
+    profile_first: Scalar = parameter("s", "dt1: high first, in the second half low", 4.5e-3, min=0.0)
+    profile_second: Scalar = parameter("s", "dt2: then low, in the second half high", 1.5e-3, min=0.0)
+    profile_half_period: Scalar = fixed("s", "Half of the period: making, then breaking", 20e-3, min=1e-9)
+    profile_delay: Scalar = fixed("s", "Time of the first rising edge", 0.0)
+    soft_landing_file_time: Annotated[Array, Table()] = table(
+        "Voltage of soft-landing cycles, a table like table.file; `gapsense soft-landing` makes others",
+        ("time [s]", "voltage [V]", "integral:voltage"),
+        "soft_landing.csv",
+        name="soft_landing.file",
+    )
+    soft_landing_file_voltage: Annotated[Array, Table()] = COLUMN
+    soft_landing_file_integral: Annotated[Array, Table()] = COLUMN
+    soft_landing_period: Scalar = fixed("s", "Period of the cycles", 20e-3, min=0.0, name="soft_landing.period")
+    soft_landing_repeat_from: Scalar = fixed(
+        "s", "Start of the cycle that repeats, as table.repeat_from", 20e-3, name="soft_landing.repeat_from"
+    )
+    bridge_kind: Annotated[Scalar, Kind] = choice("Bridge: both directions, or one and zero")
+    bridge_supply: Scalar = parameter("V", "Bridge: largest voltage", 30.0, min=1e-9)
+    bridge_frequency: Scalar = fixed("Hz", "Bridge: carrier from time 0; 0: steady during the step", 20e3, min=0.0)
+    bridge_levels: Scalar = fixed("1", "Bridge: steps of the mean between 0 and the supply; 0: any", 0.0, min=0.0)
 
 
 class State(NamedTuple):
@@ -68,20 +81,22 @@ class State(NamedTuple):
     time: Scalar  # end of the last step [s]
 
 
+@ports()
 class Inputs(NamedTuple):
     """The step, from the shell, and the signals that hold during it."""
 
     time: Scalar  # end of the step [s]
     dt: Scalar  # its length, 0 at the start [s]
-    enable: Scalar  # 0.5 or below: both outputs are 0 V
-    reference: Scalar  # mean voltage that the PWM or the bridge is to give [V]
+    enable: Scalar = input_("1", "0.5 or less: both outputs are 0 V", start=1.0)
+    reference: Scalar = input_("V", "Mean voltage that PWM or bridge gives, held during the step", nominal=30.0)
 
 
+@ports(feedthrough=Inputs._fields[2:])
 class Outputs(NamedTuple):
     """Voltage at the end of the step and its mean over the step."""
 
-    voltage: Scalar  # [V]
-    voltage_mean: Scalar  # [V]
+    voltage: Scalar = output("V", "At the end of the step; on an edge, just before it", nominal=30.0)
+    voltage_mean: Scalar = output("V", "Mean over the step, exact", nominal=30.0)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

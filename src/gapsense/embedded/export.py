@@ -2,17 +2,92 @@
 
 from __future__ import annotations
 
+import csv
+import inspect
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from gapsense.embedded.code import Function, constant_table, number
 from gapsense.embedded.design import Design
-from gapsense.embedded.example import example
-from gapsense.embedded.readme import readme
-from gapsense.embedded.source import header, source
+from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
+from gapsense.kernels.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
 from gapsense.problems import InputError
+from gapsense.version import __version__
 
+TEXT = """# Components for microcontrollers
+
+Exported by Gapsense {version}. C99 (and C++), in `{real}`, with the C library's mathematics and nothing else: no
+allocation, no global variable that changes, any number of instances.
+
+{table}
+
+RAM is that of constants, state, inputs and outputs on a 32-bit processor; stack comes to it.
+
+## Try
+
+On a computer:
+
+    gcc -std=c99 -O2 -ffp-contract=off {first}.c {first}_main.c -lm -o {first} && ./{first}
+
+On a Cortex-M4F under QEMU, with the linker script and the start-up code in `cortex_m/` (for a Cortex-M3:
+`-mcpu=cortex-m3 -mthumb`, machine `mps2-an385`; for a board: the memory in `link.ld`):
+
+    arm-none-eabi-gcc -std=c99 -Os -ffp-contract=off -fno-math-errno -mcpu=cortex-m4 -mthumb -mfloat-abi=hard \\
+        -mfpu=fpv4-sp-d16 -nostartfiles --specs=rdimon.specs -T cortex_m/link.ld \\
+        cortex_m/start.c {first}.c {first}_main.c -lm -o {first}.elf
+    qemu-system-arm -M mps2-an386 -nographic -semihosting -kernel {first}.elf
+
+## Use
+
+{use}
+
+`-ffp-contract=off` gives the same bits everywhere; without it a compiler may join products and sums.
+`-fno-math-errno` lets it use the square root of the processor. Nothing is checked while it runs: keep parameters and
+inputs in the ranges that the header says.{survives}
+"""
+MAIN = """{head}
+
+#include <stdio.h>
+
+#include "{name}.h"
+
+enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for so many steps of {period} s */
+{record}
+int main(void)
+{{
+{declarations}
+
+{prepare}    printf("{titles}\\n");
+    for (int row = 0; row < ROWS; row++) {{
+{inputs}        if (row == 0) {{
+{start}            {name}_initial({initial});
+        }}
+        for (int k = 1; row > 0 && k <= STEPS; k++) {{
+{clock}            {name}_step({step});
+        }}
+{prints}    }}
+    return 0;
+}}
+"""
+DIGITS = {"float": 9, "double": 17}
+WIDTH = 110
+HELPERS = {
+    "locate": ("The place in a rising table after which a value lies; both ends reach on.", LOCATE),
+    "whole": ("A whole number; -1 for what is none, or too large.", WHOLE_NUMBER),
+    "within": ("An index that an array has; 0 in place of others.", WITHIN),
+}
+FUNCTIONS = {  # what they take and change, and what is said of them
+    "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
+    "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
+    "step": (
+        ("inputs", "constants", "state", "outputs"),
+        ("state", "outputs"),
+        "One step; the state is changed in place.",
+    ),
+}
 CORTEX_M = Path(__file__).with_name("cortex_m")
 MARK = re.compile(r"(Made|Exported)\s+by\s+Gapsense")  # in every file but those of a board, which users change
 
@@ -49,3 +124,269 @@ def written(designs: Sequence[Design]) -> Mapping[str, str]:
         files |= {f"{design.name}{ending}": text for ending, text in made.items()}
     start = {f"cortex_m/{p.name}": p.read_text(encoding="utf-8") for p in sorted(CORTEX_M.iterdir()) if p.is_file()}
     return {**files, **start, "README.md": readme(designs)}
+
+
+# The README beside exported components: what is there, how it is built and called, what to mind.
+
+
+def readme(designs: Sequence[Design]) -> str:
+    """Its text."""
+    rows = ["| component | what it is | call its step | RAM, bytes |", "| --- | --- | --- | --- |"]
+    rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} | {memory(d):,} |" for d in designs]
+    first = designs[0]
+    return TEXT.format(
+        version=__version__,
+        real=first.real,
+        table="\n".join(rows),
+        first=first.name,
+        use="\n".join(_use(first)),
+        survives=_survivors(designs),
+    )
+
+
+def memory(design: Design) -> int:
+    """Bytes of the records that a component keeps, where whole numbers and pointers have four."""
+    kept = [member for name, record in members(design).items() if name != "par" for member in record]
+    return sum(max(1, member.size) * (8 if member.type == "double" else 4) for member in kept)
+
+
+def _when(design: Design) -> str:
+    period = sample_time(design)
+    return f"every {1e6 * period:g} us (`sample_time`)" if period else "with any `dt`"
+
+
+def _use(design: Design) -> Iterator[str]:
+    found, name = members(design), design.name
+    kept = " and ".join(f"`{name}_{record}`" for record in ("constants", "state") if record in found)
+    yield f"Include `{name}.h`, which has every name with its unit and range.{f' You keep {kept}.' * bool(kept)}\n"
+    if "par" in found:
+        yield f"- `{name}_defaults()` gives the parameters; change what you like."
+        yield f"- `{name}_prepare` computes from them what a step needs: once, and again after each change."
+    yield f"- `{name}_initial` takes the first sample{' and starts the state' * ('state' in found)}."
+    yield f"- `{name}_step` does one step with every further sample."
+
+
+def _survivors(designs: Sequence[Design]) -> str:
+    names = [f"`{design.name}`" for design in designs if design.component.survives]
+    return f"\nLost readings, not a number, are borne by {', '.join(names)}." if names else ""
+
+
+# The example: a main that plays the component's reference record and prints what the component gives.
+
+
+def example(design: Design) -> str:
+    """Text of `<name>_main.c`."""
+    found, name = members(design), design.name
+    times, rows = record(design)
+    period = sample_time(design) or times[1]
+    steps = max(1, round(times[1] / period))
+    return MAIN.format(
+        head=comment(
+            f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
+        ),
+        name=name,
+        rows=len(rows),
+        steps=steps,
+        period=f"{period:g}",
+        record=_table(design, rows),
+        declarations=_declarations(design),
+        prepare=f"    {name}_prepare(&par, &constants);\n" if "constants" in found else "",
+        titles=",".join(member.name for member in found["outputs"]),
+        inputs="".join(f"        inputs.{n} = RECORD[row][{k}];\n" for k, n in enumerate(signals(design))),
+        start=_clock(design, 12, 0.0, "0"),
+        clock=_clock(design, 12, period, "(row - 1) * STEPS + k"),
+        initial=", ".join(f"&{n}" for n in ("inputs", "par", "state", "outputs") if n in found),
+        step=", ".join(f"&{n}" for n in ("inputs", "constants", "state", "outputs") if n in found),
+        prints="".join(_prints(design, found["outputs"])),
+    )
+
+
+def sample_time(design: Design) -> float:
+    """The sampling period, or 0 for a component that is not sampled."""
+    return float(design.values.get("sample_time", 0.0))
+
+
+def record(design: Design) -> tuple[list[float], list[list[float]]]:
+    """Times of the reference run, and the inputs at them."""
+    with (design.folder / "reference.csv").open(newline="", encoding="utf-8") as file:
+        lines = [*csv.DictReader(file)]
+    names = signals(design)
+    return [float(line["time"]) for line in lines], [[float(line[name]) for name in names] for line in lines]
+
+
+def signals(design: Design) -> list[str]:
+    """The inputs that come from outside."""
+    known = {port.field for port in design.component.of("input")}
+    return [name for name in design.kept["inputs"] if name in known]
+
+
+def _table(design: Design, rows: Sequence[Sequence[float]]) -> str:
+    names = signals(design)
+    if not names:
+        return ""
+    units = {port.field: port.unit for port in design.component.of("input")}
+    titles = ", ".join(f"{name} [{units[name]}]" for name in names)
+    lines = (f"    {{{', '.join(number(value, design.real) for value in row)}}}," for row in rows)
+    return "\n".join([f"static const {design.real} RECORD[ROWS][{len(names)}] = {{ /* {titles} */", *lines, "};", ""])
+
+
+def _declarations(design: Design) -> str:
+    lines = []
+    for name in members(design):
+        start = f" = {design.name}_defaults()" if name == "par" else ""
+        keep = "static " if name in ("constants", "state") else ""
+        lines.append(f"    {keep}{type_name(design, name)} {name}{start};")
+    return "\n".join(lines)
+
+
+def _clock(design: Design, indent: int, period: float, steps: str) -> str:
+    values = {"time": f"{number(period, design.real)} * ({design.real})({steps})", "dt": number(period, design.real)}
+    lines = (f"{' ' * indent}inputs.{name} = {values[name]};\n" for name in design.kept["inputs"] if name in values)
+    return "".join(lines)
+
+
+def _prints(design: Design, outputs: Sequence[Member]) -> Iterator[str]:
+    cast = "(double)" if design.real == "float" else ""
+    for member in outputs:
+        end = "\\n" if member is outputs[-1] else ","
+        yield f'        printf("%.{DIGITS[design.real]}g{end}", {cast}outputs.{member.name});\n'
+
+
+# The header and the source of a component.
+
+
+def comment(text: str, indent: str = "") -> str:
+    """A comment of as many lines as it takes."""
+    lines = textwrap.wrap(text.replace("*/", "* /"), WIDTH - len(indent) - 6)
+    return f"{indent}/* " + f"\n{indent}   ".join(lines) + " */"
+
+
+def origin(design: Design) -> str:
+    """Where the files come from."""
+    made = f"Made by Gapsense {__version__} from {design.kernel.module.__name__}"
+    return f"{made}; do not edit it, export it again."
+
+
+def header(design: Design) -> str:
+    """Text of `<name>.h`."""
+    guard, found = f"GAPSENSE_{design.name.upper()}_H", members(design)
+    parts = [
+        comment(f"{design.component.description}. {origin(design)}"),
+        f"#ifndef {guard}\n#define {guard}",
+        '#ifdef __cplusplus\nextern "C" {\n#endif',
+        *_rules(design),
+        *(struct(design, name, record) for name, record in found.items()),
+        *_prototypes(design),
+        "#ifdef __cplusplus\n}\n#endif",
+        "#endif",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _rules(design: Design) -> Iterator[str]:
+    """What must hold between parameters, or their values where they are constants of the code."""
+    component = design.component
+    rules = [f"`{a}` must be less than `{b}`" for a, b in component.rising]
+    rules += [f"{limit.text()} must be less than {limit.below:g}: {limit.reason}" for limit in component.limits]
+    if rules and not design.is_baked:
+        yield comment(f"Nothing is checked here. Of the parameters, {'; '.join(rules)}.")
+    if design.is_baked:
+        given = ", ".join(f"{n} = {v:g}" for n, v in design.values.items() if not isinstance(v, list))
+        yield comment(f"The parameters are constants of the code: {given}.")
+
+
+def struct(design: Design, name: str, record: list[Member]) -> str:
+    """Definition of the type of a record."""
+    title = comment(f"{TITLES[name].format(name=design.name)}.")
+    lines = [line for member in record for line in _declared(member)]
+    return "\n".join([title, "typedef struct {", *lines, f"}} {type_name(design, name)};"])
+
+
+def _declared(member: Member) -> list[str]:
+    text = f"    {member.declaration}"
+    note = f" /* {member.comment.replace('*/', '* /')} */" if member.comment else ""
+    return [text + note] if len(text + note) <= WIDTH else [comment(member.comment, "    "), text]
+
+
+def _prototypes(design: Design) -> Iterator[str]:
+    if "par" in members(design):
+        yield f"/* The start values of the parameters. */\n{_defaults_head(design)};"
+    for graph in graphs(design):
+        name = _name(graph)
+        yield f"/* {FUNCTIONS[name][2]} */\n{_head(design, name)};"
+
+
+def _name(graph: Graph) -> str:
+    return {"constants": "prepare", "advance": "step"}.get(graph.name, graph.name)
+
+
+def _head(design: Design, name: str) -> str:
+    records, written, _ = FUNCTIONS[name]
+    return f"void {design.name}_{name}({arguments(design, records, written, members(design))})"
+
+
+def _defaults_head(design: Design) -> str:
+    return f"{type_name(design, 'par')} {design.name}_defaults(void)"
+
+
+def source(design: Design) -> str:
+    """Text of `<name>.c`."""
+    about = inspect.getdoc(design.kernel.module) or ""
+    published = ", ".join(
+        f"{p.name} [{p.unit}]" for p in design.component.of("output") if p.field in design.kept["outputs"]
+    )
+    reading = "Comments in the functions quote the Python that the lines below them are made from."
+    parts = [
+        comment(f"{design.component.description}. {origin(design)}"),
+        *(comment(" ".join(paragraph.split())) for paragraph in about.split("\n\n")),
+        comment(f"Outputs: {published}. {reading}"),
+        f'#include "{design.name}.h"\n\n#include <math.h>',
+        *_tables(design),
+        *_helpers(design),
+        *([_defaults(design)] if "par" in members(design) else []),
+        *(_function(design, graph) for graph in graphs(design)),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _tables(design: Design) -> Iterator[str]:
+    sizes = table_sizes(design)
+    for name in sizes:
+        yield "\n".join(constant_table(name, design.values[name], design.real))
+    if sizes and design.is_baked:
+        lengths = {size: len(design.values[name]) for name, size in sizes.items()}
+        yield f"enum {{ {', '.join(f'{size} = {length}' for size, length in lengths.items())} }};"
+
+
+def _helpers(design: Design) -> Iterator[str]:
+    """Functions of indices that are used."""
+    lines = [line for graph in graphs(design) for line in _body(design, graph)]
+    for name, (about, text) in HELPERS.items():
+        if any(f"{name}(" in line for line in lines):
+            yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
+
+
+def _defaults(design: Design) -> str:
+    values: dict[str, str] = {}
+    for name, size in table_sizes(design).items():
+        values |= {name: name, size: str(len(design.values[name]))}
+    lines = []
+    for member in members(design)["par"]:
+        value = values.get(member.name) or number(design.values[member.name], design.real)
+        lines.append(f"    par.{member.name} = {value};")
+    head = [_defaults_head(design), "{", f"    {type_name(design, 'par')} par;"]
+    return "\n".join([*head, *lines, "    return par;", "}"])
+
+
+def _body(design: Design, graph: Graph) -> list[str]:
+    return Function(graph, design.real, table_sizes(design), design.is_baked).body()
+
+
+def _function(design: Design, graph: Graph) -> str:
+    body = _body(design, graph)
+    unused = [n for n in _given(design, graph) if not any(f"{n}->" in line for line in body)]
+    return "\n".join([_head(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])
+
+
+def _given(design: Design, graph: Graph) -> list[str]:
+    return [name for name in FUNCTIONS[_name(graph)][0] if name in members(design)]

@@ -30,6 +30,7 @@ from gapsense.estimators.reduced_model import (
 )
 from gapsense.estimators.watch import EARLY, PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.kernels.derivative import linearise
+from gapsense.kernels.interface import measured, output, part, ports
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
@@ -52,37 +53,47 @@ class State(NamedTuple):
     watch: Watch
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; a lost one is not a number."""
 
-    voltage: Scalar  # [V]
-    current: Scalar  # [A]
-    mode: Scalar  # 1: lower stop, 2: moving, 3: upper stop
-    resistance: Scalar = 0.0  # known from elsewhere; the parameter if it is not positive and finite [ohm]
+    voltage: Scalar = readings.VOLTAGE
+    current: Scalar = readings.CURRENT
+    mode: Scalar = measured(
+        "1",
+        "1: at the lower stop, 2: moving, 3: at the upper stop; anything else, as NaN, counts as lost",
+        nominal=2.0,
+        start=3.0,
+        min=1.0,
+        max=3.0,
+    )
+    resistance: Scalar = readings.RESISTANCE
 
 
+@ports()
 class Estimates(NamedTuple):
     """An estimate in SI units, and its standard deviations."""
 
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    current_error: Scalar
-    force_error: Scalar
-    position_std: Scalar
-    velocity_std: Scalar
-    flux_linkage_std: Scalar
-    current_error_std: Scalar
-    force_error_std: Scalar
+    position: Scalar = output("m", "Estimated position", nominal=1e-3)
+    velocity: Scalar = output("m/s", "Estimated mean velocity since the last sample", nominal=0.5)
+    flux_linkage: Scalar = output("Wb", "Estimated flux linkage", nominal=0.02)
+    current_error: Scalar = output("A", "Estimated error of the model's current", nominal=0.1)
+    force_error: Scalar = output("N", "Estimated error of the model's force; the normal force at a stop")
+    position_std: Scalar = output("m", "Standard deviation in the filter", nominal=1e-4, min=0.0)
+    velocity_std: Scalar = output("m/s", "Standard deviation in the filter", nominal=0.1, min=0.0)
+    flux_linkage_std: Scalar = output("Wb", "Standard deviation in the filter", nominal=1e-3, min=0.0)
+    current_error_std: Scalar = output("A", "Standard deviation in the filter", nominal=0.1, min=0.0)
+    force_error_std: Scalar = output("N", "Standard deviation in the filter", min=0.0)
 
 
+@ports(feedthrough=("current", "mode"))
 class Outputs(NamedTuple):
     """Estimates at the sample."""
 
     estimates: Estimates
-    innovation: Scalar
-    innovation_std: Scalar
-    health: readings.Health
+    innovation: Scalar = output("A", "Measured minus predicted current", nominal=1e-2)
+    innovation_std: Scalar = output("A", "Standard deviation expected of it", nominal=1e-2, min=0.0)
+    health: readings.Health = part(feedthrough=Inputs._fields[:3])
 
 
 class Measured(NamedTuple):

@@ -43,17 +43,21 @@ from gapsense.estimators.reduced_model import (
     transition,
 )
 from gapsense.kernels.derivative import linearise
+from gapsense.kernels.interface import output, parameter, part, ports, same
 from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
 from gapsense.kernels.trace import clip, cond, fabs, load, store, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 
 
+@ports()
 class Parameters(NamedTuple):
     """Parameters of the filter, and the shortest time away from a stop that counts as a motion."""
 
-    filter: ekf.Parameters
-    contact_debounce: Scalar  # [s]; 0: every sample in motion is a motion
+    filter: ekf.Parameters = ekf.Parameters()
+    contact_debounce: Scalar = parameter(
+        "s", "A mover that leaves its stop and is back in this time has bounced", 0.2e-3, min=0.0
+    )
 
 
 class Estimate(NamedTuple):
@@ -72,14 +76,15 @@ class Sample(NamedTuple):
     held_hysteresis: Scalar
 
 
+@ports()
 class Operation(NamedTuple):
     """The last complete operation."""
 
-    takeoff_time: Scalar
-    landing_time: Scalar
-    impact_speed: Scalar
-    bounces: Scalar
-    rest_time: Scalar
+    takeoff_time: Scalar = output("s", "Last sample at rest before the last motion that has landed", nominal=0.01)
+    landing_time: Scalar = output("s", "Landing of the last motion", nominal=0.01)
+    impact_speed: Scalar = output("m/s", "Speed before that landing", min=0.0)
+    bounces: Scalar = output("1", "How often the mover came off its stop again after it", min=0.0)
+    rest_time: Scalar = output("s", "Last contact after it; the landing if there was no bounce", nominal=0.01)
 
 
 class Landing(NamedTuple):
@@ -107,36 +112,44 @@ class State(NamedTuple):
     samples: Annotated[Array, Memory(SIZE)]
 
 
+EKF = same(ekf.Inputs)
+
+
+@ports()
 class Inputs(NamedTuple):
     """Measurements; `time` is that of the sample."""
 
     time: Scalar
-    voltage: Scalar
-    current: Scalar
-    mode: Scalar
-    resistance: Scalar = 0.0
+    voltage: Scalar = EKF
+    current: Scalar = EKF
+    mode: Scalar = EKF
+    resistance: Scalar = EKF
 
 
+@ports()
 class Shown(NamedTuple):
     """The smoothed estimates at `smoothed_time`."""
 
-    smoothed_position: Scalar
-    smoothed_velocity: Scalar
-    smoothed_flux_linkage: Scalar
-    smoothed_current_error: Scalar
-    smoothed_force_error: Scalar
-    smoothed_position_std: Scalar
-    smoothed_velocity_std: Scalar
+    smoothed_position: Scalar = output("m", "Smoothed position", nominal=1e-3)
+    smoothed_velocity: Scalar = output("m/s", "Smoothed mean velocity since the sample before", nominal=0.5)
+    smoothed_flux_linkage: Scalar = output("Wb", "Smoothed flux linkage", nominal=0.02)
+    smoothed_current_error: Scalar = output("A", "Smoothed error of the model's current", nominal=0.1)
+    smoothed_force_error: Scalar = output("N", "Smoothed error of the model's force")
+    smoothed_position_std: Scalar = output("m", "Its standard deviation", nominal=1e-4, min=0.0)
+    smoothed_velocity_std: Scalar = output("m/s", "Its standard deviation", nominal=0.1, min=0.0)
 
 
+@ports(feedthrough=("current", "mode"))
 class Outputs(NamedTuple):
     """The filter's estimates at the sample, the smoothed ones at `smoothed_time`, the last complete operation."""
 
     filter: ekf.Outputs
-    smoothed_published: Scalar  # 1: values of a sample in motion; 0: there is none, they are the filter's
-    smoothed_time: Scalar
-    smoothed: Shown
-    last: Operation
+    smoothed_published: Scalar = output(
+        "1", "1: smoothed values of the sample at smoothed_time; 0: those of the filter, now", min=0.0, max=1.0
+    )
+    smoothed_time: Scalar = output("s", "Time of the sample that the smoothed values belong to", nominal=0.01)
+    smoothed: Shown = part()
+    last: Operation = part()
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

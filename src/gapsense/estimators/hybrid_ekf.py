@@ -17,6 +17,7 @@ from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
 from gapsense.estimators.watch import counted, is_far, near, patient
 from gapsense.kernels.derivative import linearise
+from gapsense.kernels.interface import choice, fixed, measured, output, parameter, ports, same, sample_time
 from gapsense.kernels.layout import Array, Choice, Covariance, Scalar, Vector, flat, record
 from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, floor, loop, not_, sqrt, square, where
@@ -40,40 +41,45 @@ class Tuned(Choice):
     robust, paper, none = range(3)
 
 
+@ports()
 class Parameters(NamedTuple):
     """The magnet as the filter believes it to be, and the tuning."""
 
-    sample_time: Scalar  # T_s [s]
-    orientation: Annotated[Scalar, Orientation]
-    tuning: Annotated[Scalar, Tuned]
-    coil_turns: Scalar  # N [1]
-    coil_resistance: Scalar  # K6, modes 0 to 2 [ohm]
-    coil_resistance_upper: Scalar  # K7, modes 3 and 4 [ohm]
-    core_permeability: Scalar  # mu_r [1]
-    core_length: Scalar  # l_1 [m]
-    pole_area: Scalar  # A [m^2]
-    mover_mass: Scalar  # m [kg]
-    gravity: Scalar  # g [m/s^2]
-    stop_upper: Scalar  # s_max [m]
-    current_on: Scalar  # i_on [A]
-    current_off: Scalar  # i_off [A]
-    sub_steps: Scalar  # of a sampling interval in the air [1]
-    landing_band: Scalar  # share of s_max within which an approach counts as a landing [1]
-    noise_current: Scalar  # sigma_i [A]
-    process_current: Scalar  # standard deviation per sample on a stop [A]
-    process_current_moving: Scalar  # in the air [A]
-    process_position: Scalar  # in the air [m]
-    process_velocity: Scalar  # in the air [m/s]
-    release_position_std: Scalar  # after leaving a stop [m]
-    release_velocity_std: Scalar  # [m/s]
-    prior_current: Scalar  # i_0 [A]
-    prior_current_std: Scalar  # [A]
-    prior_position: Scalar  # s_0: at the lower stop, or from half of s_max on at the upper one [m]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
-    range_innovation: Scalar  # a current whose innovation is beyond so many deviations counts as wild; 0: none does [1]
-    health_samples: Scalar  # over how many samples the health looks back [1]
-    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+    sample_time: Scalar = sample_time(100e-6)  # T_s
+    orientation: Annotated[Scalar, Orientation] = choice(
+        "Gap under the upper stop, or above the lower one as in the paper"
+    )
+    tuning: Annotated[Scalar, Tuned] = choice("Noise of the parameters, that of the paper, or no correction")
+    coil_turns: Scalar = fixed("1", "Number of windings N", 964.0, min=1e-9)
+    coil_resistance: Scalar = parameter("Ohm", "Resistance in modes 0 to 2, K6 = R_i + R_m", 114.3, min=1e-9)
+    coil_resistance_upper: Scalar = parameter("Ohm", "Resistance in modes 3 and 4, K7 = R_d + R_m", 120.0, min=1e-9)
+    core_permeability: Scalar = parameter("1", "Relative permeability mu_r", 200.0, min=1e-9)
+    core_length: Scalar = parameter("m", "Average length of the field lines l_1", 22e-3, min=1e-9)
+    pole_area: Scalar = parameter("m2", "Area of the flux A", 7.6341e-5, min=1e-12)
+    mover_mass: Scalar = parameter("kg", "Mass of the armature m", 0.34, min=1e-9)
+    gravity: Scalar = parameter("m/s2", "Gravity g", 9.81, min=1e-9)
+    stop_upper: Scalar = fixed("m", "Position of the upper stop s_max; [HEKF] prints 0.5 mm", 0.2e-3, min=1e-9)
+    current_on: Scalar = parameter("A", "Least current for a lift i_on", 0.1, min=1e-9)
+    current_off: Scalar = parameter("A", "Current below which it drops i_off", 0.02, min=1e-9)
+    sub_steps: Scalar = fixed("1", "Steps of a sampling interval in the air", 2.0, min=1.0, max=64.0, name="sub_steps")
+    landing_band: Scalar = parameter("1", "Share of s_max within which an approach counts as a landing", 0.03, min=0.0)
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 1e-3, min=1e-12)  # sigma_i
+    process_current: Scalar = parameter(
+        "A", "Standard deviation of its process noise per sample, on a stop", 3e-4, min=0.0
+    )
+    process_current_moving: Scalar = parameter("A", "Standard deviation of the same in the air", 1e-3, min=0.0)
+    process_position: Scalar = parameter("m", "Standard deviation of its process noise per sample", 1e-7, min=0.0)
+    process_velocity: Scalar = parameter("m/s", "Standard deviation of its process noise per sample", 3e-4, min=0.0)
+    release_position_std: Scalar = parameter("m", "Standard deviation after leaving a stop", 1e-6, min=0.0)
+    release_velocity_std: Scalar = parameter("m/s", "Standard deviation after leaving a stop", 1e-3, min=0.0)
+    prior_current: Scalar = parameter("A", "Current at the start", 0.0)  # i_0
+    prior_current_std: Scalar = parameter("A", "Its standard deviation", 1e-3, min=0.0)
+    prior_position: Scalar = fixed("m", "Stop at the start: the upper one from half of s_max on", 0.0, min=0.0)
+    range_voltage: Scalar = readings.RANGE_VOLTAGE
+    range_current: Scalar = readings.RANGE_CURRENT
+    range_innovation: Scalar = readings.RANGE_INNOVATION
+    health_samples: Scalar = parameter("1", "Samples over which the innovations are averaged", 50.0, min=1.0)
+    health_limit: Scalar = parameter("1", "Largest mean of the squared normalised innovation", 4.0, min=0.0)
 
 
 class State(NamedTuple):
@@ -87,27 +93,34 @@ class State(NamedTuple):
     far: Scalar  # samples in a row with a wild innovation
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; a lost one is not a number."""
 
-    voltage: Scalar  # [V]
-    current: Scalar  # [A]
+    voltage: Scalar = measured("V", "Measured coil voltage; NaN where it was lost", nominal=24.0)
+    current: Scalar = measured("A", "Measured coil current; NaN where it was lost", nominal=0.2)
 
 
+HEALTH = same(readings.Health, feedthrough=Inputs._fields)
+
+
+@ports(feedthrough=("current",))
 class Outputs(NamedTuple):
     """Estimates at the sample."""
 
-    current_estimated: Scalar
-    position: Scalar
-    velocity: Scalar
-    mode: Scalar
-    current_std: Scalar
-    position_std: Scalar
-    velocity_std: Scalar
-    innovation: Scalar
-    innovation_std: Scalar
-    health: Scalar  # 1 fine, 0 not
-    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
+    current_estimated: Scalar = output("A", "Estimated current", nominal=0.2)
+    position: Scalar = output("m", "Estimated lift: 0 at the lower stop", nominal=0.2e-3)
+    velocity: Scalar = output("m/s", "Estimated rate of the position", nominal=0.1)
+    mode: Scalar = output(
+        "1", "0: at the lower stop, 1: lifting, 2: contact, 3: at the upper stop, 4: falling", min=0.0, max=4.0
+    )
+    current_std: Scalar = output("A", "Standard deviation in the filter", nominal=1e-3, min=0.0)
+    position_std: Scalar = output("m", "Standard deviation in the filter", nominal=1e-5, min=0.0)
+    velocity_std: Scalar = output("m/s", "Standard deviation in the filter", nominal=1e-2, min=0.0)
+    innovation: Scalar = output("A", "Measured minus predicted current", nominal=1e-3)
+    innovation_std: Scalar = output("A", "Standard deviation expected of it", nominal=1e-3, min=0.0, feedthrough=())
+    health: Scalar = HEALTH
+    health_causes: Scalar = HEALTH
 
 
 class Model(NamedTuple):

@@ -10,7 +10,19 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.readings import LOST, Health, can_be_read, health, most_current
+from gapsense.estimators.readings import (
+    CURRENT,
+    HEALTH,
+    LOST,
+    RANGE_CURRENT,
+    RANGE_VOLTAGE,
+    VOLTAGE,
+    Health,
+    can_be_read,
+    health,
+    most_current,
+)
+from gapsense.kernels.interface import option, output, parameter, ports, sample_time
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 
@@ -18,19 +30,22 @@ LENGTH = 4096  # samples of one operation that can be replayed; what comes after
 SPARE = 2 * LENGTH  # element that takes the writes after that
 
 
+@ports()
 class Parameters(NamedTuple):
     """Tuning, Tables II and V."""
 
-    sample_time: Scalar  # Delta [s]
-    prior_resistance: Scalar  # r_0 [ohm]
-    prior_inductance: Scalar  # l_0, the resting device [H]
-    prior_flux_linkage: Scalar  # lambda_0 [Wb]
-    noise_current: Scalar  # sigma_i [A]
-    gate_sigmas: Scalar  # n_sigma [1]
-    edge_voltage: Scalar  # an operation starts when the voltage rises above it [V]
-    offline: Scalar  # 1: publish an operation when it has ended
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]; 0: twice what `range_voltage` drives
+    sample_time: Scalar = sample_time(50e-6)  # Delta
+    prior_resistance: Scalar = parameter("Ohm", "Resistance until the first operation has ended", 77.5, min=1e-9)  # r_0
+    prior_inductance: Scalar = parameter("H", "Inductance at rest", 50e-3, min=0.0)  # l_0
+    prior_flux_linkage: Scalar = parameter("Wb", "Flux linkage at the start of every operation", 0.0)  # lambda_0
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 1e-3, min=0.0)  # sigma_i
+    gate_sigmas: Scalar = parameter(
+        "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
+    )  # n_sigma
+    edge_voltage: Scalar = parameter("V", "An operation starts when the voltage rises above it", 15.0)
+    offline: Scalar = option("Publish an operation after it has ended, with the resistance that it gave", False)
+    range_voltage: Scalar = RANGE_VOLTAGE
+    range_current: Scalar = RANGE_CURRENT
 
 
 class State(NamedTuple):
@@ -56,25 +71,29 @@ class State(NamedTuple):
     currents: Annotated[Array, Memory(2 * LENGTH + 1)]
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; `time` is that of the sample, and a lost one is not a number."""
 
     time: Scalar
-    voltage: Scalar
-    current: Scalar
+    voltage: Scalar = VOLTAGE
+    current: Scalar = CURRENT
 
 
+@ports(feedthrough=("voltage", "current"))
 class Outputs(NamedTuple):
     """Estimates at `published_time`."""
 
-    resistance: Scalar
-    inductance: Scalar
-    flux_linkage: Scalar
-    quality: Scalar
-    published: Scalar  # 1 if the values belong to a sample, 0 while there is none to replay
-    published_time: Scalar
-    health: Scalar  # 1 fine, 0 a reading was lost; of this sample, with `offline` too
-    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
+    resistance: Scalar = output("Ohm", "Mean resistance of the last operation", nominal=76.0)
+    inductance: Scalar = output("H", "Estimated apparent inductance", nominal=0.1)
+    flux_linkage: Scalar = output("Wb", "Estimated flux linkage", nominal=0.02)
+    quality: Scalar = output("1", "1: current outside the noise band; 0: inductance at rest", min=0.0, max=1.0)
+    published: Scalar = output(
+        "1", "1: the estimates belong to published_time; 0: no operation to replay", min=0.0, max=1.0
+    )
+    published_time: Scalar = output("s", "Time of the sample that the estimates belong to", nominal=0.01)
+    health: Scalar = HEALTH
+    health_causes: Scalar = HEALTH
 
 
 class Sample(NamedTuple):

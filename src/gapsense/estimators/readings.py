@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from gapsense.kernels.interface import input_, measured, output, parameter, ports, same
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import where
@@ -28,14 +29,45 @@ CAUSES = {
     UNTOLD: "noise or switching larger than told",
     IMPACT: "first impact perhaps missed by the contact",
 }
+WHY_NOT = "Why not, a sum of " + ", ".join(f"{bit:.0f}: {cause}" for bit, cause in CAUSES.items())
 TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone
 
 
+# ports that estimators share
+VOLTAGE = measured("V", "Measured coil voltage; NaN where it was lost", nominal=30.0)
+CURRENT = measured("A", "Measured coil current; NaN where it was lost", nominal=0.4)
+RESISTANCE = input_(
+    "Ohm",
+    "Resistance that is known from elsewhere; `coil.resistance` counts where this is not positive and finite",
+    nominal=48.0,
+    is_optional=True,
+)
+RANGE_VOLTAGE = parameter("V", "A reading beyond plus or minus this counts as lost", 100.0, min=1e-9)
+RANGE_CURRENT = parameter(
+    "A", "A reading beyond plus or minus this counts as lost; 0: twice what range.voltage drives", 0.0, min=0.0
+)
+RANGE_INNOVATION = parameter(
+    "1",
+    "A current with an innovation beyond so many deviations is wild, but not more than 5 in a row; 0: none is",
+    50.0,
+    min=0.0,
+)
+
+
+@ports()
 class Health(NamedTuple):
     """Health of an estimator, by its own judgement."""
 
-    health: Scalar  # 1 fine, 0 not
-    health_causes: Scalar  # sum of the bits of `CAUSES`
+    health: Scalar = output("1", "1: to be trusted as far as the filter can tell; 0: not", min=0.0, max=1.0)
+    health_causes: Scalar = output(
+        "1",
+        WHY_NOT,
+        min=0.0,
+        max=2.0 * max(CAUSES) - 1.0,
+    )
+
+
+HEALTH = same(Health)
 
 
 def health(found: Mapping[float, Scalar]) -> Health:

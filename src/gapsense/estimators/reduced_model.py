@@ -13,6 +13,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
+from gapsense.estimators.readings import RANGE_CURRENT, RANGE_INNOVATION, RANGE_VOLTAGE
+from gapsense.kernels.interface import COLUMN, choice, fixed, option, parameter, ports, sample_time, table
 from gapsense.kernels.interpolate import spline
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.linalg import vector
@@ -29,48 +31,62 @@ class GapLaw(Choice):
     fringing, table = range(2)
 
 
+@ports()
 class Parameters(NamedTuple):
     """The reduced model as a user knows it, Tables I and II, and the tuning."""
 
-    sample_time: Scalar  # T_s [s]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    core_reluctance: Scalar  # R_c0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
-    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
-    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
-    core_hysteresis: Scalar  # I_h; 0: none [A]
-    core_turnover: Scalar  # l_h [Wb]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_reluctance: Scalar  # R_g0 [1/H]
-    gap_slope: Scalar  # R_g0' [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
-    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
-    gap_tilt: Scalar  # [1/(H m)]
-    option_force_error: Scalar  # 1: with e_F
-    option_current_error: Scalar  # 1: with e_i
-    process_flux_linkage: Scalar  # standard deviation of w_lambda, per `ekf.USUAL` [Wb]
-    process_current_error: Scalar  # that of w_ei [A]
-    process_current_error_memory: Scalar  # time constant of e_i at rest; 0: it is never forgotten, as in the paper [s]
-    process_force_error: Scalar  # that of w_eF [N]
-    noise_current: Scalar  # sigma_i [A]
-    prior_flux_linkage: Scalar  # lambda_0 [Wb]
-    prior_flux_linkage_std: Scalar  # its standard deviation; 0 in the paper [Wb]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
-    range_innovation: Scalar  # a current whose innovation is beyond so many deviations counts as wild; 0: none does [1]
-    health_samples: Scalar  # over how many samples the health looks back [1]
-    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
-    health_current_error: Scalar  # largest root mean square of the current error at rest, in stationary deviations [1]
+    sample_time: Scalar = sample_time(20e-6)  # T_s
+    coil_resistance: Scalar = parameter("Ohm", "Resistance R", 48.0, min=1e-9)
+    coil_turns: Scalar = fixed("1", "Number of turns N", 1200.0, min=1e-9)
+    mover_mass: Scalar = parameter("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
+    spring_stiffness: Scalar = parameter("N/m", "Stiffness k_sp", 61.8, min=0.0)
+    spring_rest: Scalar = parameter("m", "Position without spring force z_sp", 19.2e-3)
+    damping: Scalar = parameter("N.s/m", "Viscous damping c_f", 0.8, min=0.0)
+    stop_lower: Scalar = fixed("m", "Smallest position z_min", 0.4e-3, min=0.0)
+    stop_upper: Scalar = fixed("m", "Largest position z_max", 1.4e-3, min=1e-9)
+    core_reluctance: Scalar = parameter("1/H", "Reluctance of the core without flux, N^2 R_c0*", 2.52e6, min=1e-9)
+    core_saturation: Scalar = parameter("Wb", "Flux linkage of saturation lambda_sat", 23.8e-3, min=1e-12)
+    core_bend: Scalar = parameter(
+        "1/H", "K of the core R_c0 + K x^2/(1 - x^2), x = flux linkage/saturation; 0: R_c0/(1 - x)", 0.0, min=0.0
+    )
+    core_eddy: Scalar = parameter("S", "Eddy currents, k_eddy / N^2; 0: none, as in the paper", 0.0, min=0.0)
+    core_hysteresis: Scalar = parameter("A", "Largest current of hysteresis; 0: none, as in the paper", 0.0, min=0.0)
+    core_turnover: Scalar = parameter("Wb", "Flux linkage in which hysteresis turns over", 1.7e-3, min=1e-9)  # l_h
+    gap_law: Annotated[Scalar, GapLaw] = choice("Reluctance of the gap")
+    gap_reluctance: Scalar = parameter("1/H", "Fringing law: reluctance of the closed gap R_g0", 0.0)
+    gap_slope: Scalar = parameter("1/(H.m)", "Fringing law: reluctance per gap without fringing", 4.7e10, min=0.0)
+    gap_fringing: Scalar = parameter("1/m", "Fringing law: strength k_f; 0: none", 300.0, min=0.0)
+    gap_window: Scalar = fixed("m", "Fringing law: length along which the flux fringes c_f", 9.73e-3, min=1e-5)
+    gap_file_gap: Annotated[Array, Table()] = table(
+        "Table: CSV file with the columns gap [m], reluctance [1/H], both rising; interpolated by a cubic spline",
+        ("rising:gap [m]", "rising:reluctance [1/H]", "spline:reluctance"),
+        "fringing_29.csv",
+    )
+    gap_file_reluctance: Annotated[Array, Table()] = COLUMN
+    gap_file_spline: Annotated[Array, Table()] = COLUMN
+    gap_tilt: Scalar = parameter("1/(H.m)", "Slope added around the middle of the stroke", 0.0)
+    option_force_error: Scalar = option("Estimate the force error e_F, as in the paper", True)  # 1: with e_F
+    option_current_error: Scalar = option("Estimate the current error e_i, as in the paper", True)  # 1: with e_i
+    process_flux_linkage: Scalar = parameter("Wb", "Standard deviation of its process noise in 20 us", 19e-6, min=0.0)
+    process_current_error: Scalar = parameter("A", "Standard deviation of its process noise in 20 us", 2.2e-3, min=0.0)
+    process_current_error_memory: Scalar = parameter(
+        "s",
+        "Time constant with which the current error is forgotten at rest; 0: it never is, as in the paper",
+        0.66e-3,
+        min=0.0,
+    )
+    process_force_error: Scalar = parameter("N", "Standard deviation of its process noise in 20 us", 21e-3, min=0.0)
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 2e-3, min=1e-12)  # sigma_i
+    prior_flux_linkage: Scalar = parameter("Wb", "Flux linkage at the start", 0.0)  # lambda_0
+    prior_flux_linkage_std: Scalar = parameter("Wb", "Its standard deviation", 0.0, min=0.0)
+    range_voltage: Scalar = RANGE_VOLTAGE
+    range_current: Scalar = RANGE_CURRENT
+    range_innovation: Scalar = RANGE_INNOVATION
+    health_samples: Scalar = parameter("1", "Samples over which the innovations are averaged", 50.0, min=1.0)
+    health_limit: Scalar = parameter("1", "Largest mean of the squared normalised innovation", 6.0, min=0.0)
+    health_current_error: Scalar = parameter(
+        "1", "Largest root mean square of the current error at rest, in stationary deviations", 6.0, min=0.0
+    )
 
 
 class Model(NamedTuple):

@@ -14,7 +14,18 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.estimators.readings import LOST, can_be_read, health, most_current
+from gapsense.estimators.readings import (
+    CURRENT,
+    HEALTH,
+    LOST,
+    RANGE_CURRENT,
+    RANGE_VOLTAGE,
+    VOLTAGE,
+    can_be_read,
+    health,
+    most_current,
+)
+from gapsense.kernels.interface import option, output, parameter, ports, sample_time
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
 from gapsense.kernels.trace import cond, fabs, not_, square, where
@@ -22,24 +33,32 @@ from gapsense.kernels.trace import cond, fabs, not_, square, where
 AWAKENING = 10.0  # samples in a row outside the noise band that make an operation; noise of a small offset never does
 
 
+@ports()
 class Parameters(NamedTuple):
     """Tuning, Tables II and V."""
 
-    sample_time: Scalar  # Delta [s]
-    prior_resistance: Scalar  # mean of r_0 [ohm]
-    prior_resistance_std: Scalar  # sigma of r_0 [ohm]
-    prior_inductance: Scalar  # mean of l_0, the resting device [H]
-    prior_inductance_std: Scalar  # sigma of l_0 [H]
-    process_resistance_rate: Scalar  # sigma of dr/dt [ohm/s]
-    process_inductance_acceleration: Scalar  # sigma of d2l/dt2 [H/s^2]
-    noise_voltage: Scalar  # sigma_v [V]
-    noise_current: Scalar  # sigma_i [A]
-    gate_sigmas: Scalar  # n_sigma [1]
-    gate_update: Scalar  # 1: noise-only samples update a filter that sleeps, too; 0: they do not
-    gate_decay: Scalar  # time after an operation until the filter falls asleep; 0: never, as in the paper [s]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]; 0: twice what `range_voltage` drives
-    coil_turns: Scalar  # N, or 0 if unknown [1]
+    sample_time: Scalar = sample_time(50e-6)  # Delta
+    prior_resistance: Scalar = parameter("Ohm", "Expected resistance at the start", 77.5, min=1e-9)  # mean of r_0
+    prior_resistance_std: Scalar = parameter("Ohm", "Its standard deviation", 1.0, min=0.0)  # sigma of r_0
+    prior_inductance: Scalar = parameter("H", "Expected inductance at rest", 50e-3, min=0.0)  # mean of l_0
+    prior_inductance_std: Scalar = parameter("H", "Its standard deviation", 5e-3, min=0.0)  # sigma of l_0
+    process_resistance_rate: Scalar = parameter("Ohm/s", "Standard deviation of the resistance's rate", 1.0, min=0.0)
+    process_inductance_acceleration: Scalar = parameter("H/s2", "Standard deviation of d2l/dt2", 1e8, min=0.0)
+    noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 15e-3, min=0.0)  # sigma_v
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 1e-3, min=0.0)  # sigma_i
+    gate_sigmas: Scalar = parameter(
+        "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
+    )  # n_sigma
+    gate_update: Scalar = option("Noise-only samples update the filter while it sleeps, too", True)
+    gate_decay: Scalar = parameter(
+        "s",
+        "Time after an operation until the filter falls asleep and learns no more from noise; 0: never, as printed",
+        5e-3,
+        min=0.0,
+    )
+    range_voltage: Scalar = RANGE_VOLTAGE
+    range_current: Scalar = RANGE_CURRENT
+    coil_turns: Scalar = parameter("1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0)
 
 
 class State(NamedTuple):
@@ -57,28 +76,32 @@ class State(NamedTuple):
     resistance: Scalar  # last published resistance [ohm]
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; a lost one is not a number."""
 
-    voltage: Scalar  # u_k [V]
-    current: Scalar  # iota_k [A]
+    voltage: Scalar = VOLTAGE
+    current: Scalar = CURRENT
 
 
+@ports(feedthrough=("voltage", "current"))
 class Outputs(NamedTuple):
     """Estimates at the sample."""
 
-    resistance: Scalar
-    inductance: Scalar
-    flux_linkage: Scalar
-    quality: Scalar  # 1 if both currents are outside the noise band, else 0
-    resistance_std: Scalar
-    inductance_std: Scalar
-    innovation: Scalar
-    innovation_std: Scalar
-    flux: Scalar
-    reluctance: Scalar
-    health: Scalar  # 1 fine, 0 a reading was lost
-    health_causes: Scalar  # bits of `readings.CAUSES`
+    resistance: Scalar = output("Ohm", "Estimated coil resistance", nominal=76.0)
+    inductance: Scalar = output("H", "Estimated apparent inductance", nominal=0.1)
+    flux_linkage: Scalar = output("Wb", "Estimated flux linkage", nominal=0.02)
+    quality: Scalar = output(
+        "1", "1: current outside the noise band; 0: estimates follow the expert rule", min=0.0, max=1.0
+    )
+    resistance_std: Scalar = output("Ohm", "Standard deviation of the resistance in the filter", min=0.0)
+    inductance_std: Scalar = output("H", "Standard deviation of the inductance in the filter", nominal=0.01)
+    innovation: Scalar = output("V", "Measured minus predicted voltage")
+    innovation_std: Scalar = output("V", "Standard deviation expected of the innovation")
+    flux: Scalar = output("Wb", "Estimated flux; 0 while coil.turns is 0", nominal=2e-5)
+    reluctance: Scalar = output("1/H", "Estimated reluctance; 0 while coil.turns is 0", nominal=1e7)
+    health: Scalar = HEALTH
+    health_causes: Scalar = HEALTH
 
 
 class Seen(NamedTuple):

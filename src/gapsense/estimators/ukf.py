@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from gapsense.estimators import readings
+from gapsense.estimators import ekf, readings
 from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
@@ -37,6 +37,7 @@ from gapsense.estimators.valve_model import (
 )
 from gapsense.estimators.watch import UNKNOWN, Limits, Usual, compared, is_far
 from gapsense.kernels.derivative import linearise
+from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
@@ -64,29 +65,34 @@ class State(NamedTuple):
     usual: Usual
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; a lost one is not a number."""
 
-    voltage: Scalar  # [V]
-    current: Scalar  # [A]
-    resistance: Scalar = 0.0  # known from elsewhere; the parameter if it is not positive and finite [ohm]
+    voltage: Scalar = readings.VOLTAGE
+    current: Scalar = readings.CURRENT
+    resistance: Scalar = readings.RESISTANCE
 
 
+EKF = same(ekf.Outputs)
+
+
+@ports(feedthrough=("voltage", "current"))
 class Outputs(NamedTuple):
     """Estimates at the sample."""
 
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    current_error: Scalar
-    position_std: Scalar
-    velocity_std: Scalar
-    flux_linkage_std: Scalar
-    current_error_std: Scalar
-    innovation: Scalar
-    innovation_std: Scalar
-    health: Scalar  # 1 fine, 0 not
-    health_causes: Scalar  # sum of the bits of `readings.CAUSES`
+    position: Scalar = EKF
+    velocity: Scalar = EKF
+    flux_linkage: Scalar = EKF
+    current_error: Scalar = output("A", "Estimated: model's current minus the true one", nominal=0.1)
+    position_std: Scalar = EKF
+    velocity_std: Scalar = EKF
+    flux_linkage_std: Scalar = EKF
+    current_error_std: Scalar = EKF
+    innovation: Scalar = EKF
+    innovation_std: Scalar = EKF
+    health: Scalar = readings.HEALTH
+    health_causes: Scalar = readings.HEALTH
 
 
 class Tuning(NamedTuple):

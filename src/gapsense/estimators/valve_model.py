@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.estimators import reduced_model
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy, share
+from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
+from gapsense.kernels.interface import COLUMN, choice, fixed, option, parameter, ports, same, sample_time, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, load, locate, square, where
@@ -40,49 +43,57 @@ class Tuned(Choice):
     robust, paper, own = range(3)
 
 
+EKF = same(reduced_model.Parameters)
+
+
+@ports()
 class Parameters(NamedTuple):
     """The valve as a user knows it (16), and the tuning."""
 
-    sample_time: Scalar  # Delta t [s]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    gap_file_gap: Annotated[Array, Table()]  # increasing, at least two [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # [1/H]
-    gap_file_slope: Annotated[Array, Table()]  # its derivative by the gap [1/(H m)]
-    core_reluctance: Scalar  # k_1 [1/H]
-    core_saturation: Scalar  # lambda_sat = N / k_2 [Wb]
-    core_bend: Scalar  # K of `core_losses`; 0: the law of Froehlich [1/H]
-    core_eddy: Scalar  # g_e of `core_losses`; 0: none [S]
-    core_hysteresis: Scalar  # I_h; 0: none [A]
-    core_turnover: Scalar  # l_h [Wb]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # [m]
-    stop_upper: Scalar  # z_max [m]
-    option_filter: Annotated[Scalar, Filter]
-    option_noise: Annotated[Scalar, Noise]
-    option_voltage: Annotated[Scalar, Interval]
-    option_tuning: Annotated[Scalar, Tuned]
-    option_current_error: Scalar  # 1: with epsilon_i
-    sigma_spread: Scalar  # n + kappa [1]
-    process_flux_linkage: Scalar  # standard deviation of w_phi but for the voltage noise, per sample [Wb]
-    process_position: Scalar  # of w_z [m]
-    process_current_error: Scalar  # of w_i [A]
-    process_memory: Scalar  # phi of (31) [1]
-    process_limit: Scalar  # largest innovation that counts, in standard deviations [1]
-    noise_voltage: Scalar  # sigma_v [V]
-    noise_current: Scalar  # sigma_i [A]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # the same; 0: twice what that voltage can drive [A]
-    prior_position: Scalar  # at the start, at rest [m]
-    prior_position_std: Scalar  # [m]
-    prior_flux_linkage: Scalar  # [Wb]
-    prior_flux_linkage_std: Scalar  # [Wb]
-    prior_current_error_std: Scalar  # [A]
-    health_samples: Scalar  # over how many samples the health looks back [1]
-    health_limit: Scalar  # largest mean of the squared normalised innovation [1]
+    sample_time: Scalar = sample_time(20e-6)  # Delta t
+    coil_resistance: Scalar = parameter("Ohm", "Resistance R", 77.5, min=1e-9)
+    coil_turns: Scalar = fixed("1", "Number of turns N", 1200.0, min=1e-9)
+    gap_file_gap: Annotated[Array, Table()] = table(
+        "Gap reluctance: CSV file with the columns gap [m], reluctance [1/H], slope [1/(H.m)]",
+        ("gap [m]", "reluctance [1/H]", "slope [1/(H.m)]"),
+        "fringing_19.csv",
+    )
+    gap_file_reluctance: Annotated[Array, Table()] = COLUMN
+    gap_file_slope: Annotated[Array, Table()] = COLUMN
+    core_reluctance: Scalar = parameter("1/H", "Reluctance of the core without flux k_1", 3.25e6, min=1e-9)
+    core_saturation: Scalar = parameter("Wb", "Flux linkage of saturation, N / k_2", 0.024, min=1e-12)
+    core_bend: Scalar = EKF
+    core_eddy: Scalar = EKF
+    core_hysteresis: Scalar = EKF
+    core_turnover: Scalar = EKF
+    mover_mass: Scalar = parameter("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
+    spring_stiffness: Scalar = parameter("N/m", "Stiffness k_sp", 37.0, min=0.0)
+    spring_rest: Scalar = parameter("m", "Gap without spring force z_sp", 22.5e-3)
+    damping: Scalar = parameter("N.s/m", "Viscous damping c_f", 0.4, min=0.0)
+    stop_lower: Scalar = fixed("m", "Smallest gap", 0.0, min=0.0)
+    stop_upper: Scalar = fixed("m", "Largest gap z_max", 0.9e-3, min=1e-9)
+    option_filter: Annotated[Scalar, Filter] = choice("Filter")
+    option_noise: Annotated[Scalar, Noise] = choice("Process noise in the sigma points")
+    option_voltage: Annotated[Scalar, Interval] = choice("Sample that stands for an interval")
+    option_tuning: Annotated[Scalar, Tuned] = choice("Process noise; `own` takes the parameters process.*")
+    option_current_error: Scalar = option("Estimate the current error, as in the paper", True)
+    sigma_spread: Scalar = fixed("1", "Spread of the sigma points, n + kappa", 8.0, min=1e-6)
+    process_flux_linkage: Scalar = parameter("Wb", "Tuning `own`: standard deviation per sample", 16e-6, min=0.0)
+    process_position: Scalar = parameter("m", "Tuning `own`: standard deviation per sample", 60e-9, min=0.0)
+    process_current_error: Scalar = parameter("A", "Tuning `own`: standard deviation per sample", 1e-6, min=0.0)
+    process_memory: Scalar = parameter("1", "Tuning `own`: what is left of it after a sample", 0.99, min=0.0, max=1.0)
+    process_limit: Scalar = parameter("1", "Tuning `own`: largest innovation that counts, in deviations", 1.2, min=1e-9)
+    noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 0.15, min=0.0)  # sigma_v
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 2e-3, min=1e-12)  # sigma_i
+    range_voltage: Scalar = RANGE_VOLTAGE
+    range_current: Scalar = RANGE_CURRENT
+    prior_position: Scalar = fixed("m", "Position at the start, at rest", 0.9e-3)
+    prior_position_std: Scalar = fixed("m", "Its standard deviation", 0.0, min=0.0)
+    prior_flux_linkage: Scalar = fixed("Wb", "Flux linkage at the start", 0.0)
+    prior_flux_linkage_std: Scalar = fixed("Wb", "Its standard deviation", 0.0, min=0.0)
+    prior_current_error_std: Scalar = fixed("A", "Standard deviation of the current error at the start", 0.0, min=0.0)
+    health_samples: Scalar = parameter("1", "Samples over which the innovations are averaged", 50.0, min=1.0)
+    health_limit: Scalar = parameter("1", "Largest mean of the squared normalised innovation", 80.0, min=0.0)
 
 
 class Model(NamedTuple):

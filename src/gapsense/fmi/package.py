@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 import importlib
 import shutil
+import sys
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
+from importlib.metadata import distribution
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 from uuid import UUID
 from xml.etree import ElementTree
 
 from gapsense.fmi import describe, page, picture, references, shim
-from gapsense.fmi.as_if_fresh import as_if_fresh
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import column_name
@@ -235,3 +238,29 @@ def write(members: dict[str, bytes], path: Path) -> Path:
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, members[name], compresslevel=9)
     return temporary.replace(path)
+
+
+# Build an FMU in a process that may have loaded FMUs, or may load this one later.
+
+
+@contextmanager
+def as_if_fresh(folder: Path, *names: str) -> Iterator[None]:
+    """Imports from a folder and of the installed pythonfmu; afterwards it is as if nothing had been imported.
+
+    A loaded FMU has put its own copy of pythonfmu, without what building needs, before the installed one.
+    """
+    names = (*names, "pythonfmu")
+    path, before = sys.path[:], drop(names)
+    sys.path[:0] = [str(folder), str(distribution("pythonfmu").locate_file(""))]
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        drop(names)
+        sys.modules.update(before)
+
+
+def drop(names: tuple[str, ...]) -> dict[str, ModuleType]:
+    """Forget the modules of some packages, and give them."""
+    return {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] in names}

@@ -1,7 +1,7 @@
-"""The port table: everything that a component says about its interface, once.
+"""The port table: everything that a component says about its interface.
 
-The model description, the documentation page, the tests and the shell in the FMU read it.  Standard library only:
-a copy travels in every FMU.
+`kernels.interface` makes it from the records of a kernel.  The model description, the documentation page, the tests and
+the shell in the FMU read it.  Standard library only: a copy travels in every FMU.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Port(NamedTuple):
     choices: tuple[str, ...] = ()  # of a String parameter: the kernel gets the index
     columns: tuple[str, ...] = ()  # of a String parameter that names a CSV file: one table each, see `read_table`
     is_optional: bool = False  # of an input: its start value says that nothing is known
-    source: str = ""  # of an input: what drives it as a rule, see `wiring.py`; nothing: a constant
+    source: str = ""  # of an input: what drives it as a rule, see `page.py`; nothing: a constant
 
     @property
     def field(self) -> str:
@@ -65,57 +65,3 @@ class Component(NamedTuple):
     def of(self, causality: str) -> tuple[Port, ...]:
         """Ports of one causality, in order."""
         return tuple(p for p in self.ports if p.causality == causality)
-
-
-def input_(name: str, unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Port:
-    """A real input."""
-    return Port(name, "input", unit, description, start, nominal=nominal, **more)
-
-
-def measured(name: str, unit: str, description: str, **more: Any) -> Port:
-    """A real input that a sensor measures."""
-    return input_(name, unit, description, source=f"sensor.{name}_measured", **more)
-
-
-def output(name: str, unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Port:
-    """A real output, valid at the end of the step."""
-    return Port(name, "output", unit, description, None, nominal=nominal, **more)
-
-
-def parameter(name: str, unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Port:
-    """A real parameter that may be changed during a run; its nominal value is its start value."""
-    more.setdefault("variability", "tunable")
-    return Port(name, "parameter", unit, description, start, min, nominal=abs(start) or 1.0, **more)
-
-
-def fixed(name: str, unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Port:
-    """A real parameter that is set before the run."""
-    return parameter(name, unit, description, start, min=min, variability="fixed", **more)
-
-
-def sample_time(start: float) -> Port:
-    """The sampling period of a sampled component."""
-    text = "Sampling period; the communication step is a whole multiple or a whole fraction of it"
-    return fixed("sample_time", "s", text, start, min=1e-9)
-
-
-def seed() -> Port:
-    """The seed of a component's random numbers."""
-    text = "Seed of the random numbers: the same seed gives the same bits"
-    return Port("seed", "parameter", "1", text, 1, 0, 2**31 - 1, 1.0, "Integer", "fixed")
-
-
-def option(name: str, description: str, start: bool) -> Port:
-    """A Boolean parameter."""
-    return Port(name, "parameter", "1", description, start, kind="Boolean", variability="fixed")
-
-
-def choice(name: str, description: str, choices: tuple[str, ...]) -> Port:
-    """A String parameter with one of a few values, the first by default."""
-    text = f"{description}: {', '.join(choices)}"
-    return Port(name, "parameter", "1", text, choices[0], kind="String", variability="fixed", choices=choices)
-
-
-def table(name: str, description: str, columns: tuple[str, ...], start: str) -> Port:
-    """A String parameter that names a CSV file, in the FMU's resources or else from the working folder on."""
-    return Port(name, "parameter", "1", description, start, kind="String", variability="fixed", columns=columns)

@@ -91,14 +91,14 @@ def _described(name: str, port: Port) -> str:
     return what if port.unit == "1" or port.choices else f"{what}, in {port.unit}"
 
 
-def stated(name: str, doubt: float) -> str:
+def describe_doubt(name: str, doubt: float) -> str:
     """The standard error of an assumed value, as text."""
     if parts := scale(name).parts:
         return f"+- {doubt:.2g}" + ("" if parts == "1" else f" of {parts}")
     return f"a factor of {math.exp(doubt):.2g}" if doubt > 0.1 else f"+- {100.0 * doubt:.2g} %"
 
 
-def listed(values: Mapping[str, Value], ports: Mapping[str, Port], names: Iterable[str]) -> str:
+def list_values(values: Mapping[str, Value], ports: Mapping[str, Port], names: Iterable[str]) -> str:
     """Some names and values, with units."""
     return ", ".join(f"`{name}` = {_shown(values[name], ports.get(name))}" for name in names)
 

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.flux import trapezoid
-from gapsense.identification.measurements.operations import SIGMAS, noise, true_runs
+from gapsense.identification.measurements.operations import SIGMAS, noise, trapezoid, true_runs
 from gapsense.identification.measurements.record import Vector
 
 Matrix = npt.NDArray[np.float64]
@@ -38,7 +37,7 @@ class Cause(NamedTuple):
     is_positive: bool = False  # as resistances are
 
 
-def changed(s: Signals, values: Mapping[str, float]) -> Signals:
+def apply_causes(s: Signals, values: Mapping[str, float]) -> Signals:
     """The signals that the model is to explain, if the causes have these values."""
     for name, value in values.items():
         s = {**CAUSES, **HIDDEN}[name].change(s, value)

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from gapsense.identification.measurements.flux import Flux, trapezoid
-from gapsense.identification.measurements.operations import hidden, noise
+from gapsense.identification.measurements.operations import Flux, hidden, noise, trapezoid
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.report.table import quantity, table
 
@@ -57,7 +56,7 @@ class Coefficient(NamedTuple):
         return REFERENCE + (resistance / self.reference.value - 1.0) / self.alpha.value
 
 
-def given(text: str | None, records: Sequence[Record]) -> list[Record]:
+def with_temperatures(text: str | None, records: Sequence[Record]) -> list[Record]:
     """The records, with temperatures of a text if there is one; a ValueError says what is wrong with it."""
     if text is None:
         return list(records)
@@ -137,13 +136,13 @@ def _noise(x: Vector) -> float:
     return max(noise(x), hidden(x))
 
 
-def tables(records: Sequence[Record], resistance: float, found: Coefficient | None) -> list[Table | str]:
+def temperature_tables(records: Sequence[Record], resistance: float, found: Coefficient | None) -> list[Table | str]:
     """The resistances and their temperatures, and what follows; nothing where no temperature is known."""
     if all(record.temperature is None for record in records):
         return []
     if found is None:
         return [f"No temperature coefficient of the resistance: {impossible(records)}"]
-    told: list[Table | str] = [by_temperature(records, found), *notes(resistance, found)]
+    told: list[Table | str] = [by_temperature(records, found), *temperature_notes(resistance, found)]
     if found.is_usual:
         return told
     return [
@@ -168,7 +167,7 @@ def by_temperature(records: Sequence[Record], found: Coefficient) -> Table:
     return table("Resistance by temperature", ("record", "temperature", "resistance", "off the line"), rows)
 
 
-def notes(resistance: float, found: Coefficient | None) -> list[str]:
+def temperature_notes(resistance: float, found: Coefficient | None) -> list[str]:
     """Sentences on the coefficient, if there is one; `resistance` is that of the parameter set."""
     if found is None:
         return []

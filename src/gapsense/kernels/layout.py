@@ -62,6 +62,11 @@ def fields(cls: type) -> dict[str, Field]:
     return dict(_leaves(cls))
 
 
+def parts(cls: type) -> dict[str, Any]:
+    """Of every field the class of the record that it holds, or None."""
+    return {name: at if _is_record(at) else None for name, at in _layout(cls).items()}
+
+
 def choices(cls: type) -> dict[str, tuple[str, ...]]:
     """Names of the choices of every field that has them, also in the records that it holds."""
     found: dict[str, tuple[str, ...]] = {}

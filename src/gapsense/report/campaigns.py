@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gapsense.campaign.result import Campaign
+    from gapsense.campaign.summary import Cloud
+    from gapsense.report.distributions import Bars
 
 SHOWN = 5  # failures
 PANELS = 4  # metrics and parameters of a figure, unless they are chosen
-POINTS = 2000  # runs that are drawn as points; more are counted
 
 
 def summary(campaign: Campaign) -> list[Table | str]:
@@ -82,28 +83,31 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     -------
     Figure
     """
-    from gapsense.campaign import summary as of
+    from gapsense.campaign.summary import levels
     from gapsense.report import plot
+    from gapsense.report.distributions import Bars, Distributions, Points
 
     metrics = chosen(metrics, campaign.metrics, "metric")
     factors = chosen(factors, campaign.factors, "parameter")
     if not metrics or not campaign.rows:
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
-    words = f"{campaign.rows} runs{'; dark where many lie' if campaign.rows > POINTS else ''}"
+    found = Distributions(campaign, dict.fromkeys(metrics, factors), {name: levels(campaign, name) for name in factors})
+    words = f"{campaign.rows} runs{'; dark where many lie' if found.is_counted else ''}"
     title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
     made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
-    few = {name: of.levels(campaign, name) for name in factors}
-    many = [name for name in factors if few[name] is None]
-    clouds = of.clouds(campaign, many, metrics) if campaign.rows > POINTS else {}
     for row, metric in zip(axes, metrics):
-        alone(row[0], campaign, metric)
+        bins, counts = found.alone(metric)
+        row[0].stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
+        row[0].set_axisbelow(True)
+        row[0].set_ylabel(labelled(campaign, metric))
         for axis, factor in zip(row[1:], factors):
-            if few[factor] is not None:
-                bars(axis, of.grouped(campaign, factor, metric, few[factor] or ()))
-            elif clouds:
-                density(axis, clouds[factor, metric])
-            else:
+            over = found.over(metric, factor)
+            if isinstance(over, Bars):
+                bars(axis, over)
+            elif isinstance(over, Points):
                 axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
+            else:
+                density(axis, over)
     for axis, name in zip(axes[-1], ("runs", *factors)):
         axis.set_xlabel(name if name == "runs" else labelled(campaign, name))
     return made
@@ -122,30 +126,18 @@ def labelled(campaign: Campaign, name: str) -> str:
     return f"{name}\n/ {unit}" if unit not in ("", "1") else name
 
 
-def alone(axis: Any, campaign: Campaign, metric: str) -> None:
-    """Histogram of a metric, with horizontal bars."""
-    from gapsense.campaign import summary as of
-    from gapsense.report import plot
-
-    bins, counts = of.histogram(campaign, metric)
-    axis.stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
-    axis.set_axisbelow(True)
-    axis.set_ylabel(labelled(campaign, metric))
-
-
-def bars(axis: Any, groups: Sequence[Any]) -> None:
+def bars(axis: Any, found: Bars) -> None:
     """Median and 5-95 % range at each value of a parameter."""
     from gapsense.report import plot
 
-    for k, group in enumerate(groups):
-        low, median, high = group.quantiles
+    for k, (low, median, high) in enumerate(found.quantiles):
         axis.plot([k, k], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
         axis.plot([k], [median], "o", color=plot.FIRST)
-    names = [f"{g.value:.6g}" if isinstance(g.value, float) else str(g.value) for g in groups]
-    axis.set_xticks(range(len(groups)), names, rotation=30 if max(map(len, names), default=0) > 6 else 0)
+    names = found.names
+    axis.set_xticks(range(len(names)), names, rotation=30 if max(map(len, names), default=0) > 6 else 0)
 
 
-def density(axis: Any, cloud: Any) -> None:
+def density(axis: Any, cloud: Cloud) -> None:
     """Counts in colours, logarithmic; where no run lies there is none."""
     import numpy as np
     from matplotlib.colors import LogNorm

@@ -13,7 +13,7 @@ from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels
 from gapsense.report.table import quantity, table
 
 if TYPE_CHECKING:
-    from gapsense.cosim.result.difference import Comparison, Difference
+    from gapsense.cosim.result.compare import Comparison, Difference
 
 MOST = 6  # signals in a picture
 LISTED = 5  # signals within their tolerance that are shown

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gapsense.cosim.result.metrics import Measured, Vector
+from gapsense.problems import InputError
 from gapsense.report.table import quantity
 
 SHOWN = 20  # rows of a table
@@ -86,3 +87,18 @@ def line(tag: str, cells: Sequence[str], texts: int) -> str:
     """One row of a table."""
     made = (f"<{tag}{RIGHT * (k >= texts)}>{escape(str(cell))}</{tag}>" for k, cell in enumerate(cells))
     return f"<tr>{''.join(made)}</tr>"
+
+
+# Results as tables of pandas, which is optional.
+
+
+def frame(columns: Mapping[str, Any], name: str, index: Any, units: Mapping[str, str]) -> Any:
+    """A DataFrame with an index of that name; units by column are in `attrs["units"]`."""
+    try:
+        import pandas
+    except ImportError:
+        sentence = "pandas is not installed. Install it with `pip install 'gapsense[pandas]'`."
+        raise InputError([sentence]) from None
+    made = pandas.DataFrame(dict(columns), index=pandas.Index(index, name=name))
+    made.attrs["units"] = dict(units)
+    return made

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports, sample_time, seed
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
 from gapsense.kernels.random import normal, seeded, uniform
 from gapsense.kernels.trace import clip, floor, not_, where
@@ -29,27 +30,28 @@ class ContactSource(Choice):
     mode, position = range(2)
 
 
+@ports()
 class Parameters(NamedTuple):
     """Errors of the two channels and the source of the mode."""
 
-    sample_time: Scalar  # sampling period; the shell calls `step` once for each [s]
-    seed: Scalar  # whole number from 0 to 2^31 - 1
-    gain_error_voltage: Scalar  # relative: 0.01 reads 1 % too much [1]
-    gain_error_current: Scalar  # [1]
-    offset_voltage: Scalar  # reading at 0 V [V]
-    offset_current: Scalar  # reading at 0 A [A]
-    noise_voltage: Scalar  # standard deviation [V]
-    noise_current: Scalar  # standard deviation [A]
-    resolution_voltage: Scalar  # step of the converter; 0: none [V]
-    resolution_current: Scalar  # step of the converter; 0: none [A]
-    range_voltage: Scalar  # readings saturate at +- this; 0: never [V]
-    range_current: Scalar  # readings saturate at +- this; 0: never [A]
-    dropout_probability: Scalar  # of losing a sample [1]
-    contact_source: Annotated[Scalar, ContactSource]
-    contact_lower: Scalar  # below this position the armature counts as at its lower stop [m]
-    contact_upper: Scalar  # above this position it counts as at its upper stop [m]
-    contact_hysteresis: Scalar  # way back past a threshold before the contact opens [m]
-    contact_bounce: Scalar  # samples for which a contact opens again after closing; 0: it does not bounce
+    sample_time: Scalar = sample_time(50e-6)
+    seed: Scalar = seed()
+    gain_error_voltage: Scalar = parameter("1", "Relative: 0.01 reads 1 % too much", 0.0, name="gain_error.voltage")
+    gain_error_current: Scalar = parameter("1", "Relative: 0.01 reads 1 % too much", 0.0, name="gain_error.current")
+    offset_voltage: Scalar = parameter("V", "Reading at 0 V", 0.0)  # reading at 0 V
+    offset_current: Scalar = parameter("A", "Reading at 0 A", 0.0)  # reading at 0 A
+    noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 15e-3, min=0.0)
+    noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 1e-3, min=0.0)
+    resolution_voltage: Scalar = parameter("V", "Step of the converter; 0: none", 0.0, min=0.0)
+    resolution_current: Scalar = parameter("A", "Step of the converter; 0: none", 0.0, min=0.0)
+    range_voltage: Scalar = parameter("V", "Readings saturate at plus and minus this; 0: never", 0.0, min=0.0)
+    range_current: Scalar = parameter("A", "Readings saturate at plus and minus this; 0: never", 0.0, min=0.0)
+    dropout_probability: Scalar = parameter("1", "Probability that a sample is lost", 0.0, min=0.0, max=1.0)
+    contact_source: Annotated[Scalar, ContactSource] = choice("Where the measured mode comes from")
+    contact_lower: Scalar = fixed("m", "Lower stop below this position", 50e-6)
+    contact_upper: Scalar = fixed("m", "Upper stop above this position", 0.85e-3)
+    contact_hysteresis: Scalar = fixed("m", "Way back past a threshold before the contact opens", 0.01e-3, min=0.0)
+    contact_bounce: Scalar = fixed("1", "Samples for which a contact opens again after it has closed", 0.0, min=0.0)
 
 
 class Reading(NamedTuple):
@@ -76,22 +78,31 @@ class State(NamedTuple):
     reading: Reading
 
 
+@ports()
 class Inputs(NamedTuple):
     """True values at the sample."""
 
-    voltage: Scalar  # [V]
-    current: Scalar  # [A]
-    position: Scalar  # [m]
-    mode: Scalar
+    voltage: Scalar = input_("V", "True coil voltage", source="drive.voltage", nominal=30.0)
+    current: Scalar = input_("A", "True coil current", source="plant.current", nominal=0.4)
+    position: Scalar = input_("m", "True position", source="plant.position", nominal=1e-3)
+    mode: Scalar = input_(
+        "1",
+        "True mode: 1 lower stop, 2 moving, 3 upper stop; 0, not known, counts as moving; others are refused",
+        source="plant.mode",
+        start=2.0,
+        min=0.0,
+        max=3.0,
+    )
 
 
+@ports()
 class Outputs(NamedTuple):
     """Reading, held until the next sample."""
 
-    voltage_measured: Scalar  # [V]
-    current_measured: Scalar  # [A]
-    mode_measured: Scalar  # 1 lower stop, 2 moving, 3 upper stop, or what the input says
-    dropout: Scalar  # 1 if this sample was lost, else 0
+    voltage_measured: Scalar = output("V", "Measured voltage", nominal=30.0, feedthrough=("voltage",))
+    current_measured: Scalar = output("A", "Measured current", nominal=0.4, feedthrough=("current",))
+    mode_measured: Scalar = output("1", "Measured mode", min=1.0, max=3.0, feedthrough=("position", "mode"))
+    dropout: Scalar = output("1", "1: this sample was lost, and the outputs hold the one before", min=0.0, max=1.0)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

@@ -18,11 +18,9 @@ from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError
 from gapsense.ssp import structure
-from gapsense.ssp.flat import Wiring
 from gapsense.ssp.package import Package, opened
-from gapsense.ssp.scenario import Maker, plain_names
+from gapsense.ssp.scenario import Maker, Told, Wiring, plain_names
 from gapsense.ssp.structure import Element, read_element
-from gapsense.ssp.told import Told
 from gapsense.ssp.units import Units, read_units, together, units_of
 from gapsense.ssp.values import Reader
 from gapsense.ssp.words import DESCRIPTION, tag

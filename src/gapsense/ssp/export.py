@@ -8,21 +8,21 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.scenario.document import Document, Source, read_document
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.elements import Connection, Port
 from gapsense.cosim.scenario.records import Scenario
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
-from gapsense.ssp import carried, parts
-from gapsense.ssp.schema import violations
-from gapsense.ssp.units import Units, together, units_of
-from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, VALUES, VERSION, tag
+from gapsense.ssp import carried
+from gapsense.ssp.package import violations
+from gapsense.ssp.units import EXPONENTS, Units, together, units_of
+from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, PREFIXES, VALUES, VERSION, tag
 from gapsense.tables import Value
 
 DATE = (1980, 1, 1, 0, 0, 0)  # of all members, so that the same scenario gives the same bytes
@@ -177,38 +177,38 @@ def description(made: Exported) -> bytes:
     """The system structure."""
     scenario = made.scenario
     root = Element(tag("ssd:SystemStructureDescription"), {"version": VERSION, "name": scenario.name})
-    system = parts.add(root, "ssd:System", {"name": scenario.called, "description": scenario.title})
-    elements = parts.add(system, "ssd:Elements")
+    system = add(root, "ssd:System", {"name": scenario.called, "description": scenario.title})
+    elements = add(system, "ssd:Elements")
     for name in scenario.components:
         add_component(elements, made, name)
     if scenario.connections:
-        links = parts.add(system, "ssd:Connections")
+        links = add(system, "ssd:Connections")
     for link in scenario.connections:
         units = {made.descriptions[port.component].variables[port.variable].unit for port in (link.source, link.target)}
-        parts.add_connection(links, link, len(units) > 1)
+        add_connection(links, link, len(units) > 1)
     every = [(name, v) for name in scenario.components for v in made.connectors(name)]
-    parts.add_enumerations(root, {f"{name}.{v.name}": v.items for name, v in every if v.type == "Enumeration"})
-    parts.add_units(root, [v.unit for _, v in every if v.unit], made.units)
+    add_enumerations(root, {f"{name}.{v.name}": v.items for name, v in every if v.type == "Enumeration"})
+    add_units(root, [v.unit for _, v in every if v.unit], made.units)
     add_experiment(root, made)
-    return parts.written(root)
+    return written(root)
 
 
 def add_component(parent: Element, made: Exported, name: str) -> None:
     """One component with its connectors, its values and its step."""
     source = made.sources[made.descriptions[name].path.resolve()]
     about = {"name": name, "type": FMU_TYPE, "source": source, "implementation": "CoSimulation"}
-    component = parts.add(parent, "ssd:Component", about)
+    component = add(parent, "ssd:Component", about)
     listed = made.connectors(name)
     if listed:
-        connectors = parts.add(component, "ssd:Connectors")
+        connectors = add(component, "ssd:Connectors")
     for variable in listed:
-        parts.add_connector(connectors, variable, made.units, f"{name}.{variable.name}")
+        add_connector(connectors, variable, made.units, f"{name}.{variable.name}")
     values = [(v.name, v, value) for v, value in made.values(name)]
     if values:
-        binding = parts.add(parts.add(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
-        parts.add(binding, "ssd:ParameterValues").append(parts.parameter_set(name, values))
+        binding = add(add(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
+        add(binding, "ssd:ParameterValues").append(parameter_set(name, values))
     step = made.scenario.components[name].step * made.scenario.experiment.base_step
-    parts.add_annotation(component, OSP, Element(tag("osp:StepSizeHint"), {"value": repr(step)}))
+    add_annotation(component, OSP, Element(tag("osp:StepSizeHint"), {"value": repr(step)}))
 
 
 def add_experiment(root: Element, made: Exported) -> None:
@@ -217,13 +217,13 @@ def add_experiment(root: Element, made: Exported) -> None:
 
     experiment = made.scenario.experiment
     times = {"startTime": repr(experiment.start), "stopTime": repr(experiment.stop)}
-    around = parts.add(root, "ssd:DefaultExperiment", times)
+    around = add(root, "ssd:DefaultExperiment", times)
     algorithm = Element(tag("osp:Algorithm"))
-    parts.add(algorithm, "osp:FixedStepAlgorithm", {"baseStepSize": repr(experiment.base_step)})
-    parts.add_annotation(around, OSP, algorithm)
+    add(algorithm, "osp:FixedStepAlgorithm", {"baseStepSize": repr(experiment.base_step)})
+    add_annotation(around, OSP, algorithm)
     own = Element(tag("gapsense:Scenario"))
     own.text = tomli_w.dumps(made.data)
-    parts.add_annotation(around, OWN, own)
+    add_annotation(around, OWN, own)
 
 
 def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
@@ -234,7 +234,7 @@ def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
 
 def all_values(made: Exported) -> bytes:
     """All these values in one set, for tools that are given one."""
-    return parts.written(parts.parameter_set(made.scenario.name, changed_values(made)))
+    return written(parameter_set(made.scenario.name, changed_values(made)))
 
 
 def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -> None:
@@ -248,3 +248,93 @@ def contents(members: Mapping[str, bytes], sources: Mapping[Path, str]) -> Itera
     """Name and content of each member; files are read one at a time."""
     yield from members.items()
     yield from ((name, path.read_bytes()) for path, name in sources.items())
+
+
+# Documents of SSP as XML: components, connectors, connections, values.
+
+
+def add(parent: Element, name: str, attributes: Mapping[str, Any] | None = None) -> Element:
+    """A new element below another; attributes that are None are left out."""
+    given = {key: str(value) for key, value in (attributes or {}).items() if value is not None}
+    return SubElement(parent, tag(name), given)
+
+
+def written(root: Element) -> bytes:
+    """A document as text, with the usual prefixes: some tools know nothing but these."""
+    for prefix, uri in PREFIXES.items():
+        register_namespace(prefix, uri)
+    indent(root)
+    text = tostring(root, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def add_connector(parent: Element, variable: Variable, units: Units, enumeration: str) -> None:
+    """A connector for a variable, with its type and, if that is defined, its unit."""
+    made = add(parent, "ssd:Connector", {"name": variable.name, "kind": variable.causality})
+    if variable.type == "Real":
+        add(made, "ssc:Real", {"unit": variable.unit if variable.unit in units else None})
+    else:
+        add(made, f"ssc:{variable.type}", {"name": enumeration} if variable.type == "Enumeration" else None)
+
+
+def add_connection(parent: Element, link: Connection, is_other_unit: bool) -> None:
+    """A connection; one that converts the unit by its factor must not have it converted once more."""
+    ends = ("start", link.source), ("end", link.target)
+    names = {f"{end}{kind}": name for end, port in ends for kind, name in zip(("Element", "Connector"), port)}
+    suppress = "true" if link.converts and is_other_unit else None
+    made = add(parent, "ssd:Connection", {**names, "suppressUnitConversion": suppress})
+    if link.converts:
+        factor = 1.0 if link.factor is None else float(link.factor)
+        add(made, "ssc:LinearTransformation", {"factor": repr(factor), "offset": repr(float(link.bias or 0.0))})
+
+
+def parameter_set(name: str, values: Iterable[tuple[str, Variable, Value]]) -> Element:
+    """Values with their types."""
+    made = Element(tag("ssv:ParameterSet"), {"version": VERSION, "name": name})
+    inside = add(made, "ssv:Parameters")
+    for called, variable, value in values:
+        one = add(inside, "ssv:Parameter", {"name": called})
+        add(one, f"ssv:{variable.type}", {"value": text_of(value, variable)})
+    return made
+
+
+def text_of(value: Value, variable: Variable) -> str:
+    """A value as SSP writes it: numbers read back to the same bits, an enumeration has the name of its item."""
+    if variable.type == "Real":
+        return repr(float(value))
+    if variable.type == "Boolean":
+        return "true" if value else "false"
+    if variable.type == "Enumeration":
+        return next((name for name, number in variable.items.items() if number == value), str(value))
+    return str(value)
+
+
+def add_units(parent: Element, names: Iterable[str], units: Units) -> None:
+    """Definitions of the units that are used."""
+    used = sorted({name for name in names if name in units})
+    if used:
+        made = add(parent, "ssd:Units")
+    for name in used:
+        base = units[name]
+        powers = {key: power for key, power in zip(EXPONENTS, base.exponents) if power}
+        line = {
+            key: repr(x) for key, x, usual in (("factor", base.factor, 1.0), ("offset", base.offset, 0.0)) if x != usual
+        }
+        add(add(made, "ssc:Unit", {"name": name}), "ssc:BaseUnit", {**powers, **line})
+
+
+def add_enumerations(parent: Element, items: Mapping[str, Mapping[str, int]]) -> None:
+    """Definitions of the enumerations that are used."""
+    if items:
+        made = add(parent, "ssd:Enumerations")
+    for name, own in items.items():
+        one = add(made, "ssc:Enumeration", {"name": name})
+        for item, number in own.items():
+            add(one, "ssc:Item", {"name": item, "value": number})
+
+
+def add_annotation(parent: Element, kind: str, content: Element) -> None:
+    """An annotation beside those that there are."""
+    found = parent.find(tag("ssd:Annotations"))
+    around = add(parent, "ssd:Annotations") if found is None else found
+    add(around, "ssc:Annotation", {"type": kind}).append(content)

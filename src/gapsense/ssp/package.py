@@ -7,15 +7,18 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element, fromstring
 
 from gapsense.cosim.fmu.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, shown
 from gapsense.problems import InputError
-from gapsense.ssp.schema import violations
-from gapsense.ssp.words import DESCRIPTION
+from gapsense.ssp.words import DESCRIPTION, SCHEMAS
 
+SHOWN = 5  # violations that are told
 LARGEST = 64 * 10**6  # bytes of a document
 UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, NotImplementedError, EOFError, UnicodeError)
 CHUNK = 2**20  # bytes that are unpacked at once
@@ -67,3 +70,39 @@ def opened(path: Path) -> Iterator[Package]:
         raise InputError([f"{path}: {error}"]) from error
     except UNREADABLE as error:
         raise InputError([f"{path}: not a readable package: {error}. Export or copy it again."]) from error
+
+
+# Hold documents of SSP against its schemas, those of version 1.0 that fmpy brings.
+
+
+def violations(content: bytes, kind: str) -> list[str]:
+    """What in a document is not as the schema says, one sentence each.
+
+    Parameters
+    ----------
+    content : bytes
+        XML without a document type.
+    kind : str
+        `ssd`, `ssv` or `ssm`.
+    """
+    from lxml import etree
+
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    schema = load_schema(kind)
+    try:
+        if schema.validate(etree.fromstring(content, parser)):
+            return []
+    except etree.XMLSyntaxError as error:  # limits that others do not have
+        return [str(error)]
+    found = [f"line {error.line}: {error.message}" for error in schema.error_log]
+    return found[:SHOWN] + ([f"{len(found) - SHOWN} more violations."] if len(found) > SHOWN else [])
+
+
+@cache
+def load_schema(kind: str) -> Any:
+    """Schema of a kind of document."""
+    from lxml import etree
+
+    package = find_spec("fmpy")
+    folder = Path(str(package and package.origin)).parent / "ssp" / "schema"
+    return etree.XMLSchema(file=str(folder / SCHEMAS[kind]))

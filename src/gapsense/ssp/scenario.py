@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+import sys
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element as Xml
 
 from gapsense.cosim.fmu.archive import shown
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.fmu.variables import Variable
 from gapsense.problems import listing, suggest
-from gapsense.ssp.flat import Way, Wiring
-from gapsense.ssp.structure import Element, Path
-from gapsense.ssp.told import Told
+from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
+from gapsense.ssp.structure import SINKS, Connector, Element, Link, Path
 from gapsense.ssp.units import Line, Units, conversion
 from gapsense.ssp.values import Given, Node
+from gapsense.ssp.words import OSP, OWN, tag
 from gapsense.tables import Value
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+JACOBI = "jacobi"  # what tools of SSP do where nothing else is told
+SIGNAL = ("times", "values", "interpolation")
 ZERO: Mapping[str, Value] = {"Real": 0.0, "Boolean": False, "String": ""}
 
 
@@ -184,3 +194,201 @@ def plain_names(paths: list[Path]) -> dict[Path, str]:
         taken, tries = set(names.values()), (f"{first}{f'_{k}' if k else ''}" for k in range(len(paths) + 1))
         names[path] = next(name for name in tries if name not in taken)
     return names
+
+
+# What a package tells about a run: start and stop, steps, and in our own annotation what SSP has no words for.
+
+
+class Told:
+    """What the document says on the run; `problems` and `notes` take what is wrong, and what is left out."""
+
+    def __init__(self, root: Xml, problems: list[str], notes: list[str]) -> None:
+        self.root, self.problems, self.notes = root, problems, notes
+        self.own = self.read_own()
+        kinds = dict.fromkeys(xml.get("type", "") for xml in root.iter(tag("ssc:Annotation")))
+        for kind in (kind for kind in kinds if kind not in (OWN, OSP)):
+            notes.append(f"annotations of `{shown(kind)}` are left out, but for a step in them.")
+
+    def read_own(self) -> dict[str, Any]:
+        """Tables of our annotation, but for what SSP itself tells."""
+        found = self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")
+        if found is None:
+            return {}
+        try:
+            data = tomllib.loads(found.text or "")
+        except ValueError as error:
+            self.problems.append(f"annotation `{OWN}`: not valid TOML: {error}. Export it again, or remove it.")
+            return {}
+        return {key: value for key, value in data.items() if isinstance(value, (dict, list)) or key in WHOLE}
+
+    def table(self, key: str) -> dict[str, Any]:
+        """A table of our annotation; empty if there is none."""
+        found = self.own.get(key)
+        return found if isinstance(found, dict) else {}
+
+    def experiment(self, **options: Any) -> dict[str, Any]:
+        """The section `[experiment]`: options go before the document, and that before our annotation."""
+        xml = self.root.find(tag("ssd:DefaultExperiment"))
+        times = {} if xml is None else {"start": xml.get("startTime"), "stop": xml.get("stopTime")}
+        read = {key: number for key, text in times.items() if text and (number := finite(text)) is not None}
+        steps = {} if (step := self.step()) is None else {"base_step": step}
+        made = {"start": 0.0, **steps, "method": JACOBI, **self.table("experiment"), **read}
+        made |= {key: value for key, value in options.items() if value is not None}
+        for key, option in (("stop", "--stop"), ("base_step", "--step")):
+            if key not in made:
+                self.problems.append(f"experiment: the package does not tell `{key}`. Give it with `{option}`.")
+        if "method" not in self.table("experiment") and options.get("method") is None:
+            self.notes.append(f"experiment.method: SSP says nothing on the coupling; `{JACOBI}` is taken.")
+        return made
+
+    def step(self) -> float | None:
+        """Base step that annotations of other tools tell [s]: that of OSP, or else the least of OMSimulator."""
+        names = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize"}
+        for name, key in names.items():
+            told = (finite(xml.get(key, "")) for xml in self.root.iter() if xml.tag.rpartition("}")[2] == name)
+            steps = [step for step in told if step is not None and step > 0.0]
+            if steps:
+                return min(steps)
+        return None
+
+    def component(self, name: str, xml: Xml, base_step: float | None) -> dict[str, Any]:
+        """Step, offset and process of a component, where they are not as usual."""
+        hints = (one.get("value", "") for one in xml.iter(tag("osp:StepSizeHint")))
+        hint = next((step for text in hints if (step := finite(text)) is not None), None)
+        own = self.table("components").get(name)
+        made = {key: own[key] for key in OF_COMPONENTS if key in own} if isinstance(own, dict) else {}
+        if hint is None or not base_step or "step" in made:
+            return made
+        ratio = hint / base_step
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+            self.notes.append(f"{name}: its step of {hint:.9g} s is no multiple of {base_step:.9g} s, and left out.")
+        elif round(ratio) > 1:
+            made["step"] = round(ratio)
+        return made
+
+    def signals(self) -> dict[str, dict[str, Any]]:
+        """Signals that inputs follow."""
+        found = {name: one for name, one in self.table("inputs").items() if isinstance(one, dict)}
+        return {name: {key: one[key] for key in SIGNAL if key in one} for name, one in found.items()}
+
+    def delayed(self) -> set[tuple[str, str]]:
+        """Source and target of connections that carry the value of one step before."""
+        links = self.own.get("connections")
+        found = [link for link in links if isinstance(link, dict)] if isinstance(links, list) else []
+        return {(str(link.get("from")), str(link.get("to"))) for link in found if link.get("delayed") is True}
+
+    def rest(self) -> Mapping[str, Any]:
+        """Events, record and metrics."""
+        return {key: self.own[key] for key in ("events", "record", "metrics") if isinstance(self.own.get(key), dict)}
+
+
+def finite(text: str) -> float | None:
+    """The finite number that a text holds, or None."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+# Nested systems as one level: each input of a component is followed back to where its value comes from.
+
+
+class Edge(NamedTuple):
+    """Where a connector gets its value from."""
+
+    source: Node
+    link: Link
+
+
+class Way(NamedTuple):
+    """Where an input of a component gets its value from, and what becomes of it."""
+
+    source: Node
+    line: Line
+
+
+class Wiring:
+    """Connections of a whole structure; `problems` takes what is wrong with them."""
+
+    def __init__(self, root: Element, units: Units, problems: list[str]) -> None:
+        self.units, self.problems = units, problems
+        self.connectors: dict[Node, Connector] = {}
+        self.components: set[tuple[str, ...]] = set()
+        self.edges: dict[Node, Edge] = {}
+        self.add(root)
+
+    def add(self, element: Element) -> None:
+        """Connectors and connections of an element and all below it."""
+        self.connectors |= {(element.path, name): connector for name, connector in element.connectors.items()}
+        if element.is_component:
+            self.components.add(element.path)
+        for inner in element.elements.values():
+            self.add(inner)
+        for link in element.links:
+            self.connect(element, link)
+
+    def connect(self, system: Element, link: Link) -> None:
+        """Add a connection in the direction that the kinds of its connectors tell."""
+        place = " -> ".join(shown(".".join(filter(None, end))) for end in link.ends)
+        ends = [self.end(system, *end) for end in link.ends]
+        if link.refused:
+            self.problems.append(f"{system.name}, {place}: `{link.refused}` is not supported. Remove it.")
+        elif None in ends:
+            self.problems.append(f"{system.name}, {place}: there is no such connector. Correct the connection.")
+        else:
+            (one, gives), (other, other_gives) = (end for end in ends if end)
+            if gives == other_gives:
+                self.problems.append(
+                    f"{system.name}, {place}: both ends {'give' if gives else 'take'} a value. Correct it."
+                )
+            else:
+                self.join(*((one, other) if gives else (other, one)), link, f"{system.name}, {place}")
+
+    def end(self, system: Element, element: str, connector: str) -> tuple[Node, bool] | None:
+        """An end of a connection, and whether it gives a value; a system's own input gives it to those inside."""
+        owner = system.elements.get(element) if element else system
+        found = owner.connectors.get(connector) if owner else None
+        if owner is None or found is None:
+            return None
+        return (owner.path, connector), (found.kind in SINKS) == (owner is system)
+
+    def join(self, source: Node, sink: Node, link: Link, place: str) -> None:
+        """Let a connector get its value from another one."""
+        if sink in self.edges:
+            self.problems.append(f"{place}: `{shown('.'.join((*sink[0], sink[1])))}` is connected twice. Keep one.")
+        else:
+            self.edges[sink] = Edge(source, link)
+
+    def way(self, sink: Node, units: Mapping[Node, str], given: Collection[Node]) -> Way | None:
+        """Where an input of a component gets its value from, or None if nothing is connected to it.
+
+        That is an output of a component, or the outermost connector of a system on the way that is `given` a value.
+        `units` has those of the variables of components, which go before what the structure says.
+        """
+        steps: list[tuple[Node, Link]] = []
+        node = sink
+        while node in self.edges and len(steps) <= len(self.edges):
+            edge = self.edges[node]
+            steps.append((node, edge.link))
+            node = edge.source
+            if node[0] in self.components:
+                break
+        while steps and node not in given and node[0] not in self.components:
+            node = steps.pop()[0]
+        return Way(node, self.line(node, steps, units)) if steps else None
+
+    def line(self, source: Node, steps: list[tuple[Node, Link]], units: Mapping[Node, str]) -> Line:
+        """What becomes of a value on its way from the source to the sink."""
+        made, unit = Line(), units.get(source) or self.connectors[source].unit
+        for node, link in reversed(steps):
+            own = units.get(node) or self.connectors[node].unit
+            if unit and own and unit != own and not link.suppress:
+                found = conversion(unit, own, self.units)
+                if found is None:
+                    name = shown(".".join((*node[0], node[1])))
+                    said = f"`{name}` is in `{shown(own)}`, what it gets is in `{shown(unit)}`"
+                    self.problems.append(f"{said}, and there is no conversion. Define both units, or correct one.")
+                made = made.then(found or Line())
+            made, unit = made.then(link.line), own or unit
+        return made

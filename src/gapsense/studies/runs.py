@@ -1,27 +1,45 @@
-"""Many runs of a scenario with values that a study draws: as vectors, or by FMUs where vectors cannot do them."""
+"""Many runs of a scenario with values that a study draws: as vectors, or by FMUs where there is no compiler."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.processes import new_marks
+from gapsense._os.workers import Progress
 from gapsense.cosim.prepare import prepare
-from gapsense.cosim.run.ahead import AUTO
+from gapsense.cosim.run.ahead import VECTORS
 from gapsense.cosim.run.engines import vectors_for
+from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
 from gapsense.cosim.run.subject import Subject
 from gapsense.cosim.run.worker import by_port
-from gapsense.cosim.scenario.document import Source
-from gapsense.tables import Value
+from gapsense.cosim.scenario.document import Document, Source, read_document
+from gapsense.problems import ScenarioError
+from gapsense.tables import Value, merged
 
 Values = Mapping[str, Value]  # by `component.parameter`
 Signals = npt.NDArray[np.float64]  # (rows, names)
+
+
+def after(progress: Progress, before: int, total: int, each: int = 1) -> Callable[[int], None]:
+    """What a part tells of what it has done, with what was done before it counted; `each` counts as so many."""
+    return lambda done: progress(before + each * done, total)
+
+
+def overlaid(scenario: Path, tables: Mapping[str, Any]) -> Document:
+    """A scenario with tables laid over those of its file, as a variant's are."""
+    problems: list[str] = []
+    document = read_document(scenario, problems)
+    if document is None:
+        raise ScenarioError(problems)
+    return replace(document, data=merged(document.data, tables), is_file=False)
 
 
 def signals(
@@ -30,9 +48,9 @@ def signals(
     names: Sequence[str],
     draws: Sequence[Values],
     seeds: Sequence[int] | None = None,
-    engine: str = AUTO,
-) -> Iterator[tuple[int, Signals]]:
-    """Number of each run, in any order, and its signals.
+    engine: str = VECTORS,
+) -> Iterator[tuple[int, Signals | None]]:
+    """Number of each run, in any order, and its signals; nothing of a run in which a component fails.
 
     Parameters
     ----------
@@ -50,25 +68,25 @@ def signals(
         As of `gapsense.sweep`.
     """
     read, descriptions = prepare(scenario, variant)
-    read = replace(read, record=replace(read.record, signals=tuple(names)), metrics=())
-    subject = Subject(read, descriptions)
+    subject = Subject(replace(read, record=replace(read.record, signals=tuple(names)), metrics=()), descriptions)
     order = [[*subject.about].index(name) for name in names]
     asked = [*zip(seeds or [0] * len(draws), map(by_port, draws))]
     vectors = vectors_for(subject, engine)
-    if vectors is None:
-        yield from by_fmus(subject, asked, order)
-        return
-    takes = [subject.taken(*one) for one in asked]
-    for k, recording in vectors.record(takes):
-        yield k, recording.data[:, order] if recording else next(by_fmus(subject, [asked[k]], order))[1]
+    if vectors:
+        for k, recording in vectors.record([subject.taken(*one) for one in asked]):
+            yield k, recording.data[:, order] if recording else None
+    else:
+        for k, run in enumerate(by_fmus(subject, asked)):
+            yield k, run[:, order] if run is not None else None
 
 
-def by_fmus(subject: Subject, asked: Sequence[tuple[int, Any]], order: Sequence[int]) -> Iterator[tuple[int, Signals]]:
-    """The same by FMUs in this process; FmuError if a run fails."""
-    master = Master(subject.scenario, subject.descriptions, new_marks())
-    try:
-        for k, (shift, point) in enumerate(asked):
-            columns = [*run_once(master, shift, point=point).signals.values()]
-            yield k, np.column_stack([columns[place] for place in order])
-    finally:
-        master.close()
+def by_fmus(subject: Subject, asked: Sequence[tuple[int, Any]]) -> Iterator[Signals | None]:
+    """All recorded signals of each run, by FMUs in this process."""
+    for shift, point in asked:
+        master = Master(subject.scenario, subject.descriptions, new_marks())
+        try:
+            yield np.column_stack([*run_once(master, shift, point=point).signals.values()])
+        except FmuError:
+            yield None
+        finally:
+            master.close()

@@ -13,9 +13,8 @@ from gapsense.cosim.events.director import Director
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.inputs import constants
 from gapsense.cosim.run.master import shape
-from gapsense.cosim.run.part import Stage
+from gapsense.cosim.run.part import Stage, constants
 from gapsense.cosim.run.recording import Recording, Take
 from gapsense.cosim.scenario.input_signals import player
 from gapsense.fmi.values import ValuesError

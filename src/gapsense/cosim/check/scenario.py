@@ -9,8 +9,9 @@ from math import prod
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from gapsense._os.files import state
-from gapsense.cosim.check.inputs import check_signal, check_span
 from gapsense.cosim.check.record import check_record
 from gapsense.cosim.check.values import (
     check_grid,
@@ -18,24 +19,27 @@ from gapsense.cosim.check.values import (
     check_sets,
     check_swept,
     check_values,
+    limits,
     misfit,
     value_problem,
+    within,
 )
-from gapsense.cosim.check.wires import check_types, check_units
-from gapsense.cosim.events.check import check_events
 from gapsense.cosim.events.event import SECTION, Event
-from gapsense.cosim.events.read import varied
+from gapsense.cosim.events.read import check_events, varied
 from gapsense.cosim.fmu.archive import UnusableError
 from gapsense.cosim.fmu.descriptions import Description, Descriptions, describe, find_fmu
 from gapsense.cosim.fmu.rules import broken_rules
-from gapsense.cosim.fmu.variables import Variable
-from gapsense.cosim.scenario.elements import Component, Port
+from gapsense.cosim.fmu.variables import NUMERIC, Variable
+from gapsense.cosim.scenario.elements import Component, Connection, Experiment, Port
+from gapsense.cosim.scenario.input_signals import SLACK, Played
 from gapsense.cosim.scenario.order import FeedthroughCycleError, execution_order
 from gapsense.cosim.scenario.records import Points, Scenario
 from gapsense.problems import suggest
 from gapsense.shipped import NATIVE_FOLDER
 from gapsense.tables import Value, is_integer
 
+WHOLE = ("Integer", "Boolean", "Enumeration")
+AS_NUMBERS = ("Boolean", "Integer")  # types of which a Real input takes the number; true is 1
 MOST_POINTS = 10**6  # of a sweep
 MOST_JUDGED = 1000  # combinations for a component, and all its values; the FMU tells the others
 T = TypeVar("T")
@@ -299,3 +303,68 @@ class Checker:
             execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
+
+
+# Signals that inputs follow against the variables of these inputs and the time of the run.
+
+
+def check_signal(played: Played, variable: Variable) -> Iterator[str]:
+    """Problems of a signal with the input that is to follow it."""
+    if variable.type == "String":
+        yield "a text follows no signal. Give it a constant."
+        return
+    if played.unit and variable.unit and played.unit != variable.unit:
+        yield f"the column is in `{played.unit}`, the input in `{variable.unit}`. Convert the column."
+    if variable.type in WHOLE:
+        yield from check_whole(played, variable)
+    if variable.type in NUMERIC:
+        for value in (float(played.values.min()), float(played.values.max())):
+            if not within(value, variable):
+                yield f"{value:.9g} found, {limits(variable)} expected. Correct the value."
+
+
+def check_whole(played: Played, variable: Variable) -> Iterator[str]:
+    """Problems of a signal for an input that takes whole numbers only."""
+    if played.interpolation != "hold":
+        yield f'an input of type {variable.type} takes no values in between. Write `interpolation = "hold"`.'
+    items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
+    fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
+    for value in played.values[~fits][:1]:
+        yield f"{value:.9g} found, a value of type {variable.type} is expected. Correct it."
+
+
+def check_span(played: Played, experiment: Experiment) -> Iterator[str]:
+    """Problem of a signal that does not cover the run."""
+    begin, end, slack = float(played.times[0]), float(played.times[-1]), SLACK * experiment.base_step
+    if begin > experiment.start + slack or end < experiment.time(experiment.count) - slack:
+        span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
+        yield f"it has values from {begin:.9g} s to {end:.9g} s, the run is from {span}. Add what is missing."
+
+
+# Both ends of a connection: whether one can follow the other.
+
+
+def check_types(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
+    """Problems of a connection between types that do not fit, or whose values cannot be converted."""
+    ends = f"{connection.source} ({source.type}) -> {connection.target} ({target.type})"
+    is_number = target.type == "Real" and source.type in AS_NUMBERS
+    if source.type != target.type and not is_number:
+        yield (
+            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input takes others, "
+            "those of type Boolean and Integer."
+        )
+    elif source.items and target.items and source.items != target.items:
+        found, expected = (", ".join(f"{n} = {k}" for n, k in v.items.items()) for v in (source, target))
+        yield f"{connection.place}: {ends}: items differ, {found} and {expected}. Correct the connection."
+    elif connection.converts and target.type != "Real":
+        yield f"{connection.place}: {ends}: only a Real input takes `factor` and `bias`. Remove them."
+
+
+def check_units(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
+    """Problem of a connection between different units."""
+    sent = connection.unit or (None if connection.converts else source.unit)
+    if sent and target.unit and sent != target.unit:
+        ends = f"{connection.source} [{source.unit or 'no unit'}] -> {connection.target} [{target.unit}]"
+        after = f" after conversion to [{connection.unit}]" if connection.unit else ""
+        remedy = "Correct the connection, or give `factor`, `bias` and `unit` in `[[connections]]`."
+        yield f"{connection.place}: {ends}: units differ{after}. {remedy}"

@@ -6,14 +6,17 @@ A parameter set describes a device: each component that is given one takes the p
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 
-from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
+from gapsense._os.files import state
+from gapsense.cosim.fmu.archive import UnusableError, read_description
+from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable, mended
 from gapsense.cosim.fmu.variables import NUMERIC
 from gapsense.cosim.scenario.elements import Component, Experiment
 from gapsense.cosim.scenario.records import RowsColumn, Scenario
-from gapsense.cosim.scenario.sibling_fmus import parameters_beside
 from gapsense.problems import listing, suggest
 from gapsense.tables import Value, found, is_integer, is_number
 
@@ -184,3 +187,22 @@ def limits(variable: Variable) -> str:
     low, high = ends(variable)
     unit = f" {variable.unit}" if variable.unit else ""
     return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
+
+
+# Parameters of the FMUs that lie beside those of a scenario: what a parameter set may have for other components.
+
+
+def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
+    """Names of the parameters of all FMUs in the folders of some; one that cannot be read has none."""
+    files = {file for folder in {fmu.parent for fmu in fmus} for file in folder.glob("*.fmu")}
+    return frozenset().union(*(_parameters(file.resolve(), *state(file)) for file in files))
+
+
+@lru_cache(maxsize=256)
+def _parameters(file: Path, *_: int) -> frozenset[str]:
+    """Those of a file in some state."""
+    try:
+        root, _text = mended(read_description(file)[0])
+    except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
+        return frozenset()
+    return frozenset(v.get("name", "") for v in root.iter() if v.get("causality") == "parameter")

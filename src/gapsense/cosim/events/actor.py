@@ -6,13 +6,14 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import lru_cache
+from hashlib import sha256
+from struct import unpack
 from typing import Any
 
 from gapsense.cosim.events.event import Event
-from gapsense.cosim.events.grid import index_of, steps_of
-from gapsense.cosim.events.noise import noise
 from gapsense.cosim.events.watch import Buffer, Watch
-from gapsense.cosim.scenario.elements import Component, Experiment
+from gapsense.cosim.scenario.elements import Component, Experiment, index_of, steps_of
 from gapsense.tables import Value
 
 NEVER = sys.maxsize
@@ -171,3 +172,16 @@ def effect(event: Event, share: float, track: Track) -> Effect:
     if event.action == "scale":
         return Effect(number if share >= 1.0 else 1.0 + share * (number - 1.0), 0.0)
     return Effect(1.0, number * share)
+
+
+# Random numbers of events: each belongs to an event, a seed and a base step, whoever asks for it, and how often.
+
+
+@lru_cache(maxsize=64)
+def noise(name: str, seed: int, k: int) -> float:
+    """Number of standard normal distribution for an event at a base step; the same bits everywhere."""
+    from gapsense.kernels.random import M1, M2, normal  # here, so that what has no noise starts fast
+
+    words = unpack("<6I", sha256(f"{name} {seed} {k}".encode()).digest()[:24])
+    state = [float(word % int(m)) for word, m in zip(words, (M1, M1, M1, M2, M2, M2))]
+    return float(normal(state)[1])

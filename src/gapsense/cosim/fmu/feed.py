@@ -13,11 +13,10 @@ import numpy.typing as npt
 from gapsense._os.processes import new_marks
 from gapsense.cosim.check.values import value_problem
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.fmu.instance3 import instance_of
+from gapsense.cosim.fmu.instance import instance_of
 from gapsense.cosim.fmu.unpacked import unpacked
 from gapsense.cosim.run.loop import Work, advancer
-from gapsense.cosim.run.mixed import part_of
-from gapsense.cosim.run.part import Layout, Part
+from gapsense.cosim.run.part import Layout, Part, part_of
 from gapsense.cosim.run.recording import Recording
 from gapsense.cosim.scenario.elements import Component, Experiment, Port
 from gapsense.cosim.scenario.input_signals import Player

@@ -12,10 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.files import read_columns, read_sheet
-from gapsense.cosim.result.compare import step_of, tolerance_of
-from gapsense.cosim.result.difference import Comparison, Difference
-from gapsense.cosim.result.edges import reach
-from gapsense.cosim.result.grids import apart, are_same, common, sampled, spacing
+from gapsense.cosim.result.compare import (
+    Comparison,
+    Difference,
+    apart,
+    are_same,
+    common,
+    reach,
+    sampled,
+    spacing,
+    step_of,
+    tolerance_of,
+)
 from gapsense.cosim.result.result import TIME, Result, Run, Signal, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.kinds import RESULT, other_kind

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import json
+import mmap
 import os
 import pickle
 import sys
@@ -17,12 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.files import write_atomically
 from gapsense._os.interrupts import counted
 from gapsense._os.prestart import process as new_process
-from gapsense._os.processes import Died, Process
-from gapsense.cosim.run.apart_child import FACTS, Plan, prepare
-from gapsense.cosim.run.apart_child import opened as mapped
-from gapsense.cosim.run.master import Progress, shape
+from gapsense._os.processes import Died, Process, own_marks
+from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.run.master import Keeper, Master, Progress, shape
 from gapsense.cosim.run.recording import (
     COMPONENT,
     DOING,
@@ -33,12 +36,15 @@ from gapsense.cosim.run.recording import (
     STEPPING,
     STOP,
     Recording,
+    Take,
     death,
     from_facts,
 )
 from gapsense.cosim.scenario.order import execution_order
 from gapsense.cosim.scenario.records import Scenario
 
+FACTS = "facts.json"  # all but the rows, of the run so far
+PERIOD = 0.5  # seconds between two of its versions
 LOOK = 0.05  # seconds between two looks at the run
 HASTE = 0.5  # seconds after a Ctrl-C until one is told what it waits for
 Answer = dict[str, Any] | Exception
@@ -168,11 +174,75 @@ def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArr
     """Rows in a file that two processes share; a new one gets all its room at once, or is refused."""
     octets = max(8, 8 * size[0] * size[1])
     if is_new:
-        with file.open("wb") as opened:
+        with file.open("wb") as made:
             if hasattr(os, "posix_fallocate"):
                 try:
-                    os.posix_fallocate(opened.fileno(), 0, octets)
+                    os.posix_fallocate(made.fileno(), 0, octets)
                 except OSError as error:
                     raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
-            opened.truncate(octets)
-    return mapped(file, size)
+            made.truncate(octets)
+    return opened(file, size)
+
+
+# The process in which a run is done apart, seen from inside.
+
+
+class Plan(NamedTuple):
+    """All that the other process needs to know."""
+
+    scenario: Scenario
+    descriptions: Descriptions
+    take: Take
+    keeper: Keeper | None
+
+
+def prepare(folder: str) -> Callable[[Any], dict[str, Any]]:
+    """Function that does the run whose plan is in a folder."""
+    import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
+
+    plan: Plan = pickle.loads(Path(folder, "plan").read_bytes())
+
+    def answer(_: Any) -> dict[str, Any]:
+        try:
+            return record(plan, Path(folder)).facts()
+        except OSError as error:
+            return {"os_error": [error.errno, error.strerror, error.filename]}
+
+    return answer
+
+
+def record(plan: Plan, folder: Path) -> Recording:
+    """The run; its FMUs are freed when this process ends, and may crash then without harm."""
+    marks, size = own_marks(), shape(plan.scenario, plan.take.columns)
+    recording = Recording(opened(folder / "rows", size))
+    try:
+        master = Master(plan.scenario, plan.descriptions, marks)
+    except FmuError as error:
+        recording.error = error
+        return recording
+    atexit.register(master.close)
+    notes = Notes(folder / FACTS, master, recording)
+    columns, seeds, values = plan.take
+    return master.run(columns, seeds, notes, values, recording, plan.keeper)
+
+
+class Notes:
+    """Writes down now and then what is known of a run, to be told of progress."""
+
+    def __init__(self, file: Path, master: Master, recording: Recording) -> None:
+        self.file, self.master, self.recording = file, master, recording
+        self.due = monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Write if it is time."""
+        if monotonic() >= self.due:
+            facts = {**self.recording.facts(), "messages": self.master.messages()}
+            write_atomically(self.file, lambda file: json.dump(facts, file))
+            self.due = monotonic() + PERIOD
+
+
+def opened(file: Path, size: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Rows in a file, which is changed with them."""
+    with file.open("r+b") as handle:
+        memory = mmap.mmap(handle.fileno(), 0)
+    return np.frombuffer(memory, count=size[0] * size[1]).reshape(size)

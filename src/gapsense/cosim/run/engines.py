@@ -15,9 +15,8 @@ from gapsense._os.workers import Answers, Job, Pending, Server
 from gapsense.cosim.prepare import find_fmus, prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import ENGINES, FMU, NATIVE, VECTORS, likely_vectors
-from gapsense.cosim.run.finished import finished
 from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.subject import Subject, finished
 from gapsense.cosim.run.worker import by_port
 from gapsense.cosim.scenario.document import Source, scenario_file
 from gapsense.problems import ScenarioError, suggest

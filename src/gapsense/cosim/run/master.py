@@ -6,8 +6,8 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
-from time import perf_counter
-from typing import Protocol, TypeVar
+from time import perf_counter, sleep
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,16 +17,12 @@ from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept
-from gapsense.cosim.fmu.instance3 import instance_of
+from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.fmu.unpacked import unpacked
-from gapsense.cosim.run.clockwork import Action, pacer, pauses
 from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.inputs import constants, place
 from gapsense.cosim.run.loop import Advance, Work, advancer
-from gapsense.cosim.run.mixed import Texts, part_of
-from gapsense.cosim.run.part import Layout, Part
+from gapsense.cosim.run.part import Layout, Part, Texts, constants, part_of, place
 from gapsense.cosim.run.recording import (
     COMPONENT,
     ENDING,
@@ -324,3 +320,47 @@ def refuse(part: Part, failed: str, experiment: Experiment) -> None:
     """Raise the error of an initialisation call that failed."""
     if failed:
         raise part.failure(failed, experiment.time(part.component.offset), 0)
+
+
+# What comes between base steps: waiting for a pace, and what is told and saved now and then.
+
+
+def pacer(experiment: Experiment, recording: Recording, done: int) -> Callable[[int], None]:
+    """Function that sleeps at the end of a base step until its time has come, and notes when it is late."""
+    period = experiment.base_step / (experiment.pace or 1.0)
+    begin = perf_counter() - done * period
+
+    def wait(k: int) -> None:
+        left = begin + k * period - perf_counter()
+        if left > 0.0:
+            sleep(left)
+        else:
+            recording.overruns += 1
+            recording.lag = max(recording.lag, -left)
+
+    return wait
+
+
+class Action(NamedTuple):
+    """What is done every so many base steps, and at the end."""
+
+    every: int
+    do: Callable[[int], None]
+
+
+def pauses(actions: Sequence[Action], count: int, done: int) -> tuple[int, Callable[[int], int]]:
+    """The next base step after which there is something to do, and the function that does it and gives the next one.
+
+    The loop should not have to ask at each step.
+    """
+
+    def following(k: int) -> int:
+        return min([count, *(k - k % action.every + action.every for action in actions)])
+
+    def pause(k: int) -> int:
+        for action in actions:
+            if not k % action.every or k == count:
+                action.do(k)
+        return following(k)
+
+    return following(done), pause

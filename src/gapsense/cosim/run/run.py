@@ -11,13 +11,11 @@ from gapsense._os.interrupts import counted
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import run_ahead
-from gapsense.cosim.run.apart import Watch, record_apart, tell
-from gapsense.cosim.run.apart_child import Plan
+from gapsense.cosim.run.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.run.checkpoint import Checkpoint, Keeper, keeper
-from gapsense.cosim.run.finished import finished
 from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.subject import Subject, finished
 from gapsense.cosim.scenario.document import Source
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.records import ISOLATIONS, Scenario

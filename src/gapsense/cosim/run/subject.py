@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense._os.files import sha256, state
 from gapsense.cosim.check.coarse import remarks
+from gapsense.cosim.events.event import Span
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.result.result import Run, Signal
+from gapsense.cosim.fmu.instance import WARNING, summary
+from gapsense.cosim.result.measure import measure_all
+from gapsense.cosim.result.result import Result, Run, Signal, Timing
+from gapsense.cosim.run.durations import median
 from gapsense.cosim.run.loop import language
-from gapsense.cosim.run.recording import Take
+from gapsense.cosim.run.recording import Recording, Take
 from gapsense.cosim.scenario.elements import Connection, Port
 from gapsense.cosim.scenario.order import Order, execution_order
 from gapsense.cosim.scenario.records import Scenario
@@ -126,3 +131,78 @@ def versions() -> dict[str, str]:
 
     packages = {package.__name__: str(package.__version__) for package in (fmpy, np)}
     return {"gapsense": __version__, **packages, "python": platform.python_version(), "platform": platform.platform()}
+
+
+# From a recording to a result with its metrics.
+
+
+def finished(subject: Subject, take: Take, recording: Recording) -> Result:
+    """Result of a recording with its metrics; raises FmuError with the partial result if a component has failed."""
+    result = to_result(subject, take, recording)
+    if recording.error is not None:
+        recording.error.result = replace(result, failure=str(recording.error))
+        raise recording.error
+    return result if result.interrupted else replace(result, metrics=measure_all(subject.scenario.metrics, result))
+
+
+def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
+    """Result of a recording, without metrics."""
+    overruns, lag = recording.overruns, recording.lag
+    return Result(
+        run=replace(
+            subject.run,
+            seeds=dict(take.seeds),
+            files=subject.hashes(),
+            overruns=overruns,
+            lag=lag,
+            remarks=(*subject.run.remarks, *said(subject, recording)),
+        ),
+        times=times(subject.scenario, recording.rows),
+        signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
+        about=subject.about,
+        parameters=recording.parameters,
+        timing=dict(zip(subject.run.order, timings(recording))),
+        wall=recording.wall,
+        interrupted=recording.interrupted,
+        ended=recording.ended,
+        messages=tuple(recording.messages),
+        events=tuple(spans(subject.scenario, recording.events)),
+    )
+
+
+def said(subject: Subject, recording: Recording) -> Iterator[str]:
+    """Sentences on what components did in the run that is no failure: the end of it, warnings."""
+    if recording.ended:
+        yield recording.ended
+    for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):
+        if warnings:
+            texts = [text for component, status, text in recording.messages if (component, status) == (name, WARNING)]
+            said = f"; the last one says: {summary(texts[-1]).rstrip('.')}" if texts else " without a word"
+            yield f"`{name}` returned a warning from {warnings} of {calls} steps{said}."
+
+
+def timings(recording: Recording) -> Iterator[Timing]:
+    """Time of each component, in execution order."""
+    for seconds, calls, longest, spread in zip(recording.seconds, recording.calls, recording.longest, recording.spread):
+        yield Timing(seconds, calls, median(spread, longest), longest if calls else None)
+
+
+def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Span]:
+    """When each event was on; of an event that was on at the end, the end is not known."""
+    time = scenario.experiment.time
+    for name, begin, end in happened:
+        event = scenario.events[name]
+        yield Span(
+            name=name,
+            target=str(event.target),
+            action=event.action,
+            begin=time(begin),
+            end=None if end is None else time(end),
+        )
+
+
+def times(scenario: Scenario, rows: int) -> npt.NDArray[np.float64]:
+    """Times of the rows [s], each with the bits of `Experiment.time`."""
+    experiment = scenario.experiment
+    steps = np.arange(rows, dtype=np.float64) * scenario.record.decimation  # exact: there are fewer than 2**53
+    return experiment.start + steps * experiment.base_step

@@ -1,4 +1,4 @@
-"""What a scenario says, as records. `load.py` reads them from a file, `check.py` holds them against the FMUs."""
+"""What a scenario says, as records. `read.py` reads them from a file, `cosim/check` holds them against the FMUs."""
 
 from __future__ import annotations
 

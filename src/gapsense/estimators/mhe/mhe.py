@@ -54,17 +54,20 @@ from gapsense.estimators.mhe.window import (
     put,
 )
 from gapsense.estimators.readings import (
+    CURRENT,
     INNOVATION,
     LOST,
     OTHER,
     RESTARTED,
     STILL,
     UNTOLD,
+    VOLTAGE,
     Health,
     can_be_read,
     health,
     most_current,
 )
+from gapsense.kernels.interface import input_, output, part, ports
 from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, store, when, where
@@ -100,23 +103,27 @@ class State(NamedTuple):
     smoothed: Smoothed
 
 
+@ports()
 class Inputs(NamedTuple):
     """Measurements; `time` is that of the sample; `command` is 0 where it is not wired."""
 
     time: Scalar
-    voltage: Scalar
-    current: Scalar
-    command: Scalar
+    voltage: Scalar = VOLTAGE
+    current: Scalar = CURRENT
+    command: Scalar = input_("1", "With option.command: a window ends where this changes; any number", is_optional=True)
 
 
+@ports()
 class Shown(NamedTuple):
     """Smoothed values of `smoothed_time`, or causal ones."""
 
-    smoothed_published: Scalar  # flag: smoothed; 0: there are none
-    smoothed_time: Scalar
-    smoothed_position: Scalar
-    smoothed_velocity: Scalar
-    smoothed_flux_linkage: Scalar
+    smoothed_published: Scalar = output(
+        "1", "1: smoothed values of the sample at smoothed_time; 0: the causal ones, now", min=0.0, max=1.0
+    )
+    smoothed_time: Scalar = output("s", "Time of the sample that the smoothed values belong to", nominal=1e-2)
+    smoothed_position: Scalar = output("m", "Smoothed position", nominal=1e-3)
+    smoothed_velocity: Scalar = output("m/s", "Smoothed mean velocity since the sample before", nominal=0.5)
+    smoothed_flux_linkage: Scalar = output("Wb", "Smoothed flux linkage", nominal=20e-3)
 
 
 def _shown(at: Point, time: Scalar) -> Shown:
@@ -130,62 +137,66 @@ def _shown(at: Point, time: Scalar) -> Shown:
     )
 
 
+@ports()
 class Found(NamedTuple):
     """The `Device` in use by the causal estimate."""
 
-    resistance: Scalar
-    eddy: Scalar
-    gap_factor: Scalar
-    knee: Scalar
-    saturation: Scalar
-    hysteresis: Scalar
-    mass: Scalar
-    rest_position: Scalar
-    viscous_damping: Scalar
-    core_reluctance: Scalar
-    gap_bend: Scalar
+    resistance: Scalar = output("Ohm", "Resistance R")
+    eddy: Scalar = output("S", "Eddy currents g_e")
+    gap_factor: Scalar = output("1", "Factor of the gap reluctance")
+    knee: Scalar = output("A", "Knee b of the core")
+    saturation: Scalar = output("Wb", "Flux linkage of saturation")
+    hysteresis: Scalar = output("A", "Amplitude I_h of the hysteresis")
+    mass: Scalar = output("kg", "Mass of the mover")
+    rest_position: Scalar = output("m", "Position without spring force")
+    viscous_damping: Scalar = output("N.s/m", "Viscous damping")
+    core_reluctance: Scalar = output("1/H", "Reluctance R_c of the core without its knee, over N^2")
+    gap_bend: Scalar = output("1", "Bend of the gap law, zero at both stops")
 
 
+@ports()
 class Certainty(NamedTuple):
     """Standard deviations of these after the last window; 0 of what is not learnt."""
 
-    resistance_std: Scalar
-    eddy_std: Scalar
-    gap_factor_std: Scalar
-    knee_std: Scalar
-    saturation_std: Scalar
-    hysteresis_std: Scalar
-    mass_std: Scalar
-    rest_position_std: Scalar
-    viscous_damping_std: Scalar
-    core_reluctance_std: Scalar
-    gap_bend_std: Scalar
+    resistance_std: Scalar = output("Ohm", "Its standard deviation", min=0.0)
+    eddy_std: Scalar = output("S", "Its standard deviation", min=0.0)
+    gap_factor_std: Scalar = output("1", "Its standard deviation", min=0.0)
+    knee_std: Scalar = output("A", "Its standard deviation", min=0.0)
+    saturation_std: Scalar = output("Wb", "Its standard deviation", min=0.0)
+    hysteresis_std: Scalar = output("A", "Its standard deviation", min=0.0)
+    mass_std: Scalar = output("kg", "Its standard deviation", min=0.0)
+    rest_position_std: Scalar = output("m", "Its standard deviation", min=0.0)
+    viscous_damping_std: Scalar = output("N.s/m", "Its standard deviation", min=0.0)
+    core_reluctance_std: Scalar = output("1/H", "Its standard deviation", min=0.0)
+    gap_bend_std: Scalar = output("1", "Its standard deviation", min=0.0)
 
 
+@ports()
 class Operation(NamedTuple):
     """The last operation that was solved, and its window."""
 
-    takeoff_time: Scalar
-    landing_time: Scalar
-    impact_speed: Scalar
-    bounces: Scalar  # landings after the first one, in the same window
-    windows: Scalar  # so far
-    misfit: Scalar  # of the window: cost over what noise and model error make
+    takeoff_time: Scalar = output("s", "Last sample at rest before the last motion that was solved", nominal=1e-2)
+    landing_time: Scalar = output("s", "Its first landing", nominal=1e-2)
+    impact_speed: Scalar = output("m/s", "Speed before that landing", min=0.0)
+    bounces: Scalar = output("1", "Landings after the first one in the same window", min=0.0)
+    windows: Scalar = output("1", "Windows solved so far", min=0.0)
+    misfit: Scalar = output("1", "Cost of the last window over what noise and model error make", min=0.0)
 
 
+@ports(feedthrough=Inputs._fields[1:])
 class Outputs(NamedTuple):
     """Causal estimates at the sample, smoothed ones, the last operation, what was learnt."""
 
-    position: Scalar
-    velocity: Scalar
-    flux_linkage: Scalar
-    mode: Scalar
-    innovation: Scalar
-    health: Health
-    shown: Shown
-    operation: Operation
-    found: Found
-    certainty: Certainty
+    position: Scalar = output("m", "Causal estimate of the position", nominal=1e-3)
+    velocity: Scalar = output("m/s", "Its velocity", nominal=0.5)
+    flux_linkage: Scalar = output("Wb", "Causal estimate of the flux linkage", nominal=20e-3)
+    mode: Scalar = output("1", "1: at the lower stop, 2: moving, 3: at the upper stop", min=1.0, max=3.0)
+    innovation: Scalar = output("A", "Measured current minus that of the causal estimate", nominal=1e-2)
+    health: Health = part()
+    shown: Shown = part()
+    operation: Operation = part()
+    found: Found = part()
+    certainty: Certainty = part()
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

@@ -14,8 +14,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
+from gapsense.estimators import reduced_model
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
+from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
 from gapsense.estimators.reduced_model import GapLaw
+from gapsense.kernels.interface import option, parameter, ports, same
 from gapsense.kernels.layout import Array, Scalar, Table
 from gapsense.kernels.linalg import matrix, vector
 from gapsense.kernels.trace import clip, cond, exp, fabs, not_, square, where
@@ -28,60 +31,75 @@ SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
 
 
+EKF = same(reduced_model.Parameters)
+
+
+def prior(what: str, start: float) -> Any:
+    """How well something is known before the first window."""
+    return parameter("1", f"{what}: relative deviation before the first window", start, min=0.0)
+
+
+@ports()
 class Parameters(NamedTuple):
     """The actuator as a user knows it, how well, and the tuning."""
 
-    sample_time: Scalar  # T_s [s]
-    coil_resistance: Scalar  # R [ohm]
-    coil_turns: Scalar  # N [1]
-    mover_mass: Scalar  # m [kg]
-    spring_stiffness: Scalar  # k_sp [N/m]
-    spring_rest: Scalar  # z_sp [m]
-    damping: Scalar  # c_f [N s/m]
-    stop_lower: Scalar  # z_min [m]
-    stop_upper: Scalar  # z_max [m]
-    core_reluctance: Scalar  # R_c0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
-    core_bend: Scalar  # K: b = K lambda_sat / N^2 [1/H]; 0: the core is that of Froehlich and Kennelly
-    core_eddy: Scalar  # g_e [S]
-    core_hysteresis: Scalar  # I_h [A]
-    core_turnover: Scalar  # l_h [Wb]
-    gap_law: Annotated[Scalar, GapLaw]
-    gap_reluctance: Scalar  # R_g0 [1/H]
-    gap_slope: Scalar  # R_g0' [1/(H m)]
-    gap_fringing: Scalar  # k_f [1/m]
-    gap_window: Scalar  # c_f [m]
-    gap_file_gap: Annotated[Array, Table()]  # increasing [m]
-    gap_file_reluctance: Annotated[Array, Table()]  # increasing [1/H]
-    gap_file_spline: Annotated[Array, Table()]  # second derivative of its spline [1/(H m^2)]
-    gap_factor: Scalar  # of R_g [1]
-    gap_bend: Scalar  # added to it between the stops [1]
-    option_further: Scalar  # 1: damping, core reluctance and bend are learnt too
-    option_command: Scalar  # 1: a window ends when the input `command` changes
-    option_zero: Scalar  # 1: the current that is left after a long time without voltage is the sensor's offset
-    option_mean: Scalar  # 1: the voltage is the mean since the last sample
-    noise_voltage: Scalar  # sigma_v [V]
-    noise_current: Scalar  # sigma_i [A]
-    model_error: Scalar  # of the current, the same over `SAME` samples [A]
-    edge: Scalar  # jump of the voltage beyond which a sample's current does not count [V]
-    window_tail: Scalar  # at rest after a landing until the window ends [s]
-    window_longest: Scalar  # [s]
-    window_pace: Scalar  # pieces of a pass that a step may take; 0: as many as the sample time allows
-    publish_within: Scalar  # age of a sample beyond which it is not published; 0: all are [s]
-    prior_resistance: Scalar  # relative standard deviations before the first window
-    prior_eddy: Scalar
-    prior_gap: Scalar
-    prior_knee: Scalar
-    prior_saturation: Scalar
-    prior_hysteresis: Scalar
-    prior_mass: Scalar
-    prior_rest: Scalar
-    prior_damping: Scalar  # with `option_further`
-    prior_core: Scalar  # the same; standard deviation [1/H]
-    prior_bend: Scalar  # the same [1]
-    range_voltage: Scalar  # a reading beyond counts as lost [V]
-    range_current: Scalar  # [A]
-    health_limit: Scalar  # largest misfit [1]
+    sample_time: Scalar = EKF
+    coil_resistance: Scalar = EKF
+    coil_turns: Scalar = EKF
+    mover_mass: Scalar = EKF
+    spring_stiffness: Scalar = EKF
+    spring_rest: Scalar = EKF
+    damping: Scalar = EKF
+    stop_lower: Scalar = EKF
+    stop_upper: Scalar = EKF
+    core_reluctance: Scalar = EKF
+    core_saturation: Scalar = EKF
+    core_bend: Scalar = EKF
+    gap_law: Annotated[Scalar, GapLaw] = EKF
+    gap_reluctance: Scalar = EKF
+    gap_slope: Scalar = EKF
+    gap_fringing: Scalar = EKF
+    gap_window: Scalar = EKF
+    gap_file_gap: Annotated[Array, Table()] = EKF
+    gap_file_reluctance: Annotated[Array, Table()] = EKF
+    gap_file_spline: Annotated[Array, Table()] = EKF
+    noise_current: Scalar = EKF
+    range_voltage: Scalar = RANGE_VOLTAGE
+    range_current: Scalar = RANGE_CURRENT
+    core_eddy: Scalar = parameter("S", "Eddy currents, k_eddy / N^2; a guess, see prior.eddy", 0.5e-3, min=1e-9)  # g_e
+    core_hysteresis: Scalar = parameter(
+        "A", "Largest current of hysteresis; a guess, see prior.hysteresis", 5e-3, min=1e-9
+    )  # I_h
+    core_turnover: Scalar = parameter("Wb", "Flux linkage in which hysteresis turns over", 1.8e-3, min=1e-9)  # l_h
+    gap_factor: Scalar = parameter("1", "Factor of the gap reluctance", 1.0, min=1e-9)
+    gap_bend: Scalar = parameter("1", "Bend of the gap law, zero at both stops", 0.0)
+    option_further: Scalar = option("Learn damping, core reluctance and bend of the gap law too", False)
+    option_command: Scalar = option("A window ends where the input command changes, not after a landing", False)
+    option_mean: Scalar = option("The voltage is the mean since the last sample: that of a held or switched one", False)
+    option_zero: Scalar = option("The current that is left after `window.tail` without voltage is an offset", False)
+    noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 0.03, min=0.0)  # sigma_v
+    model_error: Scalar = parameter("A", "Standard deviation of the model's error of the current", 1e-3, min=0.0)
+    edge: Scalar = parameter(
+        "V", "A voltage that changes by more is an edge: the current does not count", 1.0, min=1e-9
+    )
+    window_tail: Scalar = parameter("s", "Time at rest after a landing until the window ends", 2e-3, min=1e-9)
+    window_longest: Scalar = parameter("s", "Longest window; at most 2000 samples", 20e-3, min=1e-9)
+    window_pace: Scalar = parameter(
+        "1", "Pieces of the work on a window in a step; 0: by the sample time", 0.0, min=0.0, max=64.0
+    )
+    publish_within: Scalar = parameter("s", "Age beyond which a sample is not published; 0: all are", 0.0, min=0.0)
+    prior_resistance: Scalar = prior("Resistance R", 0.15)
+    prior_eddy: Scalar = prior("Eddy currents g_e", 0.5)
+    prior_gap: Scalar = prior("Factor of the gap reluctance", 0.04)
+    prior_knee: Scalar = prior("Knee b of the core", 0.4)
+    prior_saturation: Scalar = prior("Flux linkage of saturation", 0.06)
+    prior_hysteresis: Scalar = prior("Amplitude I_h of the hysteresis", 1.0)
+    prior_mass: Scalar = prior("Mass of the mover", 0.04)
+    prior_rest: Scalar = prior("Position without spring force", 0.04)
+    prior_damping: Scalar = prior("Viscous damping", 0.1)
+    prior_core: Scalar = prior("Reluctance R_c of the core without its knee, over N^2", 0.2)
+    prior_bend: Scalar = prior("Bend of the gap law, zero at both stops", 0.1)
+    health_limit: Scalar = parameter("1", "Largest misfit; good windows have less than 1", 3.0, min=0.0)
 
 
 class Device(NamedTuple):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 from collections.abc import Iterable, Sequence
+from types import ModuleType
 
-from gapsense.fmi.fmi3.arrays import shapes, source
-from gapsense.fmi.fmi3.variables import FLAG, Tables, motion, places
+from gapsense.fmi.fmi3.variables import FLAG, Shape, Tables, motion, places
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.ports import Component
 from gapsense.kernels.emit import C
-from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.layout import fields
 
 MOST_ENTRIES = 64  # as in arrays.h
 SOURCE = """/* The arrays of a component, generated from its port table and its kernel. */
@@ -73,3 +76,30 @@ def array(kind: str, name: str, items: Iterable[str]) -> list[str]:
     """A constant array; nothing for an empty one, which C does not have."""
     lines = "".join(f"    {item},\n" for item in items)
     return [f"static const {kind} {name}[] = {{\n{lines}}};\n"] if lines else []
+
+
+# Arrays made of a kernel's state for hosts that know arrays.
+#
+# A kernel `x` may have a module `x_arrays` beside it, with a record `Arrays`, a function `arrays(state, par)` that
+# gives one, and `ROWS`: the outputs that the rows and columns of its covariances stand for.
+
+
+def module_of(kernel: Kernel) -> ModuleType | None:
+    """The module, if there is one."""
+    name = f"{kernel.module.__name__}_arrays"
+    return importlib.import_module(name) if importlib.util.find_spec(name) else None
+
+
+def shapes(kernel: Kernel) -> list[Shape]:
+    """Names and sizes."""
+    module = module_of(kernel)
+    return [Shape(name, field.size, module.ROWS) for name, field in fields(module.Arrays).items()] if module else []
+
+
+def source(kernel: Kernel) -> str:
+    """C99 of `<kernel>_arrays`, to stand behind that of the kernel; it writes the upper triangles as its new state."""
+    module, records = module_of(kernel), kernel.module
+    if module is None:
+        return ""
+    graph = trace(module.arrays, {"state": records.State, "par": records.Parameters}, (module.Arrays,))
+    return C(graph._replace(name=f"{kernel.name}_arrays")).source()

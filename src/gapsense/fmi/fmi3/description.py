@@ -7,10 +7,14 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 from gapsense.fmi import describe
+from gapsense.fmi.describe import text
 from gapsense.fmi.fmi3.variables import Variable
 from gapsense.fmi.ports import Component
 from gapsense.units import UNITS
 
+TERMINALS, TERMINALS_ICON = "terminalsAndIcons/terminalsAndIcons.xml", "terminalsAndIcons/icon.png"
+ROLES = {"actuators": "plant", "drive": "drive", "sensor": "sensor", "estimators": "estimate"}  # by part of the package
+CORNERS = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 RULES = "gapsense.rules"  # type of our annotation
 ABILITIES = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
 CATEGORIES = {"logStatusError": "Refusals and errors"}
@@ -28,8 +32,8 @@ def model_description(component: Component, variables: Sequence[Variable], token
     if types := [variable for variable in variables if variable.choices]:
         _add_types(SubElement(root, "TypeDefinitions"), types)
     categories = SubElement(root, "LogCategories")
-    for name, text in CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=text)
+    for name, said in CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=said)
     times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
     SubElement(root, "DefaultExperiment", times)
     known = SubElement(root, "ModelVariables")
@@ -102,3 +106,38 @@ def _add_structure(structure: Element, variables: Sequence[Variable]) -> None:
             needed = sorted([*(references[name] for name in variable.feedthrough), *more])
             known = {"valueReference": str(variable.reference), "dependencies": " ".join(map(str, needed))}
             SubElement(structure, tag, known)
+
+
+# terminalsAndIcons.xml of FMI 3.0: signals that are wired together, and the picture.
+#
+# A terminal for inputs has the name and the members of what drives them as a rule, `source` of a port; one for outputs
+# is named after what the component is. Where the names of members are equal, a tool may connect two terminals as a
+# bundle.
+
+
+def terminals(component: Component) -> dict[str, dict[str, str]]:
+    """Of every terminal the variables, by the names of its members."""
+    found: dict[str, dict[str, str]] = {}
+    for port in component.of("input"):
+        owner, _, member = port.source.partition(".")
+        if member:
+            found.setdefault(owner, {})[member] = port.name
+    own = next((ROLES[part] for part in component.kernel.split(".")[:-1] if part in ROLES), "outputs")
+    for port in component.of("output"):
+        first = port.name.partition("_")[0]
+        found.setdefault(first if first in ("health", "smoothed") else own, {})[port.name] = port.name
+    return found
+
+
+def terminals_and_icons(component: Component) -> bytes:
+    """The XML file."""
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    picture = SubElement(root, "GraphicalRepresentation")
+    SubElement(picture, "CoordinateSystem", CORNERS, suggestedScalingFactorTo_mm="0.1")
+    SubElement(picture, "Icon", CORNERS)
+    parent = SubElement(root, "Terminals")
+    for name, members in terminals(component).items():
+        node = SubElement(parent, "Terminal", name=name, matchingRule="bus")
+        for member, variable in members.items():
+            SubElement(node, "TerminalMemberVariable", variableName=variable, memberName=member, variableKind="signal")
+    return text(root)

@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
-from gapsense.fmi import package, page, picture, references
-from gapsense.fmi.native import package3
-from gapsense.fmi.native.compile import binary, compile_common
-from gapsense.fmi.native.description import description
+from gapsense.fmi import describe, package, page, picture, references
+from gapsense.fmi.fmi3.description import (
+    TERMINALS,
+    TERMINALS_ICON,
+    build_description,
+    model_description,
+    terminals_and_icons,
+)
+from gapsense.fmi.native.compile import binary, compile_common, thin
 from gapsense.fmi.native.parts import Parts, common, gather
 from gapsense.fmi.native.platforms import PLATFORMS, compilers
+from gapsense.fmi.ports import Component, Port
 from gapsense.version import __version__
 
+FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux"}
+FLAGS = {
+    "needsExecutionTool": "false",
+    "canHandleVariableCommunicationStepSize": "true",
+    "canInterpolateInputs": "false",
+    "canBeInstantiatedOnlyOncePerProcess": "false",
+    "canNotUseMemoryManagementFunctions": "true",
+    "canGetAndSetFMUstate": "true",
+    "canSerializeFMUstate": "true",
+}
+CATEGORIES = ("Warning", "Discard", "Error", "Fatal")
 COMPILERS_AT_ONCE = 2
 RUN = """## How to run
 
@@ -72,7 +90,7 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
             members = {**members_of(parts, together), **libraries(parts, binaries, together)}
             yield package.write(members, folder / f"{parts.component.name}.fmu")
     page3 = documentation(parts, sorted(binaries), "3.0")
-    members = package3.members_of(parts, binaries, listed(parts.sources(3)), page3)
+    members = members_of_3(parts, binaries, listed(parts.sources(3)), page3)
     (destination / "fmi3").mkdir(parents=True, exist_ok=True)
     yield package.write(members, destination / "fmi3" / f"{parts.component.name}.fmu")
 
@@ -83,11 +101,14 @@ def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[s
     return {f"binaries/{p.folder}/{parts.component.name}{p.ending}": binaries[n] for n, p in places.items()}
 
 
+# The FMU of FMI 3.0: the same libraries as those of FMI 2.0, all platforms in one file.
+
+
 def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
     """All other files of an FMU of FMI 2.0."""
     component, sources = parts.component, parts.sources(2)
     return {
-        "modelDescription.xml": description(component, parts.guid, __version__, listed(sources)),
+        "modelDescription.xml": model_description_2(component, parts.guid, __version__, listed(sources)),
         "documentation/index.html": documentation(parts, platforms).encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         "model.png": (package.HERE / "icon.png").read_bytes(),
@@ -108,3 +129,64 @@ def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> s
     run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=fmi)
     drawing = picture.figure(parts.component, parts.folder)
     return page.html(parts.component, markdown, __version__, drawing, run)
+
+
+def members_of_3(
+    parts: Parts, binaries: Mapping[str, bytes], compiled: Sequence[str], documentation: str
+) -> dict[str, bytes]:
+    """All files of the FMU; `binaries` by platform, as for FMI 2.0; `compiled` are the sources to compile."""
+    component = parts.component
+    icon = (package.HERE / "icon.png").read_bytes()
+    return {
+        "modelDescription.xml": model_description(component, parts.variables, parts.guid, __version__),
+        "documentation/index.html": documentation.encode(),
+        "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
+        TERMINALS: terminals_and_icons(component),
+        TERMINALS_ICON: icon,
+        **{f"resources/{name}": content for name, content in parts.resources.items()},
+        **parts.sources(3),
+        "sources/buildDescription.xml": build_description(component.name, compiled),
+        **{
+            place: library for name, content in binaries.items() for place, library in libraries_3(parts, name, content)
+        },
+        **references.files(parts.folder, parts.given, fmi=3),
+    }
+
+
+def libraries_3(parts: Parts, platform: str, content: bytes) -> Iterator[tuple[str, bytes]]:
+    """Where FMI 3.0 has the library of a platform; one for several processors has a folder for each."""
+    folders = {FOLDERS[platform]: content} if platform in FOLDERS else {}
+    folders = folders or {f"{processor}-darwin": library for processor, library in thin(content).items()}
+    for folder, library in folders.items():
+        yield f"binaries/{folder}/{parts.component.name}{PLATFORMS[platform].ending}", library
+
+
+def model_description_2(component: Component, guid: str, version: str, sources: Iterable[str]) -> bytes:
+    """`modelDescription.xml`."""
+    about = {"fmiVersion": "2.0", "modelName": component.name, "description": component.description}
+    root = Element("fmiModelDescription", about)
+    kind = SubElement(root, "CoSimulation", {"modelIdentifier": component.name, **FLAGS})
+    files = SubElement(kind, "SourceFiles")
+    for name in sources:
+        SubElement(files, "File", name=name)
+    log = SubElement(root, "LogCategories")
+    for name in CATEGORIES:
+        SubElement(log, "Category", name=f"logStatus{name}", description=f"Log messages with fmi2{name} status.")
+    SubElement(log, "Category", name="logAll", description="Log all messages.")
+    variables = SubElement(root, "ModelVariables")
+    for reference, port in enumerate(component.ports):
+        _add_variable(variables, reference, port)
+    SubElement(root, "ModelStructure")
+    describe.complete(root, component, guid, version)
+    root.set("generationTool", describe.TOOL)
+    return describe.text(root)
+
+
+def _add_variable(variables: Element, reference: int, port: Port) -> None:
+    is_output = port.causality == "output"
+    about = {"name": port.name, "valueReference": str(reference), "description": port.description}
+    kinds = {"causality": port.causality, "variability": port.variability}
+    more = {"initial": "calculated"} if is_output else {}
+    variable = SubElement(variables, "ScalarVariable", {**about, **kinds, **more})
+    start = str(port.start).lower() if port.kind == "Boolean" else str(port.start)
+    SubElement(variable, port.kind, {} if is_output else {"start": start})

@@ -18,10 +18,9 @@ from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.mhe.watch import SAME
 from gapsense.estimators.mhe.window import JUMP
 from gapsense.identification.measurements.operations import coarse, hidden, starts
+from gapsense.identification.measurements.prepare import remaining
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.measurements.rest import remaining
-from gapsense.identification.noise import noises
-from gapsense.identification.residual import REST, noise_of
+from gapsense.identification.residual import REST, noise_of, noises
 
 FINEST = 20e-6  # s; the model takes no longer steps, for which its errors are below 1 um
 BEFORE = 2  # samples at rest that are kept
@@ -36,7 +35,7 @@ Places = npt.NDArray[np.int_]
 Truths = npt.NDArray[np.bool_]
 
 
-class Drive(NamedTuple):
+class Excitation(NamedTuple):
     """One record, from just before its first operation on."""
 
     record: Record
@@ -74,7 +73,7 @@ class Drive(NamedTuple):
         volts[rows, np.arange(self.edges.size)[:, None]] = means(self.halves[self.edges], at, self.parts)
         return volts
 
-    def shortened(self, share: float) -> Drive:
+    def shortened(self, share: float) -> Excitation:
         """Its first part."""
         n = max(round(share * self.current.size), BEFORE + 1)
         return self._replace(
@@ -103,7 +102,7 @@ def calm_noise(record: Record, first: int, is_edge: Truths) -> float:
     return max(found, hidden(record.current), coarse(record.current), rest)
 
 
-def drive(record: Record, par: Parameters) -> Drive:
+def read_excitation(record: Record, par: Parameters) -> Excitation:
     """The drive of a record, and how its current counts: as in `Mhe`, with the noise of this record."""
     first = max(starts(record)[0] - BEFORE, 0)
     parts = math.ceil(record.dt / FINEST - 1e-6)
@@ -113,7 +112,7 @@ def drive(record: Record, par: Parameters) -> Drive:
     jumps = (np.abs(np.diff(record.halves, axis=1)[:, 0]) > least)[first:]
     jumps[0] = False
     variance = noise**2 + SAME * TUNED / record.dt * (LEFT * float(par.model_error)) ** 2
-    return Drive(
+    return Excitation(
         record=record,
         first=first,
         current=record.current[first:],

@@ -1,27 +1,126 @@
-"""Table of a commissioning: what was found, how certain it is, how well the model explains the currents."""
+"""A commissioned actuator for the user: its parameter set, tables and a figure.
+
+For the gap law by formula the factor of its reluctance goes into the law, which all estimators know.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.estimators.mhe.model import Parameters
+from gapsense.estimators.reduced_model import GapLaw
+from gapsense.fmi.components import load_component, own
 from gapsense.fmi.ports import Port
 from gapsense.identification.actuator.drive import SLOWEST
-from gapsense.identification.actuator.file import PORTS
-from gapsense.identification.actuator.fit import Commissioned, bent, position_error
-from gapsense.identification.actuator.problem import DEVIATIONS
-from gapsense.identification.actuator.verdict import CAUSES
-from gapsense.identification.assumptions import listed, meanings
-from gapsense.identification.residual import verdict
-from gapsense.identification.valve.show import about, measured_and_model, validation
-from gapsense.identification.valve.validation import Validation
+from gapsense.identification.actuator.fit import CAUSES, DEVIATIONS, Commissioned, position_error, with_bend
+from gapsense.identification.assumptions import list_values, meanings, scale
+from gapsense.identification.least_squares import Matrix
+from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
+from gapsense.identification.residual import LEAST as LEAST_NOISE
+from gapsense.identification.residual import noises, verdict
+from gapsense.identification.show import Validation, about, measured_and_model, validation
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
+
+PORTS = {port.field: port for port in load_component(own("mhe")).of("parameter")}
+LEARNT = {  # deviations before the first window of `Mhe`, by the fields that they are about
+    "prior.eddy": "core_eddy",
+    "prior.gap": "gap_factor",
+    "prior.knee": "core_bend",
+    "prior.saturation": "core_saturation",
+    "prior.hysteresis": "core_hysteresis",
+    "prior.mass": "mover_mass",
+    "prior.rest": "spring_rest",
+}
+NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
+LEAST = 3e-3  # of these: the device is another one tomorrow
+
+
+def found_values(result: Commissioned) -> dict[str, float]:
+    """What was found, by parameter; the coil is warmer tomorrow, so that its resistance stays as uncertain as it is."""
+    par, law = result.parameters, []
+    if par.gap_law == GapLaw.fringing:
+        law, factor = ["gap_reluctance", "gap_slope"], par.gap_factor
+        par = par._replace(**{name: getattr(par, name) * factor for name in law}, gap_factor=1.0)
+    fields = [*law, "gap_factor", *result.names]
+    return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
+
+
+def noise(result: Commissioned) -> dict[str, float]:
+    """That of the records, as `identify` writes it."""
+    currents = [max(d.noise, LEAST_NOISE * float(np.abs(d.current).max())) for d in result.drives]
+    return {**noises([d.record for d in result.drives]), "noise.current": float(f"{max(currents):.3g}")}
+
+
+def priors(result: Commissioned) -> dict[str, float]:
+    """Standard errors of what `Mhe` learns, all else as it was found."""
+    fields = [field for field in ("coil_resistance", *LEARNT.values()) if field in result.names]
+    at = [result.names.index(field) for field in fields]
+    to_knee = np.eye(len(fields))
+    to_knee[fields.index("core_bend"), fields.index("core_saturation")] = -1.0  # `Mhe` learns b = K lambda_sat / N^2
+    H: Matrix = to_knee.T @ np.linalg.inv(result.covariance)[np.ix_(at, at)] @ to_knee
+    stds = dict(zip(fields, np.sqrt(np.diag(np.linalg.inv(H))).tolist()))
+    return {name: max(stds[field], LEAST) for name, field in LEARNT.items() if field in stds}
+
+
+def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
+    """What was given, with what was found; without a sampling period of the estimators that of the records."""
+    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found_values(result)}
+
+
+def device(par: Parameters) -> dict[str, Value]:
+    """All that is known of the device, for the other estimators have other defaults."""
+    law = GapLaw(int(par.gap_law))
+    groups = ("coil_", "mover_", "spring_", "damping", "stop_", "core_", *(("gap_",) if law == GapLaw.fringing else ()))
+    fields = [field for field in PORTS if field and field.startswith(groups) and field not in NOT_NUMBERS]
+    values: dict[str, Value] = {PORTS[field].name: float(getattr(par, field)) for field in fields}
+    return {**values, "gap.law": law.name}
+
+
+def write_actuator(
+    file: Path, result: Commissioned, given: Mapping[str, Value], origin: str, assumed: Sequence[str] = ()
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
+    names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
+    errors = {PORTS[names.get(field, field)].name: error for field, error in result.errors.items()}
+    values = complete(result, given)
+    return write_set(
+        file,
+        "Reluctance actuator, commissioned",
+        origin,
+        [Entry(name, rounded(value), error_note(errors.get(name))) for name, value in values.items()],
+        assumed=[name for name in assumed if name in values],
+    )
+
+
+STOPS, MOVER = ("stop.lower", "stop.upper"), ("mover.mass", "spring.stiffness", "spring.rest", "damping")
+COIL = ("coil.resistance", "coil.turns", "core.reluctance", "core.saturation")  # losses need no more than a guess
+GAPS = {GapLaw.fringing: ("gap.slope", "gap.fringing", "gap.window"), GapLaw.table: ("gap.file",)}
+LEAST_DOUBT = 0.5  # of a logarithm
+FITTED_AS = {
+    "gap.slope": ("gap_factor",),
+    "gap.file": ("gap_factor",),
+    "core.reluctance": ("core_reluctance", "core_bend"),
+    "core.saturation": ("core_saturation", "core_bend"),
+}
+
+
+def missing(known: Parameters, given: Collection[str]) -> list[str]:
+    """Names of what is needed and was not given."""
+    return [n for n in (*STOPS, *COIL, *MOVER, *GAPS[GapLaw(int(known.gap_law))]) if n not in given]
+
+
+def doubts(names: Sequence[str]) -> dict[str, float]:
+    """Deviations of the fields that go with assumed parameters; a factor also where nothing but a part is known."""
+    fields = {port.name: (field,) for field, port in PORTS.items()} | FITTED_AS
+    return {field: max(scale(name).doubt, LEAST_DOUBT) for name in names for field in fields[name]}
+
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
 FAR = 3.0  # of the same deviations from what was believed
@@ -29,11 +128,11 @@ MOVES = 0.01  # of the stroke
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
-def tables(
+def actuator_tables(
     result: Commissioned, known: Parameters, checks: Sequence[Validation] = (), assumed: Sequence[str] = ()
 ) -> list[Table | str]:
     """Values and standard errors, then what the residuals and the misfit say."""
-    before, rows = bent(known), []
+    before, rows = with_bend(known), []
     for field, error in result.errors.items():
         port, note = PORTS[field], "as it was believed" if error >= BELIEVED * result.believed[field] else ""
         note = "assumed" if port.name in assumed else note
@@ -53,7 +152,7 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
     """What nobody has given, and what that means."""
     ports = {port.name: port for port in PORTS.values()}
     values = {name: known_value(known, ports[name]) for name in names}
-    return [f"Assumed, and not given: {listed(values, ports, names)}.", *meanings(names)] if names else []
+    return [f"Assumed, and not given: {list_values(values, ports, names)}.", *meanings(names)] if names else []
 
 
 def known_value(known: Parameters, port: Port) -> Value:
@@ -70,11 +169,26 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         for d in result.drives
         if d.is_too_fast
     ]
-    well = "" if result.misfit < before.health_limit else ", of which less than 1 is usual: the model is another one"
+    is_usual = result.misfit < before.health_limit
+    well = "" if is_usual else ", of which less than 1 is usual: the model is another one"
     said.append(f"Misfit {result.misfit:.2g}{well}.")
-    said.append(
-        f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
-    )
+    if not result.is_minimum:
+        after = f"after {result.steps} steps" if result.steps else "without one step from what was believed"
+        said.append(
+            f"The search ends {after}, at no minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
+            " step keeps that. Begin with other values, those of the core above all."
+        )
+    if is_usual and result.is_explained:
+        said.append(
+            f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
+        )
+    for name in result.at_limit:
+        port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
+        at, believed = (quantity(value, port.unit) for value in values)
+        said.append(
+            f"`{port.name}` ends at a limit of the search: {at}, where {believed} was believed. Begin with a value near"
+            " it."
+        )
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
         said.append("The mover does not leave its stop: mass, spring and damping stay as they were believed.")
@@ -90,7 +204,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     return said
 
 
-def figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
+def actuator_figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:
     """Measured currents and those of the model, and its positions."""
-    runs = [(drive.record, model, drive.first, "fit") for drive, model in zip(result.drives, result.models)]
+    runs = [(drive.record, model) for drive, model in zip(result.drives, result.models)]
     return measured_and_model("Measured and commissioned", runs, checks)

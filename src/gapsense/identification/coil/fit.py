@@ -1,24 +1,307 @@
-"""The coil of one or more records: the form that the evidence is for, its parameters, and how well it explains them."""
+"""A coil whose core does not move, from recorded voltage and current: the form of its core, and its parameters.
+
+Sought are the logarithms of the parameters of a form, each with a range, and the offsets that the converters of the
+records hide.  What speaks for a form is its residual, with a penalty for each of its parameters.
+
+Of neighbouring samples whose residuals go together, only some count.  Theirs is n_e = n / (1 + 2 sum rho_h), with the
+autocorrelations rho_h of the form that leaves least, tapered as for standard errors.  The form with the smallest
+
+    sum n_e log(max(1, mean (e/sigma)^2)) + k log(sum n_e)
+
+over the records is taken, the criterion of Schwarz (BIC), with the noise sigma and the k parameters of the form.  What
+is below the noise counts as noise: to fit the noise, or what little the edges leave, speaks for nothing.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense._os.workers import Progress
-from gapsense.identification.coil import evidence
-from gapsense.identification.coil.device import Parameters
-from gapsense.identification.coil.forms import FORMS, RICHEST, Form
-from gapsense.identification.coil.problem import Matrix, Minimum, Problem, minimum, simulate
-from gapsense.identification.coil.runs import driving, run, scale
-from gapsense.identification.measurements.flux import mean_resistance
-from gapsense.identification.measurements.record import Record
-from gapsense.identification.residual import Residual, residual
-from gapsense.identification.valve.errors import long_run
-from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.prepared import without_causes
+from gapsense.identification.coil import kernel as device
+from gapsense.identification.coil.kernel import NO_SATURATION, Outputs, Parameters
+from gapsense.identification.least_squares import differences, finite, long_run, minimise
+from gapsense.identification.measurements.operations import (
+    coil,
+    estimate,
+    mean_resistance,
+    noise,
+    operations,
+    resolution,
+    starts,
+)
+from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.residual import FLOOR, REST, Residual, noise_of, residual
+from gapsense.identification.show import Validation, compare
+from gapsense.identification.valve.model import Trajectory, take_out_causes
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import is_compiled, stepped
+
+ALWAYS = ("resistance", "air")
+PARTS = {"core": ("core", "saturation"), "eddy": ("eddy",), "hysteresis": ("hysteresis", "turnover")}
+WORDS = {"core": "saturation", "eddy": "eddy currents", "hysteresis": "hysteresis"}
+
+
+class Form(NamedTuple):
+    """Some of the parts."""
+
+    parts: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Fields of the device that are fitted."""
+        return (*ALWAYS, *(name for part in self.parts for name in PARTS[part]))
+
+    @property
+    def words(self) -> str:
+        """What it is called."""
+        return " + ".join(WORDS[part] for part in self.parts) or "constant inductance"
+
+
+FORMS = [Form(parts) for count in range(len(PARTS) + 1) for parts in combinations(PARTS, count)]  # plain ones first
+RICHEST = FORMS[-1]
+
+
+class Size(NamedTuple):
+    """What records have without any model."""
+
+    resistance: float  # (23) [ohm]
+    inductance: float  # of the nearest coil of constant inductance [H]
+    current: float  # largest [A]
+    flux_linkage: float  # largest [Wb]
+
+
+class Range(NamedTuple):
+    """Where a parameter is sought."""
+
+    start: float
+    low: float
+    high: float
+
+
+def ranges(s: Size) -> dict[str, Range]:
+    """Ranges by field: a bend far beyond the flux linkage, or a turnover beyond it, is not seen."""
+    R, r, lam = s.resistance, 1.0 / s.inductance, s.flux_linkage
+    return {
+        "resistance": Range(R, R / 3.0, 3.0 * R),
+        "air": Range(0.8 * r, 0.02 * r, 5.0 * r),
+        "core": Range(0.2 * r, 1e-3 * r, 5.0 * r),
+        "saturation": Range(2.0 * lam, 1.02 * lam, 3.0 * lam),
+        "eddy": Range(0.01 / R, 1e-4 / R, 1.0 / R),
+        "hysteresis": Range(0.02 * s.current, 1e-4 * s.current, 2.0 * s.current),
+        "turnover": Range(0.3 * lam, 0.02 * lam, lam),
+    }
+
+
+def without_parts(s: Size, sample_time: float) -> Parameters:
+    """The coil of constant inductance, to which forms add."""
+    turnover = ranges(s)["turnover"].start
+    return Parameters(
+        sample_time=sample_time,
+        resistance=s.resistance,
+        air=1.0 / s.inductance,
+        core=0.0,
+        saturation=NO_SATURATION,
+        eddy=0.0,
+        hysteresis=0.0,
+        turnover=turnover,
+    )
+
+
+OWN = 0.3 * FLOOR  # of the largest current: what the sampling leaves of a record without noise
+COARSEST = 0.05  # half a step of a converter, of the largest value: more are the levels of a voltage that is commanded
+SIGNALS = ("voltage", "current")
+
+
+class Run(NamedTuple):
+    """One record from its first operation on."""
+
+    record: Record
+    first: int  # the last sample at rest
+    current: Vector  # measured [A]
+    voltages: Vector  # what drives the coil (n, 3) [V]
+    noise: float  # of the current [A]
+    hidden: tuple[float, float]  # largest offset of voltage [V] and current [A] that the rest does not show
+
+
+def run(record: Record, period: float | None = None) -> Run:
+    """A record prepared."""
+    first = operations(record, period)[0].start
+    i = record.current[first:]
+    sigma = max(noise_of(record, first), OWN * float(np.abs(i).max()))
+    voltage, current = (hidden(getattr(record, name), first) for name in SIGNALS)
+    return Run(
+        record=record, first=first, current=i, voltages=driving(record, first), noise=sigma, hidden=(voltage, current)
+    )
+
+
+def driving(record: Record, first: int) -> Vector:
+    """Inputs of the coil from a sample on (n, 3) [V]."""
+    return np.concatenate((record.halves[first:], record.voltage[first:, None]), axis=1)
+
+
+def hidden(x: Vector, first: int) -> float:
+    """Half a step of a converter whose noise at rest is less: the mean at rest then says little of other values."""
+    step = resolution(x)
+    spread = float(x[:first].std()) if first >= REST else noise(x)
+    is_coarse = spread < 0.5 * step and FLOOR < 0.5 * step / np.abs(x).max() < COARSEST
+    return 0.5 * step if is_coarse else 0.0
+
+
+def size_of(records: Sequence[Record], period: float | None = None) -> Size:
+    """What the records have without any model; the largest values of all of them."""
+    found = []
+    for record in records:
+        each = operations(record, period)
+        flux = estimate(record, each)
+        largest = (float(np.abs(x).max()) for x in (record.current, flux.flux_linkage))
+        found.append(Size(float(np.median(flux.resistances)), abs(coil(record, each[0])[0]), *largest))
+    R, L, i, lam = np.array(found).T
+    return Size(float(np.median(R)), float(np.median(L)), float(i.max()), float(lam.max()))
+
+
+KERNEL = Kernel(device)
+LONGEST = 60  # steps
+AT_LIMIT = 1e-3  # of the range of a logarithm
+
+Matrix = npt.NDArray[np.float64]
+
+
+class Problem(NamedTuple):
+    """The cost of a form; a point is the logarithms, then offsets in parts of what is hidden."""
+
+    form: Form
+    size: Size
+    runs: Sequence[Run]
+    scale: Vector | None = None  # of steps, see `least_squares`
+
+    @property
+    def offsets(self) -> list[tuple[int, int]]:
+        """Run and signal of each offset."""
+        return [(k, j) for k, run in enumerate(self.runs) for j, most in enumerate(run.hidden) if most > 0.0]
+
+    @property
+    def limits(self) -> tuple[Vector, Vector]:
+        """Lowest and highest point."""
+        of_form, ones = [ranges(self.size)[name] for name in self.form.names], np.ones(len(self.offsets))
+        low, high = np.log([[r.low, r.high] for r in of_form]).T
+        return np.append(low, -ones), np.append(high, ones)
+
+    @property
+    def start(self) -> Vector:
+        """The usual one."""
+        logs = np.log([ranges(self.size)[name].start for name in self.form.names])
+        return np.append(logs, np.zeros(len(self.offsets)))
+
+    def parameters(self, point: Vector, run: Run) -> Parameters:
+        """The device of a point."""
+        logs = point[: len(self.form.names)]
+        found = dict(zip(self.form.names, np.exp(logs).tolist()))
+        return without_parts(self.size, run.record.dt)._replace(**found)
+
+    def offset(self, point: Vector, k: int) -> tuple[float, float]:
+        """Offsets of voltage and current in a run."""
+        found = dict(zip(self.offsets, point[len(self.form.names) :].tolist()))
+        voltage, current = (found.get((k, j), 0.0) * most for j, most in enumerate(self.runs[k].hidden))
+        return voltage, current
+
+    def models(self, points: Sequence[Vector], k: int) -> Matrix:
+        """Currents that each point gives in a run, as they would be measured (points, samples)."""
+        run = self.runs[k]
+        offsets = np.array([self.offset(point, k) for point in points])
+        voltages: Matrix = run.voltages[:, :, None] + offsets[:, 0]
+        return np.asarray(currents([self.parameters(point, run) for point in points], voltages) + offsets[:, 1:])
+
+    def residuals(self, points: Sequence[Vector]) -> Matrix:
+        """Residuals over the noise (points, samples of all runs)."""
+        parts = [(run.current - self.models(points, k)) / run.noise for k, run in enumerate(self.runs)]
+        return finite(np.concatenate(parts, axis=1))
+
+    def jacobian(self, point: Vector) -> Matrix:
+        """Derivatives of the residuals."""
+        return differences(self.residuals, point, self.limits[1])
+
+
+class Fitted(NamedTuple):
+    """Where a form fits best."""
+
+    problem: Problem
+    point: Vector
+    residuals: Vector  # over the noise, of all runs
+
+    @property
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Of each parameter and offset, whether it ends at a limit."""
+        low, high = self.problem.limits
+        margin = AT_LIMIT * (high - low)
+        return np.asarray((self.point < low + margin) | (self.point > high - margin))
+
+    @property
+    def power(self) -> float:
+        """Sum of the squares of the residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def rms(self) -> float:
+        """Of the residuals."""
+        return float(np.sqrt(self.power / self.residuals.size))
+
+    def parts(self) -> list[Vector]:
+        """Residuals of each run over its noise."""
+        return np.split(self.residuals, np.cumsum([run.current.size for run in self.problem.runs])[:-1])
+
+
+def minimum(problem: Problem, start: Vector | None = None) -> Fitted:
+    """The minimum next to the usual start, or to a point."""
+    found = minimise(problem, problem.start if start is None else start, LONGEST)
+    return Fitted(problem, found.point, found.residuals)
+
+
+def currents(pars: Sequence[Parameters], voltages: Matrix) -> Matrix:
+    """Currents of several coils with voltages of their own (samples, 3, coils); (coils, samples)."""
+    if not is_compiled(KERNEL, len(voltages), ("current",)):
+        return np.array([simulate(par, voltages[:, :, k])[:, 0] for k, par in enumerate(pars)])
+    return stepped(KERNEL, voltages, [*np.array(pars).T], ("current",))[:, 0].T
+
+
+def simulate(par: Parameters, voltages: Matrix) -> Matrix:
+    """Outputs of one coil from rest on (samples, outputs)."""
+    return np.array(KERNEL.run(voltages.tolist(), par)[1]).reshape(-1, len(Outputs._fields))
+
+
+DIGITS, PERCENT = 1, 2  # of the criterion, and of what is left, that count; where both are the same the first is taken
+
+SMALLEST = 1e-12  # what is left of a record that the model has made
+
+
+def best(found: Sequence[Fitted]) -> tuple[int, list[float]]:
+    """Which of several forms is taken, and what speaks against each; 0 for the one that is taken."""
+    least = min(found, key=lambda m: m.power)
+    sizes = [effective(part) for part in least.parts()]
+    against = [criterion(m, sizes) for m in found]
+    left = [round(m.power / max(least.power, SMALLEST), PERCENT) for m in found]
+    chosen = min(range(len(found)), key=lambda k: (round(against[k], DIGITS), left[k]))
+    return chosen, [value - against[chosen] for value in against]
+
+
+def criterion(found: Fitted, sizes: Sequence[float]) -> float:
+    """The penalised residual, for so many samples of each run that count."""
+    misfit = sum(n * np.log(max(1.0, float(np.mean(part**2)))) for n, part in zip(sizes, found.parts()))
+    return float(misfit + len(found.problem.form.names) * np.log(sum(sizes)))
+
+
+def effective(r: Vector) -> float:
+    """How many independent residuals tell as much."""
+    lags, power = int(np.cbrt(r.size)), float(r @ r)
+    if power == 0.0:
+        return float(r.size)
+    rho = [(1.0 - h / lags) * float(r[h:] @ r[:-h]) / power for h in range(1, lags)]
+    return float(np.clip(r.size / max(1.0 + 2.0 * sum(rho), 1e-9), 1.0, r.size))
+
 
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good
 
@@ -78,7 +361,7 @@ class Coil(NamedTuple):
         return float(np.sqrt(w @ self.covariance @ w))
 
 
-def identify(
+def fit_coil(
     records: Sequence[Record],
     period: float | None = None,
     conventions: Sequence[str] = (),
@@ -109,7 +392,7 @@ def identify(
         progress(k, len(FORMS))
         others = [(name, m.problem._replace(form=form)) for name, m in richest]
         found += richest if form is RICHEST else candidates(others)
-    chosen = found[evidence.best([c.minimum for c in found])[0]]
+    chosen = found[best([c.minimum for c in found])[0]]
     return _coil(chosen, [c for c in found if c.convention == chosen.convention])
 
 
@@ -117,13 +400,13 @@ class Candidate(NamedTuple):
     """A form with one reading of the voltage between samples."""
 
     convention: str
-    minimum: Minimum
+    minimum: Fitted
 
 
 def problem(records: Sequence[Record], period: float | None, convention: str) -> tuple[str, Problem]:
     """The richest form, for a reading of the voltage; an empty one leaves the records as they are."""
-    read = [without_causes(record, convention) for record in records]
-    return convention, Problem(RICHEST, scale(read, period), [run(record, period) for record in read])
+    read = [take_out_causes(record, convention) for record in records]
+    return convention, Problem(RICHEST, size_of(read, period), [run(record, period) for record in read])
 
 
 def candidates(problems: Sequence[tuple[str, Problem]]) -> list[Candidate]:
@@ -139,13 +422,13 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
     names, is_held, runs = m.problem.form.names, m.held, m.problem.runs
     par, offsets = m.problem.parameters(m.point, runs[0]), [m.problem.offset(m.point, k) for k in range(len(runs))]
     models = [trajectory(par, r.record, r.first, *offset) for r, offset in zip(runs, offsets)]
-    _, against = evidence.best([c.minimum for c in found])
+    _, against = best([c.minimum for c in found])
     balanced = mean_resistance(*(r.record for r in runs)) if m.problem.offsets else None
     return Coil(
         parameters=par,
         form=m.problem.form,
         names=[name for name, at_limit in zip(names, is_held) if not at_limit],
-        covariance=covariance(m) + unbalanced(m, balanced),
+        covariance=covariance(m) + balance_variance(m, balanced),
         held=[name for name, at_limit in zip(names, is_held) if at_limit],
         offsets=offsets,
         models=models,
@@ -157,7 +440,7 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
     )
 
 
-def covariance(m: Minimum) -> Matrix:
+def covariance(m: Fitted) -> Matrix:
     """Covariance of the logarithms that are not at a limit, with the misfit in it."""
     is_free = ~m.held
     A = np.linalg.pinv(m.problem.jacobian(m.point)[:, is_free], rcond=1e-9).astype(np.float64)
@@ -168,7 +451,7 @@ def covariance(m: Minimum) -> Matrix:
     return np.asarray(cov[:count, :count])
 
 
-def unbalanced(m: Minimum, balanced: float | None) -> Matrix:
+def balance_variance(m: Fitted, balanced: float | None) -> Matrix:
     """What hidden offsets add to the variance of the resistance, which (23) takes in another way than the fit."""
     free = [name for name, is_held in zip(m.problem.form.names, m.held) if not is_held]
     R = m.problem.parameters(m.point, m.problem.runs[0]).resistance
@@ -180,3 +463,10 @@ def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0
     """The coil from a sample at rest on, with offsets of what is measured."""
     i, lam = simulate(par._replace(sample_time=record.dt), driving(record, first) + voltage).T
     return Trajectory(i + current, lam, np.zeros(i.size))
+
+
+def validate_coil(result: Coil, record: Record) -> Validation:
+    """The coil beside a record that begins at rest, with what the instruments hid in the records used."""
+    first = starts(record)[0]
+    voltage, current = np.mean(result.offsets, axis=0).tolist()
+    return compare(record, trajectory(result.parameters, record, first, voltage, current), first)

@@ -1,25 +1,92 @@
-"""Tables and a figure of a coil: which form the evidence is for, what was found, how well it explains the records."""
+"""A coil for the user: its parameter set, tables and a figure, what was found and how well it explains the records."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.identification.coil.file import PORTS, values
 from gapsense.identification.coil.fit import POOR, Coil
-from gapsense.identification.measurements.flux import mean_resistance
-from gapsense.identification.measurements.operations import operations
-from gapsense.identification.measurements.record import Record
-from gapsense.identification.residual import verdict
-from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.show import TWO_SIDED, about, validation
-from gapsense.identification.valve.validation import Validation
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
+from gapsense.identification.measurements.operations import mean_resistance, operations
+from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
+from gapsense.identification.residual import noises, verdict
+from gapsense.identification.show import TWO_SIDED, Validation, about, measured_and_model, validation
 from gapsense.report.table import quantity, table
+
+EDGE = 0.25  # of the largest voltage: more begins an operation
+RANGE = 2.0  # times the largest reading: more counts as lost
+CERTAIN = {"resistance": 0.01, "inductance": 0.05}  # deviations that estimators begin with, at least
+
+
+class Port(NamedTuple):
+    """How components call a field of the device."""
+
+    name: str
+    unit: str
+    power: int = 0  # of the turns by which it is multiplied
+
+
+PORTS = {
+    "resistance": Port("coil.resistance", "Ohm"),
+    "air": Port("gap.reluctance", "1/H", 2),
+    "core": Port("core.reluctance", "1/H", 2),
+    "saturation": Port("core.saturation", "Wb"),
+    "eddy": Port("core.eddy", "S"),
+    "hysteresis": Port("core.hysteresis", "A"),
+    "turnover": Port("core.turnover", "Wb"),
+}
+
+
+def write_coil(file: Path, result: Coil, turns: float, sources: Sequence[Path]) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`; 0 turns are not known."""
+    note = "" if turns else "not known: reluctances are over the turns squared"
+    found = [Entry(PORTS[name].name, value, notes(result, name)) for name, value in values(result, turns).items()]
+    entries = [
+        *found,
+        Entry("coil.turns", turns or 1.0, note),
+        Entry("prior.inductance", result.inductance, error_note(result.inductance_error)),
+        *(Entry(name, value) for name, value in tuning(result).items()),
+    ]
+    return write_set(
+        file,
+        "Coil without motion, identified",
+        f"gapsense identify {' '.join(source.name for source in sources)}",
+        [entry._replace(value=rounded(entry.value)) for entry in entries],
+        assumed=[] if turns else ["coil.turns"],
+    )
+
+
+def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
+    """What was found, by field."""
+    names = result.form.names
+    return {name: float(getattr(result.parameters, name)) * (turns or 1.0) ** PORTS[name].power for name in names}
+
+
+def notes(result: Coil, name: str) -> str:
+    """Comment on a value."""
+    if name in result.held:
+        return "held: at a limit of the search"
+    return error_note(result.errors[name], not result.errors[name] < POOR)
+
+
+def tuning(result: Coil) -> dict[str, float]:
+    """What estimators know of the coil and of the measurement; the first deviations are for the coil of another day."""
+    volts, amperes = ([getattr(record, name) for record in result.records] for name in ("voltage", "current"))
+    R, R_error = result.balanced or float(result.parameters.resistance), result.errors.get("resistance", 1.0)
+    return {
+        **({"prior.resistance": R} if result.balanced else {}),
+        "prior.resistance_std": R * max(CERTAIN["resistance"], 0.0 if result.balanced else R_error),
+        "prior.inductance_std": result.inductance * max(CERTAIN["inductance"], result.inductance_error),
+        **noises(result.records),
+        "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),
+        "range.current": RANGE * max(float(np.abs(x).max()) for x in amperes),
+        "edge.voltage": EDGE * min(float(np.abs(x).max()) for x in volts),
+    }
+
 
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
 HIDES = 0.05  # of the largest current: in noise of 6 % the valve of 30 V moves unseen
@@ -29,7 +96,7 @@ ONE_TURN = (
 SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
 
-def tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Table | str]:
+def coil_tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     told = [text for record in (*result.records, *(c.record for c in checks)) for text in about(record)]
     after: list[Table | str] = [validation(checks), *warmth(result, checks)] if checks else []
@@ -133,29 +200,7 @@ def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
     return said
 
 
-def measured_and_identified(result: Coil, checks: Sequence[Validation]) -> Figure:
+def coil_figure(result: Coil, checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
-    runs = [(r, m, "fit") for r, m in zip(result.records, result.models)]
-    runs += [(c.record, c.model, "validation") for c in checks]
-    scales = [
-        suited("current", "A", *(record.current for record, *_ in runs)),
-        suited("error", "A", *(record.current[-m.current.size :] - m.current for record, m, _ in runs)),
-        suited("flux\nlinkage", "Wb", *(m.flux_linkage for _, m, _ in runs)),
-    ]
-    labels = ["voltage / V", *(label for label, _ in scales)]
-    figure, axes = stack("Measured and identified", labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
-    for k, run in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], *run, [factor for _, factor in scales])
-    return figure
-
-
-def _panels(axes: Sequence[Any], record: Record, model: Trajectory, kind: str, scales: Sequence[float]) -> None:
-    first = record.times.size - model.current.size
-    t = record.times[first:]
-    axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
-    line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, scales[0] * record.current, TRUE, "measured")
-    line(axes[1], t, scales[0] * model.current, SECOND, "model")
-    line(axes[2], t, scales[1] * (record.current[first:] - model.current), SECOND)
-    line(axes[3], t, scales[2] * model.flux_linkage, FIRST, "model")
-    legend(axes[1])
+    runs = [*zip(result.records, result.models)]
+    return measured_and_model("Measured and identified", runs, checks, shows_flux=True)

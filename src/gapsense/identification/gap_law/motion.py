@@ -25,7 +25,7 @@ LEAST = 0.01  # of the largest slope
 WIDEST = 100.0  # the same, at most
 
 
-class Samples(NamedTuple):
+class Measured(NamedTuple):
     """Of all records, from their first operations on."""
 
     current: Vector  # [A]
@@ -44,7 +44,7 @@ class Trial(NamedTuple):
     scale: float = 1.0  # of the law, where only its form is known
 
 
-def scaled(samples: Samples, turns: float, known: Law) -> Trial:
+def scale_law(samples: Measured, turns: float, known: Law) -> Trial:
     """A law whose form is known, and its scale alone is not."""
     found = _summed(samples, turns, total(known, samples.gap)[:, None], False)
     return Trial(
@@ -57,7 +57,7 @@ def scaled(samples: Samples, turns: float, known: Law) -> Trial:
     )
 
 
-def trials(samples: Samples, turns: float, upper: float) -> list[Trial]:
+def trials(samples: Measured, turns: float, upper: float) -> list[Trial]:
     """Laws for gaps up to `upper`, those with the fewest numbers first."""
     linear = _slopes(samples, turns, np.array([0.0]), False)
     knots = [np.linspace(0.0, upper, count) for count in KNOTS]
@@ -92,7 +92,7 @@ class Sum(NamedTuple):
     left: Vector
 
 
-def _slopes(samples: Samples, turns: float, knots: Vector, has_offset: bool) -> Trial:
+def _slopes(samples: Measured, turns: float, knots: Vector, has_offset: bool) -> Trial:
     """Slopes at knots; a single one is the linear law."""
     found = _summed(samples, turns, basis(knots, samples.gap), has_offset)
     least = LEAST * max(found.gap)  # so that a factor can change it
@@ -108,7 +108,7 @@ def _slopes(samples: Samples, turns: float, knots: Vector, has_offset: bool) -> 
     )
 
 
-def _summed(samples: Samples, turns: float, gap: Matrix, has_offset: bool) -> Sum:
+def _summed(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> Sum:
     """The sum of columns of the gap's reluctance, and of the core's with the saturation that suits best."""
     flux = samples.flux_linkage / turns**2
     others = np.column_stack((*([flux] if has_offset else []), gap * flux[:, None]))
@@ -130,7 +130,7 @@ def _summed(samples: Samples, turns: float, gap: Matrix, has_offset: bool) -> Su
     )
 
 
-def _fringing(samples: Samples, turns: float, upper: float, linear: Trial) -> Trial:
+def _fringing(samples: Measured, turns: float, upper: float, linear: Trial) -> Trial:
     """The law of the valve: fringes that belong to the area of its pole."""
     flux, grid = samples.flux_linkage / turns**2, np.linspace(min(0.0, float(samples.gap.min())), 1.2 * upper, 201)
 

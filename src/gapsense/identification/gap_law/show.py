@@ -1,24 +1,76 @@
-"""Tables, sentences and a figure of a gap law from inductances."""
+"""A gap law from inductances for the user: its parameter set, tables, sentences and a figure.
+
+Parameters of the solenoid valve by formula where the law has one, otherwise a table beside the set.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.identification.gap_law.choice import Candidate, jackknife
-from gapsense.identification.gap_law.eddy import remarks
-from gapsense.identification.gap_law.laws import Vector, reluctance, total
-from gapsense.identification.gap_law.possible import Inductances
+from gapsense.actuators.magnetics import MU_0
+from gapsense.identification.gap_law.laws import Candidate, Law, Vector, jackknife, reluctance, rows, total
+from gapsense.identification.gap_law.table import Inductances, remarks
+from gapsense.identification.parameter_set import GAPS, Entry, rounded, write_set, write_table
 from gapsense.report.plot import SECOND, TRUE, legend, stack
 from gapsense.report.table import quantity, table
+from gapsense.tables import Value
+
+
+def fields(law: Law) -> dict[str, float]:
+    """Fields of the valve's parameters that a law by formula has."""
+    if law.name == "linear":
+        return {"gap_slope": law.numbers[0]}
+    if law.name == "fringing":
+        r0, _, window = law.numbers
+        return {"gap_area": 1.0 / (MU_0 * r0), "gap_window": 0.5 * window}
+    return {}
+
+
+def values(law: Law, turns: float) -> dict[str, Value]:
+    """Parameters by name, but for the file of a table; all that is left without a gap is ascribed to the core."""
+    numbers = {name.replace("_", "."): number for name, number in fields(law).items()}
+    kind = law.name if numbers else "table"
+    return {"coil.turns": turns, "core.reluctance": law.offset, "gap.law": kind, **numbers}
+
+
+def write_gap_law(
+    file: Path,
+    law: Law,
+    turns: float,
+    upper: float,
+    given: Mapping[str, Value],
+    origin: str,
+    assumed: Sequence[str] = (),
+) -> list[Path]:
+    """Write a parameter set, what was given and the law in its place, and the table that it needs; the files."""
+    found, table = values(law, turns), file.with_name(f"{file.stem}_law.csv")
+    if found["gap.law"] == "table":
+        found["gap.file"] = str(write_table(table, rows(law._replace(offset=0.0), upper)).resolve())
+    laws = {name for names in GAPS.values() for name in names}
+    kept = {name: value for name, value in given.items() if name not in laws}
+    if "coil.turns" in assumed:  # the law rests on them
+        assumed = [*assumed, *(name for name in found if name in laws)]
+    write_set(
+        file,
+        "Gap law from measured inductances",
+        origin,
+        [Entry(name, rounded(value)) for name, value in {**kept, **found}.items()],
+        assumed=[*dict.fromkeys(assumed)],
+    )
+    return [file, *([table] if "gap.file" in found else [])]
+
 
 POOR = 0.05  # relative error of the inductances left out from which a table is called coarse
 
 
-def tables(measured: Inductances, turns: float, found: Sequence[Candidate], taken: Candidate) -> list[Table | str]:
+def gap_law_tables(
+    measured: Inductances, turns: float, found: Sequence[Candidate], taken: Candidate
+) -> list[Table | str]:
     """The law that was taken, beside the others and the inductances."""
     return [choice(found, taken), law(measured, turns, taken), *remarks(measured), *said(turns, taken)]
 
@@ -75,7 +127,7 @@ def said(turns: float, taken: Candidate) -> list[str]:
     return told
 
 
-def figure_of(measured: Inductances, turns: float, taken: Candidate) -> Figure:
+def gap_law_figure(measured: Inductances, turns: float, taken: Candidate) -> Figure:
     """Inductance and slope by the gap."""
     figure, axes = stack("Gap law", ["inductance / mH", "slope / (1/(H.mm))"], [2.0, 1.0])
     h: Vector = np.linspace(0.0, float(measured.gap.max()), 201)

@@ -14,10 +14,62 @@ from typing import NamedTuple
 import numpy as np
 
 from gapsense._os.files import Sheet, no_numbers, number, read_sheet
-from gapsense.identification.gap_law.laws import Vector
-from gapsense.identification.gap_law.possible import Inductances, impossible
+from gapsense.identification.gap_law.laws import FEWEST, Vector
 from gapsense.problems import InputError, listing
+from gapsense.report.table import quantity
 from gapsense.units import factor
+
+FLAT = 0.01  # relative change of the inductance over all gaps that tells no gap
+USUAL = (("gap", "m", 1e-5, 0.2), ("inductance", "H", 1e-6, 50.0))  # of short strokes: beyond, the unit is a wrong one
+
+
+class Inductances(NamedTuple):
+    """Inductances at gaps that rise, at the lowest frequency, and at the others."""
+
+    file: str
+    gap: Vector  # [m]
+    inductance: Vector  # [H]
+    frequency: float | None  # [Hz]
+    others: Mapping[float, Vector]  # inductance by frequency [H]
+
+
+def impossible(found: Inductances) -> list[str]:
+    """What no gap law can explain."""
+    h, L, file = found.gap, found.inductance, found.file
+    if np.unique(h).size < FEWEST:
+        return [f"{file}: {np.unique(h).size} gaps found, at least {FEWEST} expected, better 8. Measure at more gaps."]
+    told = []
+    if h[0] < 0.0:
+        told.append(
+            f"{file}: a gap of {quantity(float(h[0]), 'm')} found; gaps are counted from 0, closed. Shift them."
+        )
+    if (L <= 0.0).any():
+        told.append(f"{file}: an inductance of {quantity(float(L.min()), 'H')} found, positive ones expected.")
+    told += [
+        f"{file}: the largest {what} is {quantity(float(x.max()), unit)}, {quantity(least, unit)} to"
+        f" {quantity(most, unit)} expected. Correct the unit in the head of the column."
+        for (what, unit, least, most), x in zip(USUAL, (h, L))
+        if not told and not least <= x.max() <= most
+    ]
+    return told or _eddy(found)
+
+
+def _eddy(found: Inductances) -> list[str]:
+    """Inductances that do not fall with the gap."""
+    h, L = found.gap, found.inductance
+    change = float(np.polyfit(h, L / L.mean(), 1)[0] * np.ptp(h))
+    if change < -FLAT:
+        return []
+    at = "" if found.frequency is None else f" at {found.frequency:g} Hz, the lowest frequency of the table,"
+    if change < FLAT:
+        what = f"does not change by more than {100.0 * abs(change):.2g} % from the smallest to the largest gap"
+    else:
+        what = f"rises by {100.0 * change:.2g} % from the smallest to the largest gap, where it has to fall"
+    return [
+        f"{found.file}: the inductance{at} {what}: eddy currents keep the flux out of the iron. Measure at a lower"
+        " frequency, 20 to 100 Hz, or with steps of the voltage, or check that the gap counts from 0, closed."
+    ]
+
 
 HEAD = re.compile(r"(?P<name>.*?)(?:\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]|_(?P<after>[A-Za-z\u00b5\u03bc]+))?")
 FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*(k|M)?Hz", re.IGNORECASE)
@@ -127,9 +179,48 @@ def values(sheet: Sheet, used: Column) -> Vector:
     return used.scale * np.array([float(row[used.place]) for row in sheet.rows])
 
 
-def names_of(column: Sequence[str] | None) -> dict[str, str]:
+def columns_given(column: Sequence[str] | None) -> dict[str, str]:
     """Columns by quantity, from texts `QUANTITY=NAME`."""
     names = dict(text.partition("=")[::2] for text in column or [])
     if wrong := [name for name in names if name not in ("gap", "inductance")]:
         raise ValueError(f"--column: `{wrong[0]}` found, `gap=NAME` or `inductance=NAME` expected.")
     return names
+
+
+NOTICED = 0.01
+
+
+def missing_part(found: Inductances) -> Vector | None:
+    """What eddy currents take of the static inductance at the lowest frequency, relative, at each gap.
+
+    One loop of eddy currents leaves L / (1 + x) of the inductance at one frequency, L / (1 + r^2 x) at r times that;
+    what the highest of three frequencies leaves does not pass through the iron.  None where no such loop explains them.
+    """
+    if not found.frequency or not found.others:
+        return None
+    rates = sorted(found.others)
+    r, air = rates[0] / found.frequency, found.others[rates[-1]] if len(rates) > 1 else 0.0
+    with np.errstate(all="ignore"):
+        q = (found.inductance - air) / (found.others[rates[0]] - air)
+        x = (q - 1.0) / (r**2 - q)
+    return np.asarray(x / (1.0 + x) * (1.0 - air / found.inductance)) if np.all((q > 0.0) & (q < r**2)) else None
+
+
+def remarks(found: Inductances) -> list[str]:
+    """Sentences on the frequencies."""
+    if found.frequency is None:
+        return ["The table names no frequency: its inductances are taken for static ones."]
+    lowest, told = f"{found.frequency:g} Hz", []
+    wrong = [f"{rate:g} Hz" for rate, L in sorted(found.others.items()) if L[-1] >= L[0] * (1.0 - NOTICED)]
+    if found.others:
+        told.append(f"Only the lowest frequency, {lowest}, serves: eddy currents falsify the others more.")
+    if wrong:
+        told.append(f"At {', '.join(wrong)} the inductance does not even fall with the gap.")
+    part = missing_part(found)
+    if part is not None and part.max() > NOTICED:
+        told.append(
+            f"One loop of eddy currents that explains the two lowest frequencies takes {100.0 * part[0]:.2g} % of the"
+            f" static inductance at {lowest} in the smallest gap, {100.0 * part[-1]:.2g} % in the largest. A lower"
+            " frequency would be better; what was measured is used as it is."
+        )
+    return told

@@ -2,28 +2,273 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.identification.inspection.drive import Carrier, Path, path
-from gapsense.identification.inspection.kinks import Kink, closing, opening
-from gapsense.identification.inspection.lag import Lag, lag
-from gapsense.identification.measurements.flux import coil, estimate
+from gapsense.identification.measurements.checks import begins_at_rest, clipping, operation_problems, rest_problems
 from gapsense.identification.measurements.operations import (
     Operation,
+    Places,
     activities,
     at_rest,
+    coil,
+    estimate,
     hidden,
     noise,
     operations,
     resolution,
 )
+from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
-from gapsense.identification.measurements.refusals import begins_at_rest, operation_problems, rest_problems
-from gapsense.identification.measurements.rest import FEWEST, offset
-from gapsense.identification.measurements.samples import clipping
+
+SWITCHED = 0.1  # of the range of the voltage, that it rises at once where it is switched
+OFTEN = 5  # times that the voltage rises in an operation that is switched
+OFF = 0.05  # of the largest voltage: no more is on
+FLOWS = 0.1  # of the largest current
+CLEAR = 0.8  # part of the variance that a sagging supply explains
+SAG = 0.01  # of the voltage: less is none
+FEW = 4  # values of a command
+EDGES = 200  # of a record that are looked at
+STEEP = 0.05  # of the range: a change of the voltage from one sample to the next that belongs to an edge
+
+
+class Carrier(NamedTuple):
+    """PWM, or a chopped current."""
+
+    samples: float  # from one rise of the voltage to the next
+    spread: float  # deviation of that
+    duty: float  # mean part of a period in which the voltage is on
+
+
+class Path(NamedTuple):
+    """How current is driven and falls."""
+
+    carrier: Carrier | None
+    source: float | None  # resistance by which the supply sags [Ohm]
+    decay: float | None  # voltage while the current falls [V]
+    edge: float  # samples that an edge of the voltage takes; 1 for one between two samples
+    is_command: bool  # the voltage has a few values and no noise
+
+
+def path(record: Record, found: Sequence[Operation]) -> Path:
+    """All of it, from complete operations or the whole record."""
+    parts = list(found) or [Operation(0, record.times.size - 1)]
+    first = carrier(record, parts)
+    return Path(
+        carrier=first,
+        source=source(record, parts[0]) if first is None else None,
+        decay=decay(record, parts[0]),
+        edge=edge(record.voltage),
+        is_command=noise(record.voltage) == 0.0 and np.unique(record.voltage[:100000]).size <= FEW,
+    )
+
+
+def rises(v: Vector, least: float) -> Places:
+    """Samples before which the voltage rises by more than that at once."""
+    places = np.flatnonzero(np.diff(v) > least)
+    return np.asarray(places[np.diff(places, prepend=-2) > 1] + 1)
+
+
+def carrier(record: Record, found: Sequence[Operation]) -> Carrier | None:
+    """How often the voltage is switched within an operation, if it is."""
+    least = max(SWITCHED * float(np.ptp(record.voltage)), 6.0 * noise(record.voltage))
+    for operation in found[:EDGES]:
+        v = record.voltage[operation.inside]
+        places = rises(v, least)
+        if places.size >= OFTEN:
+            steps = np.diff(places)
+            usual = steps[steps < 3.0 * np.median(steps)]
+            middle = 0.5 * float(np.median(v[places]) + np.median(v[places - 1]))
+            on = v[places[0] : places[-1]] > middle
+            return Carrier(float(usual.mean()), float(usual.std()), float(on.mean()))
+    return None
+
+
+def source(record: Record, operation: Operation) -> float | None:
+    """Resistance by which the voltage falls with the current while it is on [Ohm]."""
+    v, i = record.voltage[operation.inside], record.current[operation.inside]
+    on = v > 0.5 * v.max()
+    if on.sum() < 20 or np.ptp(i[on]) == 0.0:
+        return None
+    slope, level = np.polyfit(i[on], v[on], 1)
+    left = float(np.var(v[on] - slope * i[on]) / max(np.var(v[on]), 1e-30))
+    sags = -slope * np.ptp(i[on]) > SAG * abs(level)
+    return float(-slope) if sags and left < 1.0 - CLEAR else None
+
+
+def decay(record: Record, operation: Operation) -> float | None:
+    """Voltage while the current falls, after the last time that it was on [V]."""
+    v, i = record.voltage[operation.inside], record.current[operation.inside]
+    last = np.flatnonzero(v > OFF * v.max() + 6.0 * noise(record.voltage))
+    after = slice(int(last[-1]) + 2, None) if last.size else slice(0, 0)
+    flows = i[after] > FLOWS * i.max()
+    return float(np.median(v[after][flows])) if flows.sum() >= 3 else None
+
+
+def edge(v: Vector) -> float:
+    """Samples over which an edge of the voltage goes, the median over the first ones."""
+    limit = max(STEEP * float(np.ptp(v)), 6.0 * noise(v))
+    steps = np.diff(v)
+    places = np.flatnonzero(np.abs(steps) > limit)[: 20 * EDGES]
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+    lengths = [run.size for run in runs[:EDGES] if abs(float(steps[run].sum())) > 0.5 * np.ptp(v)]
+    return float(np.median(lengths)) if lengths else 1.0
+
+
+LOWEST, HIGHEST = 0.02, 0.5  # of the largest current, between which its beginning is extrapolated
+FEWEST_IN_RISE = 5  # samples of it
+ROUNDED = 0.1  # samples, that the fit leaves at least
+OPERATIONS = 20  # that are looked at
+
+
+class Lag(NamedTuple):
+    """Of the current behind the voltage."""
+
+    samples: float
+    error: float  # standard error [samples]
+
+
+def lag(record: Record, found: Sequence[Operation]) -> Lag | None:
+    """Mean of the first operations; where the edge lies between two samples, half a sample, is not in its error."""
+    sigma = noise(record.current)
+    each = [x for x in (one(record, operation, sigma) for operation in found[:OPERATIONS]) if x is not None]
+    if not each:
+        return None
+    late, errors = (np.array(column) for column in zip(*each))
+    return Lag(float(late.mean()), float(max(late.std(), errors.mean()) / np.sqrt(late.size)))
+
+
+def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
+    """Of one operation: from half-way to the first sample at its voltage to where its current, extrapolated, begins."""
+    v, i = record.voltage[operation.inside], record.current[operation.inside]
+    low = LOWEST * i.max() + 2.0 * sigma
+    first, last = (int(np.argmax(i > level)) for level in (low, HIGHEST * i.max()))
+    edge = int(np.argmax(v > 0.5 * v.max()))
+    if last - first < FEWEST_IN_RISE or edge >= last or v[max(first, edge) : last].min() < 0.5 * v.max():
+        return None
+    k = np.arange(first, last)
+    shape, covariance = np.polyfit(i[first:last], k, 2, cov="unscaled")
+    left = float(np.std(k - np.polyval(shape, i[first:last]))) + ROUNDED
+    return Lag(float(shape[2]) - (edge - 0.5), left * float(np.sqrt(covariance[2, 2])))
+
+
+STEADY = 0.05  # of the largest voltage: a voltage that changes less is held
+SIGMAS = 6.0  # times the noise of what is compared
+SMOOTHED = 0.04  # part of a stretch over which the current is averaged
+LEAST = 1e-3  # of the largest current: a smaller change of its course is none
+GONE = 0.03  # of the largest current: less says nothing
+AFTER = 3  # samples after a change of the voltage, in which filters still follow
+SHORTEST = 12  # samples of a held voltage
+LOW = 0.25  # of the largest voltage: less does not drive
+RISEN = 0.9  # of where it begins to fall: a current that begins there has not risen
+MOST = 64  # stretches of an operation that are searched
+FINER = 12  # parts of a fall of the current, over which it is averaged to find its end
+SCALES = (6, 8, 12, 16, 24, 48)  # parts of a falling current in which it is compared with a straight line
+
+
+class Kink(NamedTuple):
+    """Where the course of the current tells of a motion."""
+
+    begin: float  # [s]
+    end: float  # where it rises again, or bends most: on closing, the mover lands there [s]
+    samples: int  # between them
+
+
+def closing(record: Record, operation: Operation, sigma: float, carrier: Carrier | None = None) -> Kink | None:
+    """Where the current, with noise `sigma`, falls though the voltage is held, or switched by PWM."""
+    v, i = record.voltage[operation.inside], record.current[operation.inside]
+    driven = held(v)
+    if carrier is not None:
+        i, sigma, driven = average_over_carrier(v, i, sigma, carrier)
+    for a, b in driven:
+        found = fall(i[a:b], sigma, LEAST * float(i.max())) if v[a:b].mean() > LOW * v.max() else None
+        if found and i[a] < RISEN * i[a + found[0]]:
+            return kink(record, operation, a + found[0], a + found[1])
+    return None
+
+
+def opening(record: Record, operation: Operation, sigma: float) -> Kink | None:
+    """Where the falling current, with noise `sigma`, falls faster again."""
+    v, i = record.voltage[operation.inside], record.current[operation.inside]
+    for a, b in held(v):
+        flows = np.flatnonzero(i[a:b] > GONE * i.max() + 4.0 * sigma)
+        b = a + int(flows[-1]) + 1 if flows.size else a
+        if b - a < SHORTEST or i[a] <= i[b - 1] or v[a:b].mean() > LOW * v.max():
+            continue
+        if found := bulge(i[a:b], sigma, LEAST * float(i.max())):
+            return kink(record, operation, a + found[0], a + found[1])
+    return None
+
+
+def kink(record: Record, operation: Operation, begin: int, end: int) -> Kink:
+    """Between two samples of an operation."""
+    times = record.times[operation.start + 1 + begin], record.times[operation.start + 1 + end]
+    return Kink(float(times[0]), float(times[1]), end - begin)
+
+
+def average_over_carrier(
+    v: Vector, i: Vector, sigma: float, carrier: Carrier
+) -> tuple[Vector, float, list[tuple[int, int]]]:
+    """Current over a period of PWM, its noise, that of aliases included, and where the voltage is switched."""
+    width, on = max(2, round(carrier.samples)), np.flatnonzero(v > 0.5 * v.max())
+    mean = np.convolve(i, np.ones(width) / width, mode="same")
+    a, b = int(on[0]) + width, int(on[-1]) - width
+    return mean, max(sigma / float(np.sqrt(width)), noise(mean[a:b:width])), [(a, b)] if b - a >= SHORTEST else []
+
+
+def held(v: Vector) -> list[tuple[int, int]]:
+    """Stretches in which the voltage stays what it is, without the samples in which filters still follow a change."""
+    limit, found = max(STEADY * float(np.abs(v).max()), SIGMAS * noise(v)), list[tuple[int, int]]()
+    jumps = np.flatnonzero(np.abs(np.diff(v)) > limit) + 1
+    ends = [0, *jumps.tolist(), v.size]
+    long = [(a + AFTER, b) for a, b in zip(ends[:-1], ends[1:]) if b - a >= SHORTEST + AFTER]
+    for begin, end in long[:MOST]:
+        windows = np.lib.stride_tricks.sliding_window_view(v[begin:end], SHORTEST)
+        quiet = np.flatnonzero(windows.max(axis=1) - windows.min(axis=1) < limit)
+        if quiet.size:
+            a = begin + int(quiet[0])
+            left = np.flatnonzero(np.abs(v[a:end] - np.median(v[a : a + SHORTEST])) > limit)
+            found.append((a, a + int(left[0]) if left.size else end))
+    return found
+
+
+def fall(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
+    """Where a rising current begins to fall, and where it rises again."""
+    width = max(1, round(SMOOTHED * i.size))
+    smooth = np.convolve(i, np.ones(width) / width, mode="valid")
+    top = np.maximum.accumulate(smooth)
+    falls = np.flatnonzero(top - smooth > SIGMAS * sigma / np.sqrt(width) + least)
+    if not falls.size:
+        return None
+    begin = int(np.argmax(smooth[: falls[0] + 1]))
+    rises = np.flatnonzero(np.minimum.accumulate(smooth[falls[0] :]) < smooth[falls[0] :] - least)
+    last = int(falls[0]) + (int(rises[0]) if rises.size else smooth.size - 1 - int(falls[0])) + width
+    return begin + width // 2, lowest(i, begin, last, max(1, (last - begin) // FINER))
+
+
+def lowest(i: Vector, begin: int, end: int, width: int) -> int:
+    """Where the current, averaged over fewer samples, is lowest between two of them."""
+    return begin + int(np.argmin(np.convolve(i[begin:end], np.ones(width) / width, mode="valid"))) + width // 2
+
+
+def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
+    """Where a falling current falls more slowly than a straight line to what follows, and where it bends down."""
+    found = None
+    for part in SCALES:  # the coarsest sees where it begins, the finest that noise lets through where it ends
+        h = i.size // part
+        width = max(1, h // 2)
+        if h < 2 or i.size <= 2 * h + width:
+            continue
+        smooth = np.convolve(i, np.ones(width) / width, mode="valid")
+        bend = smooth[2 * h :] - 2.0 * smooth[h:-h] + smooth[: -2 * h]
+        is_bent = bend < -SIGMAS * sigma * np.sqrt(6.0 / width) - least
+        if is_bent.any():
+            place = h + width // 2
+            found = found[0] if found else int(np.argmax(is_bent)) + place, int(np.argmin(bend)) + place
+    return found if found is None else (min(found), max(found))
+
 
 LEVEL = 0.08  # width of a level of the voltage, relative to its range
 SHARE = 0.02  # part of the samples that make a level
@@ -89,7 +334,7 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         incomplete=max(0, len(activities(record)) - len(found)),
         path=switched,
         lag=lag(record, found),
-        clipped=[] if may_clip else clipped(record, raw),
+        clipped=[] if may_clip else find_clipping(record, raw),
         is_from_rest=begins_at_rest(record),
         unready=unready,
         unfinished=[] if unready else [*operation_problems(record, record.name, period)],
@@ -102,7 +347,7 @@ def as_measured(record: Record) -> dict[str, Vector]:
     return {name: x + (record.offsets[name].value if name in record.offsets else 0.0) for name, x in signals.items()}
 
 
-def clipped(record: Record, raw: Mapping[str, Vector]) -> list[str]:
+def find_clipping(record: Record, raw: Mapping[str, Vector]) -> list[str]:
     """What is told of signals at the limits of their converters."""
     columns = Columns(record.name, record.rows, raw)
     return [text for name in raw for text in clipping(columns, name)]
@@ -110,7 +355,7 @@ def clipped(record: Record, raw: Mapping[str, Vector]) -> list[str]:
 
 def signal(x: Vector, rest: int) -> Signal:
     """A measured signal, of which the first samples are at rest."""
-    step, quiet = resolution(x), x[:rest] - x[:rest].mean() if rest >= FEWEST else np.empty(0)
+    step, quiet = resolution(x), x[:rest] - x[:rest].mean() if rest >= FEWEST_AT_REST else np.empty(0)
     power = float(quiet @ quiet)
     return Signal(
         smallest=float(x.min()),
@@ -118,7 +363,7 @@ def signal(x: Vector, rest: int) -> Signal:
         noise=max(noise(x), float(quiet.std()) if quiet.size else 0.0),
         step=step if np.isfinite(step) and step > 1e-5 * np.ptp(x) else 0.0,
         correlation=float(quiet[1:] @ quiet[:-1]) / power if power > 0.0 else np.nan,
-        offset=offset(x, rest) if rest >= FEWEST else None,
+        offset=offset(x, rest) if rest >= FEWEST_AT_REST else None,
     )
 
 

@@ -1,102 +1,231 @@
-"""Records of files, checked before they are used; messages name rows and columns, and all of them come at once."""
+"""What makes a record of no use: uneven times, clipped signals, no start at rest, no whole operation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from gapsense.identification.measurements.conventions import AUTO, CONVENTIONS
-from gapsense.identification.measurements.reading import read_columns
-from gapsense.identification.measurements.record import Columns, Reading, Record, to_record
-from gapsense.identification.measurements.refusals import operation_problems, rest_problems
-from gapsense.identification.measurements.rest import unipolar, upright, without_offsets
-from gapsense.identification.measurements.samples import clipping, evened, time_problems
-from gapsense.identification.measurements.thin import shortened, thinned
-from gapsense.problems import InputError
+from gapsense.identification.measurements.operations import (
+    SIGMAS,
+    SMALL,
+    Operation,
+    estimate,
+    noise,
+    operations,
+    resolution,
+    starts,
+    true_runs,
+)
+from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
+
+FEWEST_SAMPLES = 8
+JITTER = 0.01  # largest deviation of a time step from their median, relative
+MANY = 50  # steps, whose mean is not rounded much
+DIGITS = 12  # after the point, or in all, that times may have
+FEWEST_DIGITS = 4  # in all, of rounded times
+COARSEST = 5e-3  # rounding of times relative to the length of a record
+LARGEST = 1e6  # V and A
+CLIPPED = 5  # equal samples at the end of the range
+STEEP = 1e-3  # change before a flat end of the range that no settling current has, relative to the range
 
 
-def reading(
-    column: Sequence[str] | None,
-    convention: str = CONVENTIONS[0],
-    separator: str = ",",
-    decimal: str = ".",
-    may_clip: bool = False,
-) -> Reading:
-    """How files are read, from texts; `column` has texts `QUANTITY=NAME`."""
-    if convention not in (AUTO, *CONVENTIONS):
-        raise ValueError(f"--voltage: `{convention}` found, one of {', '.join((AUTO, *CONVENTIONS))} expected.")
-    if wrong := [pair for pair in column or [] if "=" not in pair]:
-        raise ValueError(f"--column: `{wrong[0]}` found, QUANTITY=NAME expected, for instance voltage=u1.")
-    for name, text in (("separator", separator), ("decimal", decimal)):
-        if len(text) != 1:
-            raise ValueError(f"--{name}: `{text}` found, one character expected.")
-    if separator == decimal:
-        raise ValueError(f'--decimal: `{decimal}` also separates the cells. Give another `--separator`, such as ";".')
-    return Reading(
-        names=dict(pair.split("=", 1) for pair in column or []),
-        convention=convention,
-        separator=separator,
-        decimal=decimal,
-        may_clip=may_clip,
+def time_problems(columns: Columns) -> Iterator[str]:
+    """Too few samples, or time steps that differ by more than the times are rounded."""
+    t, rows, file = columns.values["time"], columns.rows, columns.file
+    if t.size < FEWEST_SAMPLES:
+        yield f"{file}: {t.size} rows found, at least {FEWEST_SAMPLES} expected. Record more."
+        return
+    wrong, usual = uneven(t)
+    if wrong.size and rounding(t) > 0.0:
+        return
+    steps = np.diff(t)
+    for k in wrong[:SHOWN]:
+        yield (
+            f"{file}, row {rows[k + 1]}: `time` is {t[k + 1]:.9g} s, {steps[k]:.6g} s after the row before; equal steps"
+            f" of {usual:.6g} s are expected. Record with one sampling period, or resample."
+        )
+    if wrong.size > SHOWN:
+        yield f"{file}: `time` has other steps in {wrong.size - SHOWN} more rows."
+
+
+def uneven(t: Vector) -> tuple[npt.NDArray[np.int_], float]:
+    """Steps that differ by more than a rounding of less than half a step, and what a step usually is [s]."""
+    steps = np.diff(t)
+    many = min(MANY, steps.size)
+    usual = float(np.median(t[many:] - t[:-many])) / many  # one step may be rounded
+    last = digit(t)
+    most = JITTER * abs(usual) + (1.01 * last if last < 0.5 * abs(usual) else 0.0)
+    return np.flatnonzero((np.abs(steps - usual) > most) | (steps <= 0.0)), usual
+
+
+def even_out(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """Columns without problems, with equal steps where the times are rounded by more, and a sentence on that."""
+    t = columns.values["time"]
+    if not uneven(t)[0].size:
+        return columns, ()
+    even = np.linspace(t[0], t[-1], t.size)
+    said = (
+        f"`time` is rounded to {rounding(t):.2g} s, coarsely for steps of {even[1] - even[0]:.6g} s: these are taken."
     )
+    return columns._replace(values={**columns.values, "time": even}), (said,)
 
 
-def read_records(
-    files: Sequence[Path], how: Reading, period: float | None = None, needs: str = "operations"
-) -> list[Record]:
-    """Records of files, as `read_record` has them; all problems of all files come at once."""
-    records, problems = [], []
-    for file in files:
-        try:
-            records.append(read_record(file, how, period, needs))
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
-    return records
+def digit(t: Vector) -> float:
+    """The last decimal digit that times have."""
+    for k in range(DIGITS + 1):
+        if np.allclose(np.round(t, k), t, rtol=0.0, atol=1e-3 * 10.0**-k):
+            return float(10.0**-k)
+    return 0.0
 
 
-def read_record(
-    path: Path, how: Reading | None = None, period: float | None = None, needs: str = "operations"
-) -> Record:
-    """Record of a file, checked; an InputError tells all that is wrong with it at once.
+def rounding(t: Vector) -> float:
+    """How coarsely equally spaced times are rounded, as programs of oscilloscopes do, by much of a step; 0 if not so.
 
-    Parameters
-    ----------
-    path : Path
-        CSV file.
-    how : Reading, optional
-        How it is read.
-    period : float, optional
-        Length of an operation [s], where voltage and current do not tell it.
-    needs : str
-        `operations`: complete ones from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
-        nothing but sound samples, and all of them, where the others are made shorter if they are long.
+    No time may be farther from the straight line through all of them than it is rounded, to digits in all or to digits
+    after the point, so that no sample can be missing unless several times look the same.
     """
-    how, problems = how or Reading(), list[str]()
-    columns = read_columns(path, how, problems)
-    problems += _sample_problems(columns, how)
-    if problems:
-        raise InputError(problems)
-    columns, said = evened(columns)
-    whole = upright(to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention))
-    record = without_offsets(whole)._replace(remarks=(*said, *whole.remarks, *unipolar(whole)))
-    if needs != "samples":
-        problems += rest_problems(record, path.name)
-    if needs == "operations" and not problems:
-        problems += operation_problems(record, path.name, period)
-    if problems:
-        raise InputError(problems)
-    return record if needs == "samples" else shortened(thinned(record), period)
+    steps, ends = np.arange(t.size), t[-1] - t[0]
+    units = np.maximum(significant(t), digit(t))
+    line = t[0] + ends / (t.size - 1) * steps
+    coarsest = float(units.max())
+    is_straight = bool(np.all(np.abs(t - line) <= 1.01 * units + JITTER * ends / (t.size - 1)))
+    return coarsest if is_straight and coarsest < COARSEST * ends and bool(np.all(np.diff(t) >= 0.0)) else 0.0
 
 
-def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
-    """What is wrong with columns by themselves."""
-    sound = [name for name, values in columns.values.items() if np.isfinite(values).all()]
-    if "time" in sound:
-        yield from time_problems(columns)
-    for name in ("voltage", "current"):
-        if name in sound and not how.may_clip:
-            yield from clipping(columns, name)
+def significant(t: Vector) -> Vector:
+    """The last digit of each time, if all of them have the same number of digits."""
+    sizes = np.abs(t)
+    tens = np.floor(np.log10(np.where(t == 0.0, sizes[sizes > 0.0].min(initial=1.0), sizes)))
+    for k in range(FEWEST_DIGITS, DIGITS + 1):
+        unit = 10.0 ** (tens - k + 1)
+        if np.all(np.abs(t - np.round(t / unit) * unit) <= 1e-3 * unit):
+            return np.asarray(unit)
+    return np.zeros(t.size)
+
+
+def size_problems(columns: Columns, name: str) -> Iterator[str]:
+    """Values that no coil has."""
+    x, unit = columns.values[name], UNITS[name]
+    k = int(np.argmax(np.abs(x))) if x.size else 0
+    if x.size and abs(x[k]) > LARGEST:
+        yield (
+            f"{columns.file}, row {columns.rows[k]}: `{name}` is {x[k]:.4g} {unit}, at most {LARGEST:g} {unit} are"
+            " expected. Correct the value, or the unit in the head of the column."
+        )
+
+
+def clipping(columns: Columns, name: str) -> Iterator[str]:
+    """Flat ends of the range, where a converter saturates."""
+    x, rows = columns.values[name], columns.rows
+    unit = {"voltage": "V", "current": "A"}[name]
+    for extreme, word in ((x.max(initial=0.0), "largest"), (x.min(initial=0.0), "smallest")):
+        is_flat = x == extreme
+        runs = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
+        clipped = [run for run in runs if _is_noisy(x[~is_flat]) or (name == "current" and _is_steep(x, run[0]))]
+        if clipped:
+            first, end = clipped[0]
+            yield (
+                f"{columns.file}, row {rows[first]} to {rows[end - 1]}: `{name}` stays at its {word} value {extreme:g} "
+                f"{unit}, in {len(clipped)} places: the signal is clipped. Widen the measuring range and record again, "
+                "or add `--clipped` if it is not."
+            )
+
+
+def _is_noisy(x: Vector) -> bool:
+    """Noise of several digits, with which no stretch of equal samples is possible."""
+    steps = np.diff(x)
+    alternates = float(np.mean(steps[1:] * steps[:-1] < 0.0)) if steps.size > 1 else 0.0
+    return alternates > 0.25 and noise(x) > 2.0 * resolution(x)
+
+
+def _is_steep(x: Vector, first: int) -> bool:
+    """True if the signal changes by more than a digit just before it becomes flat, where a settling one would not."""
+    change = float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
+    return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)
+
+
+SPIKE = 0.2  # of the largest current: all others are smaller, if it is one sample's only
+LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
+
+
+def _largest_at_rest(record: Record) -> float:
+    return SMALL["current"] * float(np.abs(record.current).max()) + SIGMAS * noise(record.current)
+
+
+def begins_at_rest(record: Record) -> bool:
+    """Whether no current flows before the first operation, of which there is one."""
+    found = starts(record)
+    return bool(found) and abs(float(record.current[: found[0] + 1].mean())) <= _largest_at_rest(record)
+
+
+def rest_problems(record: Record, file: str) -> Iterator[str]:
+    """A record in which nothing operates, or whose first operation does not begin at rest."""
+    found = starts(record)
+    if not found:
+        where = f"{file}: no current flows{_spike(record)}"
+        yield f"{where}, so that nothing operates. Record at least one operation, from rest on."
+        return
+    yield from _slow(record, file, found[0])
+    i, limit = float(record.current[: found[0] + 1].mean()), _largest_at_rest(record)
+    if not begins_at_rest(record):
+        place = f"{file}, row {record.rows[0]} to {record.rows[found[0]]}"
+        yield (
+            f"{place}: `current` is {i:.4g} A before the first operation; at most {limit:.2g} A is expected. The flux "
+            "linkage is an integral from rest on: record from rest, or cut the file to begin there; if the sensor shows"
+            " this without current, subtract it."
+        )
+
+
+def _spike(record: Record) -> str:
+    """The one sample whose current hides that of all others, if there is one."""
+    i = np.abs(record.current)
+    k = int(np.argmax(i))
+    others = np.delete(i, k)
+    is_one = bool(others.max(initial=0.0) < SPIKE * i[k])
+    return f" beside row {record.rows[k]} with {record.current[k]:.4g} A, which is to be corrected" if is_one else ""
+
+
+def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
+    """No complete operation, or operations that do not end as they began."""
+    found = operations(record, period)
+    if not found:
+        rows = ", ".join(str(record.rows[k]) for k in starts(record)[: 2 * SHOWN]) or "none"
+        yield (
+            f"{file}: no complete operation (current begins to flow after row {rows}). Record until the current has "
+            "ended, or give the length of a period with `--period` in s."
+        )
+    limit = 2.0 * _largest_at_rest(record)
+    for operation in found[:SHOWN]:
+        i = record.current[[operation.start, operation.stop]]
+        if abs(i[1] - i[0]) > limit:
+            place = f"{file}, row {record.rows[operation.start]} to {record.rows[operation.stop]}"
+            yield (
+                f"{place}: `current` is {i[0]:.4g} A at the start of this operation and {i[1]:.4g} A at its end;"
+                " equal currents are expected for (23). Leave the voltage off for longer, or give the period with "
+                "`--period` in s."
+            )
+    yield from _reversed(record, file, found)
+
+
+def _slow(record: Record, file: str, start: int) -> Iterator[str]:
+    """A current that takes seconds to rise: the times have another unit."""
+    i = np.abs(record.current)
+    rise = float(record.times[int(np.argmax(i > 0.5 * i.max()))] - record.times[start])
+    if rise > LONGEST_RISE or record.dt > LONGEST_STEP:
+        yield (
+            f"{file}: `current` takes {rise:.3g} s to rise to half of its largest value, in steps of {record.dt:.3g} s;"
+            " milliseconds are expected. If the times are in ms or us, write `time [ms]` or `time [us]` in the header."
+        )
+
+
+def _reversed(record: Record, file: str, found: Sequence[Operation]) -> Iterator[str]:
+    """Voltage and current of opposite signs, or no voltage."""
+    if found and not np.ptp(record.voltage):
+        yield f"{file}: `voltage` is the same throughout though current flows. Record the voltage at the coil."
+    elif found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:
+        yield (
+            f"{file}: voltage and current have opposite signs, so that the resistance would be {R:.3g} Ohm. One of the"
+            " sensors is reversed: change the sign of a column."
+        )

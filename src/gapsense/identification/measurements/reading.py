@@ -1,30 +1,149 @@
-"""Columns of a user's CSV file, or of the results of a run.
-
-A file has a header with names and units, `time [s], voltage [V], current [A]`, and may have `position [m]` and
-`mode [1]`; units may carry a prefix (`ms`, `mA`).
-"""
+"""Records of files, checked before they are used; messages name rows and columns, and all of them come at once."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gapsense._os.files import unread
 from gapsense._os.plain_files import read_bytes
-from gapsense.cosim.result.result import read_result
+from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.kinds import RECORD, other_kind
 from gapsense.fmi.tables import HEADER
-from gapsense.identification.measurements.heads import Line, from_heads, is_number, other_separator
-from gapsense.identification.measurements.of_result import columns_of
-from gapsense.identification.measurements.record import NEEDED, SHOWN, UNITS, Columns, Reading, Vector
-from gapsense.problems import listing, suggest
+from gapsense.identification.measurements.checks import (
+    clipping,
+    even_out,
+    operation_problems,
+    rest_problems,
+    size_problems,
+    time_problems,
+)
+from gapsense.identification.measurements.prepare import shorten, subtract_offsets, thin, turn_upright, unipolar
+from gapsense.identification.measurements.record import (
+    NEEDED,
+    SHOWN,
+    UNITS,
+    Columns,
+    Reading,
+    Record,
+    Vector,
+    to_record,
+)
+from gapsense.identification.options import AUTO, CONVENTIONS
+from gapsense.problems import InputError, listing, suggest
 from gapsense.units import factor
+
+MOST = 60  # rows above the heads
+SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # that a file may have in place of a comma, and as a shell takes them
+
+
+class Line(NamedTuple):
+    """A line of a file with its number."""
+
+    number: int
+    cells: list[str]
+
+
+def from_heads(lines: Sequence[Line], decimal: str) -> list[Line]:
+    """Lines from the heads of the columns on, with the units of the row below them, if there is one."""
+    heads = next((k for k, line in enumerate(lines[:MOST]) if any(map(is_time, line.cells))), 0)
+    first, *rest = [*lines[heads:]] or [Line(1, [])]
+    if rest and not any(is_number(cell, decimal) for cell in rest[0].cells):
+        units = [cell.strip().strip("()[]") for cell in rest[0].cells] + [""] * len(first.cells)
+        return [first._replace(cells=[*map(with_unit, first.cells, units)]), *rest[1:]]
+    return [first, *rest]
+
+
+def is_time(cell: str) -> bool:
+    """Whether a cell is the head of the column of times."""
+    found = HEADER.fullmatch(cell)
+    return found is not None and found[1].lower() == "time"
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number, NaN included."""
+    try:
+        float(cell.replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def with_unit(head: str, unit: str) -> str:
+    """A head with its unit; one that has a unit keeps it."""
+    found = HEADER.fullmatch(head)
+    return f"{head.strip()} [{unit}]" if unit and found and found[1] and not found[2] else head
+
+
+def other_separator(lines: Sequence[Line], separator: str) -> str:
+    """Sentence on a file whose cells are separated by something else than a comma, or nothing."""
+    whole = [line.cells[0] for line in lines[:MOST] if len(line.cells) == 1]
+    heads = next((text for text in whole if "time" in text.lower()), whole[0] if whole else "")
+    if separator != "," or (lines and len(lines[0].cells) > 1 and not heads):
+        return ""
+    found = next((s for s in SEPARATORS if s in heads), None)
+    if found is None:
+        return ""
+    has_commas = any(len(line.cells) > 1 for line in lines[1:])
+    more = " --decimal ," if has_commas else ""
+    word = "semicolons" if found == ";" else "tabs"
+    return f"the cells are separated by {word}; commas are expected. Add `--separator {SEPARATORS[found]}{more}`."
+
+
+# Where a result has its signals, best first.  The mean over the step knows an edge inside it, the value does not.
+SIGNALS = {
+    "voltage": ("voltage_measured", "voltage_mean", "voltage"),
+    "current": ("current_measured", "current"),
+    "position": ("position",),
+    "mode": ("mode_measured", "mode"),
+}
+
+
+def columns_of(file: str, result: Result, names: Mapping[str, str], problems: list[str]) -> Columns:
+    """Signals of a result where they have just been sampled; a mean voltage is averaged between these instants."""
+    chosen = {q: s for q in SIGNALS if (s := _signal(file, q, names, result, problems))}
+    if any(q not in chosen for q in NEEDED[1:]):
+        return Columns(file, np.array([], dtype=int), {})
+    is_mean = chosen["voltage"].endswith("_mean")
+    sampled = [chosen["current"]] if is_mean else [chosen["voltage"], chosen["current"]]
+    at = np.flatnonzero(np.logical_and.reduce([result.stepped(signal) for signal in sampled]))
+    values = {"time": result.times[at], **{q: result[s][at] for q, s in chosen.items()}}
+    if is_mean:
+        values["voltage"] = _average_between(result[chosen["voltage"]], at)
+    return Columns(file, at + 2, values, is_mean)
+
+
+def _signal(file: str, quantity: str, names: Mapping[str, str], result: Result, problems: list[str]) -> str | None:
+    """The signal that holds a quantity; of an optional one that is not unique, none."""
+    if quantity in names:
+        if names[quantity] in result.signals:
+            return names[quantity]
+        problems.append(f"{file}: no signal `{names[quantity]}`. {suggest(names[quantity], result.signals)}")
+        return None
+    found: list[str] = []
+    for ending in SIGNALS[quantity]:
+        found = found or [signal for signal in result.signals if signal.rpartition(".")[2] == ending]
+    if len(found) == 1:
+        return found[0]
+    if quantity in NEEDED:
+        what = f"{listing(found)} may be the {quantity}" if found else f"no signal of the {quantity} is recorded"
+        problems.append(f"{file}: {what}. Choose one with `--column {quantity}=SIGNAL`.")
+    return None
+
+
+def _average_between(means: Vector, at: npt.NDArray[np.int_]) -> Vector:
+    """Mean over the rows from one of `at` to the next."""
+    running = np.concatenate(([0.0], np.cumsum(means)))
+    return np.concatenate((means[at[:1]], np.diff(running[at + 1]) / np.diff(at)))
+
 
 DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken
 HEADS = "Write `time [s],voltage [V],current [A]` as the first row."
@@ -148,3 +267,90 @@ def _number(text: str) -> float:
         return value if math.isfinite(value := float(text)) else math.nan
     except ValueError:
         return math.nan
+
+
+def reading(
+    column: Sequence[str] | None,
+    convention: str = CONVENTIONS[0],
+    separator: str = ",",
+    decimal: str = ".",
+    may_clip: bool = False,
+) -> Reading:
+    """How files are read, from texts; `column` has texts `QUANTITY=NAME`."""
+    if convention not in (AUTO, *CONVENTIONS):
+        raise ValueError(f"--voltage: `{convention}` found, one of {', '.join((AUTO, *CONVENTIONS))} expected.")
+    if wrong := [pair for pair in column or [] if "=" not in pair]:
+        raise ValueError(f"--column: `{wrong[0]}` found, QUANTITY=NAME expected, for instance voltage=u1.")
+    for name, text in (("separator", separator), ("decimal", decimal)):
+        if len(text) != 1:
+            raise ValueError(f"--{name}: `{text}` found, one character expected.")
+    if separator == decimal:
+        raise ValueError(f'--decimal: `{decimal}` also separates the cells. Give another `--separator`, such as ";".')
+    return Reading(
+        names=dict(pair.split("=", 1) for pair in column or []),
+        convention=convention,
+        separator=separator,
+        decimal=decimal,
+        may_clip=may_clip,
+    )
+
+
+def read_records(
+    files: Sequence[Path], how: Reading, period: float | None = None, needs: str = "operations"
+) -> list[Record]:
+    """Records of files, as `read_record` has them; all problems of all files come at once."""
+    records, problems = [], []
+    for file in files:
+        try:
+            records.append(read_record(file, how, period, needs))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return records
+
+
+def read_record(
+    path: Path, how: Reading | None = None, period: float | None = None, needs: str = "operations"
+) -> Record:
+    """Record of a file, checked; an InputError tells all that is wrong with it at once.
+
+    Parameters
+    ----------
+    path : Path
+        CSV file.
+    how : Reading, optional
+        How it is read.
+    period : float, optional
+        Length of an operation [s], where voltage and current do not tell it.
+    needs : str
+        `operations`: complete ones from rest on, to identify from; `rest`: a start at rest, to simulate; `samples`:
+        nothing but sound samples, and all of them, where the others are made shorter if they are long.
+    """
+    how, problems = how or Reading(), list[str]()
+    columns = read_columns(path, how, problems)
+    problems += _sample_problems(columns, how)
+    if problems:
+        raise InputError(problems)
+    columns, said = even_out(columns)
+    whole = turn_upright(to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention))
+    record = subtract_offsets(whole)._replace(remarks=(*said, *whole.remarks, *unipolar(whole)))
+    if needs != "samples":
+        problems += rest_problems(record, path.name)
+    if needs == "operations" and not problems:
+        problems += operation_problems(record, path.name, period)
+    if problems:
+        raise InputError(problems)
+    return record if needs == "samples" else shorten(thin(record), period)
+
+
+def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
+    """What is wrong with columns by themselves."""
+    sound = [name for name, values in columns.values.items() if np.isfinite(values).all()]
+    if "time" in sound:
+        yield from time_problems(columns)
+    for name in ("voltage", "current"):
+        wrong = [*size_problems(columns, name)] if name in sound else []
+        yield from wrong
+        if name in sound and not wrong and not how.may_clip:
+            yield from clipping(columns, name)

@@ -14,14 +14,11 @@ import numpy as np
 
 from gapsense.identification.assumptions import scale
 from gapsense.identification.causes import Matrix
+from gapsense.identification.least_squares import independent
 from gapsense.identification.measurements.record import Vector
-from gapsense.identification.valve.device import Device, changed, value
-from gapsense.identification.valve.errors import Uncertainty
-from gapsense.identification.valve.evidence import independent
-from gapsense.identification.valve.form import FACTOR, SHAPE, Form, multiplied
-from gapsense.identification.valve.linear import jacobian
-from gapsense.identification.valve.minimise import Fit
-from gapsense.identification.valve.misfit import largest
+from gapsense.identification.valve.errors import Uncertainty, largest
+from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form, multiply, replace_values, value_of
+from gapsense.identification.valve.minimise import Fit, Weighted
 from gapsense.identification.valve.model import Experiment, cost
 
 STEP = 1e-3  # of a difference quotient
@@ -44,7 +41,7 @@ ALIKE: Mapping[str, Mapping[str, float]] = {  # powers by which fitted values go
 }
 
 
-class Minimum(NamedTuple):
+class Ended(NamedTuple):
     """Where the fit ended."""
 
     form: Form
@@ -52,46 +49,49 @@ class Minimum(NamedTuple):
     experiments: list[Experiment]
 
 
-def shifted(known: Device, name: str, by: float, tied: Collection[str] = ()) -> Device:
+def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> Device:
     """The device with another value: e^by times as large, or by that part; `tied` fields go with the stroke."""
-    lower, upper = float(value(known, "stop_lower")), float(value(known, "stop_upper"))
-    old = dict(multiplied(known, name, float(np.exp(by))))
+    lower, upper = float(value_of(known, "stop_lower")), float(value_of(known, "stop_upper"))
+    old = dict(multiply(known, name, float(np.exp(by))))
     if parts := scale(name.replace("_", ".")).parts:
-        old = {name: max(0.0, float(value(known, name)) + by * (1.0 if parts == "1" else upper - lower))}
-    rest, start = (float(value(known, field)) for field in ("spring_rest", "initial_position"))
+        old = {name: max(0.0, float(value_of(known, name)) + by * (1.0 if parts == "1" else upper - lower))}
+    rest, start = (float(value_of(known, field)) for field in ("spring_rest", "initial_position"))
     if name == "spring_rest" and rest > upper:
         old = {name: max(rest * float(np.exp(by)), min(rest, OPEN * upper))}
     if name == "stop_upper":
         old = {name: lower + (upper - lower) * float(np.exp(by))}
-        old |= {field: value(known, field) * float(np.exp(by)) for field in tied}
+        old |= {field: value_of(known, field) * float(np.exp(by)) for field in tied}
     stops = {lower: old.get("stop_lower", lower), upper: old.get("stop_upper", upper)}
-    return changed(known, **old, initial_position=stops.get(start, start))
+    return replace_values(known, **old, initial_position=stops.get(start, start))
 
 
-def doubted(at: Minimum, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
-    """The uncertainty with what doubts about held fields add, each by itself; see `shifted`."""
-    effects = [largest([np.outer(x, x) for x in moved(at, name, doubt, tied)]) for name, doubt in doubts.items()]
-    return widened(found, at.form, sum(effects[1:], effects[0])) if effects else found
+def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
+    """The uncertainty with what doubts about held fields add, each by itself; see `shift`."""
+    effects = [
+        largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
+    ]
+    return widen(found, at.form, sum(effects[1:], effects[0])) if effects else found
 
 
-def moved(at: Minimum, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
+def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
     """What becomes of the logarithms of what is fitted, if a held value is off to either side."""
     form, one_sided = at.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
 
     def change(by: float) -> Device:
-        return shifted(form.known, name, by, tied)
+        return shift(form.known, name, by, tied)
 
     def residuals(by: float) -> Vector:
-        return Fit(form._replace(known=change(by))).residuals(at.ratios, at.experiments)
+        return np.asarray(Weighted(form._replace(known=change(by)), at.experiments).residuals([at.ratios])[0])
 
-    J, r, step = jacobian(form, at.ratios, at.experiments), residuals(0.0), doubt if one_sided else STEP
+    J, r = Weighted(form, at.experiments).jacobian(at.ratios), residuals(0.0)
+    step = doubt if one_sided else STEP
     B = (residuals(step) - (r if one_sided else residuals(-step))) / (step if one_sided else 2.0 * step)
     slope = -np.linalg.pinv(J) @ B
     if not one_sided and doubt <= LINEAR:
         return [doubt * slope]
     alike = np.array([ALIKE.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
     sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
-    return [refitted(at, change, by, (slope, alike), cost(r)) for by in sides]
+    return [refit(at, change, by, (slope, alike), cost(r)) for by in sides]
 
 
 def bound(left: Vector, r: Vector) -> float:
@@ -100,9 +100,7 @@ def bound(left: Vector, r: Vector) -> float:
     return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
 
 
-def refitted(
-    at: Minimum, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float
-) -> Vector:
+def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
     """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
     for _ in range(TRIALS):
         form = at.form._replace(known=change(by))
@@ -123,7 +121,7 @@ def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vect
     return start + ratios, fit.cost(ratios, experiments)
 
 
-def widened(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
+def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
     """The uncertainty with a covariance of the fitted logarithms added."""
     names = list(form.fitted)
     kept = [k for k, name in enumerate(names) if name != FACTOR and not name.startswith(SHAPE)]

@@ -15,22 +15,142 @@ import numpy as np
 
 from gapsense._os.workers import Progress
 from gapsense.identification.assumptions import scale
+from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.residual import residual
-from gapsense.identification.valve import model
-from gapsense.identification.valve.beginning import Beginning, Method, begun, course_of
-from gapsense.identification.valve.device import Device, changed
-from gapsense.identification.valve.doubt import Minimum, doubted
-from gapsense.identification.valve.drive import ROUNDS, UNKNOWN, Drive, correction
-from gapsense.identification.valve.errors import doubts, uncertainty
-from gapsense.identification.valve.form import FACTOR, Form
-from gapsense.identification.valve.forms import EVERYTHING, Sought, plain
-from gapsense.identification.valve.identified import Identified
-from gapsense.identification.valve.minimise import Fit
-from gapsense.identification.valve.model import Experiment
-from gapsense.identification.valve.prepared import Prepared, prepare
-from gapsense.identification.valve.scales import BOUNCE, needed
+from gapsense.identification.residual import Residual, residual
+from gapsense.identification.valve.doubt import Ended, add_doubts
+from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_delay, correction, last_taken, settle
+from gapsense.identification.valve.errors import Uncertainty, doubts, uncertainty
+from gapsense.identification.valve.form import (
+    BOUNCE,
+    EVERYTHING,
+    FACTOR,
+    GUESSED,
+    SHAPE,
+    Device,
+    Form,
+    Sought,
+    needed,
+    plain,
+    replace_values,
+    value_of,
+)
+from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading, expect
+from gapsense.identification.valve.model import (
+    Experiment,
+    Prepared,
+    Trajectory,
+    balance,
+    pooled_resistance,
+    prepare_all,
+    simulate_experiment,
+)
 from gapsense.identification.valve.search import search
+
+
+class Method(NamedTuple):
+    """How the minimum is sought; see `identify`."""
+
+    starts: int
+    seed: int
+    conventions: Sequence[str]
+
+
+def course_of(prepared: Prepared, method: Method, sought: Sought, progress: Progress) -> Course:
+    """What is to be expected of a fit."""
+    firsts = sum(first.experiment.current.size for first in prepared.firsts)
+    whole = sum(e.current.size for e in prepared.experiments)
+    phases = expect(firsts, whole, method.starts, len(method.conventions), len(sought.forms))
+    return Course(progress, phases, whole)
+
+
+class Beginning(NamedTuple):
+    """What the first operations tell."""
+
+    ratios: Vector
+    prepared: Prepared
+    starts: list[Start]
+    trials: list[Trial]
+    causes: Sequence[str]  # that are fitted
+
+
+def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Driver) -> Beginning:
+    """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
+    firsts = [first.experiment for first in prepared.firsts]
+    found = fit.multi_start(firsts, method.starts, method.seed) if method.starts else []
+    found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
+    ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
+    fit.course.begins("readings")
+    if method.conventions:
+        readings = [prepare_all(prepared.raw, prepared.period, name) for name in method.conventions]
+        best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
+        prepared = readings[best]
+    fit.course.begins("forms")
+    if not found:
+        return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=[], causes=drive.fitted)
+    ratios, prepared = settle(fit, ratios, prepared, drive.fitted)
+    prepared, trials, causes = choose_delay(fit, ratios, prepared, sought, drive)
+    fit.form, ratios = last_taken(trials)[:2]
+    return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=trials, causes=causes)
+
+
+POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
+ROUGH = 0.3  # the same of what hardly anything was known of
+
+
+class Identified(NamedTuple):
+    """What was found, and how."""
+
+    parameters: Device  # complete set, known ones included
+    form: Form  # what was sought
+    uncertainty: Uncertainty  # in that order
+    cost: float  # J of (24)
+    starts: list[Start]  # empty for the multi-directional search
+    evaluations: int  # simulations of all records; a shorter one counts in proportion
+    fluxes: list[Flux]  # resistances and flux linkage of each record
+    models: list[Trajectory]  # what the model does, from the first operation of each record on
+    convention: str  # the voltage between samples, see `record.halves`
+    residuals: list[Residual]  # of each record
+    ratios: Vector  # logarithms, of the fitted parameters to their first guesses
+    trials: list[Trial]  # forms that were tried
+    drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
+    held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
+    assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fitted parameters, and the resistance."""
+        return (*(n for n in self.form.fitted if n != FACTOR and not n.startswith(SHAPE)), "coil_resistance")
+
+    @property
+    def resistance(self) -> float:
+        """Of all records [Ohm]."""
+        return float(value_of(self.parameters, "coil_resistance"))
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the model explains all records."""
+        return all(residual.is_explained for residual in self.residuals)
+
+    @property
+    def at_bounds(self) -> list[str]:
+        """Parameters at a limit of the search."""
+        is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
+        return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
+
+    @property
+    def poor(self) -> list[str]:
+        """Parameters that the records do not identify."""
+        errors = zip(self.names, self.uncertainty.relative)
+        return [name for name, error in errors if not error < (ROUGH if name in GUESSED else POOR)]
+
+    def with_held(self, held: Sequence[str], before: Identified) -> Identified:
+        """What was held is no more certain for it: errors are no smaller than those of the fit `before`."""
+        errors = dict(zip(before.names, before.uncertainty.relative.tolist()))
+        least = np.array([errors[name] for name in self.names])
+        wider = self.uncertainty._replace(relative=np.maximum(self.uncertainty.relative, least))
+        return self._replace(held=held, uncertainty=wider)
+
 
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 AT_REST = 1e-5  # relative change of the resistances
@@ -47,7 +167,7 @@ class Found(NamedTuple):
     causes: Sequence[str]  # that were fitted too
 
 
-def identify(
+def fit_valve(
     records: Sequence[Record],
     known: Device,
     starts: int,
@@ -56,7 +176,7 @@ def identify(
     progress: Progress = lambda done, total: None,
     conventions: Sequence[str] = (),
     sought: Sought = EVERYTHING,
-    drive: Drive = UNKNOWN,
+    drive: Driver = UNKNOWN,
 ) -> Identified:
     """Parameters that fit one or more records best.
 
@@ -83,17 +203,17 @@ def identify(
         What is known of the driver, and what is fitted.
     """
     method = Method(starts, seed, conventions)
-    prepared = prepare(drive.of(records), period)
+    prepared = prepare_all(drive.of(records), period)
     fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
-    beginning = begun(fit, prepared, method, sought, drive)
+    beginning = begin(fit, prepared, method, sought, drive)
     fit.course.begins("whole")
-    at = _minimum(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
-    result = _identified(fit, at, beginning, drive.accuracy)
+    at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
+    result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
     if held:
-        at = _minimum(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
-        result = _identified(fit, at, beginning, drive.accuracy).with_held(held, result)
+        at = _minimise(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
+        result = _conclude(fit, at, beginning, drive.accuracy).with_held(held, result)
     return _with_assumed(result, at, sought)
 
 
@@ -104,7 +224,7 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     doubts = {name: scale(name.replace("_", ".")).doubt for name in assumed}
     doubts |= {name: error for name, error in sought.accuracy.items() if name in known}
     tied = {"spring_rest"} & {*assumed}
-    found = doubted(Minimum(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
+    found = add_doubts(Ended(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 
@@ -115,14 +235,14 @@ def _by_noise(result: Identified, at: Found) -> Vector:
     return uncertainty(at.form, at.ratios, at.experiments, fitted=at.causes).relative
 
 
-def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str], is_searched: bool) -> Found:
+def _minimise(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str], is_searched: bool) -> Found:
     """The minimum for all operations, with resistances for which the charges are equal, and in the causes.
 
     Those depend on what stays of the flux, and it on them: where the core has hysteresis, until they rest.
     """
     experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
-        experiments = [model.balanced(fit.form, ratios, e) for e in experiments]
+        experiments = [balance(fit.form, ratios, e) for e in experiments]
         ratios = fit.form.settled(ratios)
         ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.restarted(ratios))]
         ratios = min(ends, key=partial(fit.cost, experiments=experiments))
@@ -143,10 +263,10 @@ def _minimum(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str]
     return Found(form=fit.form, ratios=ratios, experiments=experiments, prepared=prepared, causes=causes)
 
 
-def _identified(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, float]) -> Identified:
+def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, float]) -> Identified:
     form, ratios, experiments, prepared, causes = at
-    par = changed(form.at(ratios), coil_resistance=model.pooled_resistance(experiments))
-    models = [model.simulated(par, e) for e in experiments]
+    par = replace_values(form.at(ratios), coil_resistance=pooled_resistance(experiments))
+    models = [simulate_experiment(par, e) for e in experiments]
     every = zip(prepared.records, models, prepared.fluxes)
     left = [residual(record, m, flux.operations[0].start) for record, m, flux in every]
     return Identified(

@@ -1,23 +1,95 @@
-"""Least squares of the parameters of a form, from one or several starts."""
+"""Least squares of a form from one or several starts, and which form and which reading of the voltage records call for.
+
+From the plain form on, each of what may be added is tried in turn, and the one with most evidence is taken, until none
+has enough.  Losses may hide in the noise and yet bias all else, so that they are tried where only noise is left, too.
+The evidence is the difference of the Bayesian information criteria,
+
+    n ln(S_before / S_after) - k ln n,
+
+with sums S of the squared residuals of the current, k more parameters, and as many independent samples n as the
+autocorrelation of what is left afterwards tells.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from gapsense.identification.causes import Matrix
+from gapsense._os.workers import Progress
+from gapsense.identification.least_squares import Matrix, differences, independent, minimise
 from gapsense.identification.measurements.record import Vector
-from gapsense.identification.valve import model
-from gapsense.identification.valve.course import Course
-from gapsense.identification.valve.form import Form
-from gapsense.identification.valve.many import currents, responses
-from gapsense.identification.valve.model import Experiment, cost
+from gapsense.identification.residual import is_small
+from gapsense.identification.valve.form import FITTED, Form, Sought, larger
+from gapsense.identification.valve.model import (
+    Experiment,
+    First,
+    balance,
+    cost,
+    residuals,
+    simulate_currents,
+)
+
+JACOBIANS = 12  # of a fit to the first operations, about
+PARAMETERS = 7
+TRIALS = 9  # fits for each level of forms, three forms from three starts; as many for the readings of the voltage
+WHOLE = 8  # Jacobians of the fits to everything
+
+
+class Expected(NamedTuple):
+    """Samples that the phases simulate."""
+
+    starts: float
+    readings: float
+    forms: float
+    whole: float
+
+
+NOTHING = Expected(0.0, 0.0, 0.0, 0.0)
+
+
+def _silent(done: int, total: int) -> None:
+    """Nobody looks."""
+
+
+def expect(firsts: int, samples: int, starts: int, readings: int, forms: int) -> Expected:
+    """For so many samples of the first operations and of all, and so many of what is tried."""
+    one = float(JACOBIANS * PARAMETERS * firsts)
+    tried = TRIALS * one * min(forms, 1)
+    return Expected(starts * one, min(readings, 1) * (readings * one + tried), tried, WHOLE * PARAMETERS * samples)
+
+
+class Course:
+    """Counts what is simulated; what a phase took less or more than expected changes the end."""
+
+    def __init__(self, progress: Progress = _silent, phases: Expected = NOTHING, samples: int = 1) -> None:
+        self.progress, self.phases, self.samples = progress, phases._asdict(), samples
+        self.done, self.since = 0, 0  # samples simulated, and when the phase began
+
+    def __call__(self, simulated: int) -> None:
+        """So many samples have been simulated by now."""
+        self.done = simulated
+        self._tell()
+
+    def begins(self, phase: str) -> None:
+        """The phases before this one are over."""
+        for name in list(self.phases):
+            if name == phase:
+                break
+            self.phases.pop(name)
+        self.since = self.done
+        self._tell()
+
+    def _tell(self) -> None:
+        used = self.done - self.since
+        now, *later = self.phases.values()
+        left = max(now - used, 0.1 * now) + sum(later)
+        self.progress(round(self.done / self.samples), round((self.done + left) / self.samples) + 1)
+
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
-STEP = 1e-5
-LONGEST = 50  # Jacobians per start
+LONGEST = 50  # steps per start
 
 
 class Start(NamedTuple):
@@ -27,54 +99,52 @@ class Start(NamedTuple):
     cost: float  # of these, or of all operations
 
 
+class Weighted(NamedTuple):
+    """The problem of [UKF] (24)-(25) for some experiments: a point is the logarithms of a form's ratios."""
+
+    form: Form
+    experiments: Sequence[Experiment]
+    simulated: Callable[[int], None] = lambda samples: None  # is told of so many samples
+    scale: Vector | None = None  # of steps, see `least_squares`
+
+    @property
+    def limits(self) -> tuple[Vector, Vector]:
+        """Lowest and highest point."""
+        return -self.form.bounds, self.form.bounds
+
+    def residuals(self, points: Sequence[Vector]) -> Matrix:
+        """Weighted ones (points, residuals)."""
+        self.simulated(len(points) * sum(e.current.size for e in self.experiments))
+        return residuals(self.form, points, self.experiments)
+
+    def jacobian(self, point: Vector) -> Matrix:
+        """Their derivatives."""
+        return differences(self.residuals, point, self.form.bounds)
+
+
 class Fit:
     """The minimisation; counts the samples that it simulates, and tells them."""
 
     def __init__(self, form: Form, course: Course | None = None) -> None:
-        self.form, self.course, self._samples = form, course or Course(), 0
+        self.form, self.course, self.samples = form, course or Course(), 0  # simulated so far
 
-    @property
-    def samples(self) -> int:
-        """Simulated so far."""
-        return self._samples
-
-    @samples.setter
-    def samples(self, count: int) -> None:
+    def count(self, samples: int) -> None:
         """More have been simulated."""
-        self._samples = count
-        self.course(count)
+        self.samples += samples
+        self.course(self.samples)
 
-    def residuals(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
-        """Weighted residuals; values far from any valve give large ones instead of NaN."""
-        self.samples += sum(e.current.size for e in experiments)
-        par = self.form.at(ratios)
-        parts = [model.weighted(e, responses([par], e)[0]) for e in experiments]
-        return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
-
-    def jacobian(self, ratios: Vector, experiments: list[Experiment]) -> Matrix:
-        """Derivatives of the residuals: difference quotients of models that are simulated together."""
-        steps = np.where(ratios + STEP > self.form.bounds, -STEP, STEP)
-        points = [self.form.at(point) for point in (ratios, *(ratios + np.diag(steps)))]
-        self.samples += len(points) * sum(e.current.size for e in experiments)
-        parts = [[model.weighted(e, response) for response in responses(points, e)] for e in experiments]
-        at, *others = np.nan_to_num(np.concatenate(parts, axis=1), nan=1e3, posinf=1e3, neginf=-1e3)
-        return np.array([(other - at) / step for other, step in zip(others, steps)]).T
-
-    def cost(self, ratios: Vector, experiments: list[Experiment]) -> float:
+    def cost(self, ratios: Vector, experiments: Sequence[Experiment]) -> float:
         """J of (24)."""
-        return cost(self.residuals(ratios, experiments))
+        return cost(Weighted(self.form, experiments, self.count).residuals([ratios])[0])
 
-    def least_squares(self, ratios: Vector, experiments: list[Experiment]) -> Vector:
-        """The minimum next to a point, by a trust region and difference quotients."""
-        bounds = (-self.form.bounds, self.form.bounds)
-        options = {"bounds": bounds, "x_scale": "jac", "max_nfev": LONGEST}
-        found = least_squares(self.residuals, ratios, self.jacobian, args=(experiments,), **options)
-        return np.asarray(found.x)
+    def least_squares(self, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
+        """The minimum next to a point."""
+        return minimise(Weighted(self.form, experiments, self.count), ratios, LONGEST).point
 
     def balanced(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
         """The experiments with resistances for which model and measurement have the same charge."""
         par = self.form.at(ratios)
-        return [model.balanced(self.form, ratios, e, currents([par], e)[0]) for e in experiments]
+        return [balance(self.form, ratios, e, simulate_currents([par], e)[0]) for e in experiments]
 
     def multi_start(self, experiments: list[Experiment], starts: int, seed: int) -> list[Start]:
         """Least squares from the first guess and from random points around it."""
@@ -85,3 +155,98 @@ class Fit:
             ratios = self.least_squares(guess, experiments)
             found.append(Start(ratios, self.cost(ratios, experiments)))
         return found
+
+
+ENOUGH = 6.0  # evidence from which a form is taken: "strong" by Kass and Raftery (1995)
+
+
+class Trial(NamedTuple):
+    """A form that was fitted to the first operations."""
+
+    form: Form
+    ratios: Vector
+    cost: float  # J of (24)
+    errors: list[Vector]  # of the current [A]
+    evidence: float = 0.0  # for it, against the form before
+    is_taken: bool = True
+
+    @property
+    def rms(self) -> float:
+        """What it leaves of the current [A]."""
+        return float(np.sqrt(np.mean(np.concatenate(self.errors) ** 2)))
+
+
+def choose_form(fit: Fit, ratios: Vector, firsts: Sequence[First], sought: Sought) -> list[Trial]:
+    """Every form that was tried; the last one that is taken is to be used."""
+    best = try_form(fit, ratios, firsts)
+    tried = [best]
+    while not is_quiet(best, firsts) and (forms := larger(best.form, sought)):
+        found = [try_larger(fit, form, best, firsts) for form in forms]
+        found.sort(key=lambda trial: trial.evidence)
+        if found[-1].evidence < ENOUGH:
+            return [*tried, *found]
+        best = found[-1]._replace(is_taken=True)
+        tried += [*found[:-1], best]
+    return tried
+
+
+def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
+    """Whether less is left than sampling alone leaves: then nothing can be told."""
+    return all(is_small(error, first.record, first.start) for error, first in zip(trial.errors, firsts))
+
+
+def try_larger(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
+    """The larger form, fitted from the smaller one on, and from the first guess of what was added, or of all."""
+    experiments, other = [first.of(form) for first in firsts], Fit(form)
+    start = carry_over(before.form, before.ratios, form)
+    starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
+    ends = [other.least_squares(start, experiments) for start in starts]
+    found = min((try_form(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
+    fit.count(other.samples)
+    left, now = (relative(t.errors, firsts) for t in (before, found))
+    more = len({*form.fitted} - {*before.form.fitted})
+    return found._replace(evidence=evidence(left, now, more), is_taken=False)
+
+
+def try_form(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
+    """A form as it is fitted."""
+    experiments, par = [first.of(fit.form) for first in firsts], fit.form.at(ratios)
+    errors = [e.current - simulate_currents([par], e)[0] for e in experiments]
+    return Trial(fit.form, ratios, fit.cost(ratios, experiments), errors)
+
+
+def relative(errors: Sequence[Vector], firsts: Sequence[First]) -> Vector:
+    """Errors of all records, relative to their weights."""
+    return np.concatenate([error * first.experiment.weights()[0] for error, first in zip(errors, firsts)])
+
+
+def carry_over(form: Form, ratios: Vector, to: Form) -> Vector:
+    """Ratios of another form, as far as it seeks the same."""
+    at = dict(zip(form.fitted, ratios.tolist()))
+    at |= {"gap_area": -at["gap_slope"]} if "gap_slope" in at else {}
+    return np.array([at.get(name, 0.0) for name in to.fitted])
+
+
+def evidence(before: Vector, after: Vector, more: int) -> float:
+    """For a form with `more` parameters, from what is left before and after."""
+    n = independent(after)
+    return n * float(np.log((before @ before) / (after @ after))) - more * float(np.log(n))
+
+
+def best_reading(fit: Fit, ratios: Vector, readings: Sequence[list[First]], sought: Sought) -> tuple[int, Vector]:
+    """The reading with which the first operations fit best, by its place, and the minimum there.
+
+    Eddy currents too act where the voltage jumps, and the best reading without them may be a wrong one: each is tried
+    with the first of the larger forms.
+    """
+    found = [_fit_reading(fit, ratios, firsts) for firsts in readings]
+    best = int(np.argmin([t.cost for t in found]))
+    forms = larger(fit.form, sought)
+    if forms and not is_quiet(found[best], readings[best]):
+        others = [try_larger(fit, forms[0], t, firsts) for t, firsts in zip(found, readings)]
+        best = int(np.argmin([t.cost for t in others]))
+    return best, found[best].ratios
+
+
+def _fit_reading(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
+    return try_form(fit, fit.least_squares(ratios, [first.experiment for first in firsts]), firsts)

@@ -1,19 +1,35 @@
-"""The solenoid valve as the model to be fitted, and the cost of [UKF] (24)-(25)."""
+"""The solenoid valve as the model to be fitted, the records prepared for it, and the cost of [UKF] (24)-(25)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.flux import Flux, estimate, trapezoid
-from gapsense.identification.measurements.operations import Operation, hidden, noise, operations
-from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.valve.device import Device, kernel_of, seen
-from gapsense.identification.valve.form import Form
+from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.identification.causes import Signals, apply_causes
+from gapsense.identification.least_squares import Matrix, finite
+from gapsense.identification.measurements.operations import (
+    Flux,
+    Operation,
+    coil,
+    estimate,
+    hidden,
+    noise,
+    operations,
+    trapezoid,
+)
+from gapsense.identification.measurements.record import Record, Vector, between
+from gapsense.identification.valve.form import FACTOR, Device, Form, kernel_of, output_getter
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import Array, Plan, over_runs, plan
+from gapsense.kernels.lanes.kernels import columns_of
 from gapsense.kernels.layout import flat
+from gapsense.problems import InputError
+from gapsense.report.table import quantity
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
@@ -94,7 +110,7 @@ def part(experiment: Experiment, operation: Operation) -> Experiment:
     return experiment._replace(**signals, operations=[Operation(0, last - first)])
 
 
-def shortened(experiment: Experiment) -> Experiment:
+def first_operation(experiment: Experiment) -> Experiment:
     """The first operation."""
     return part(experiment, experiment.operations[0])
 
@@ -124,7 +140,7 @@ def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Traj
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
     kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
-    step, look = kernel.scalar["step"], seen(kernel)
+    step, look = kernel.scalar["step"], output_getter(kernel)
     is_jump = jumps(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
@@ -145,34 +161,35 @@ def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
 
 
-def simulated(par: Device, experiment: Experiment) -> Trajectory:
+def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
     """The model from the first operation of a record on."""
     return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
 
 
-def residuals(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
-    """Weighted residuals, current and flux linkage of each experiment; their squares add up to the cost J."""
-    par = form.at(ratios)
-    return np.concatenate([weighted(e, simulated(par, e)) for e in experiments])
+def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
+    """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
+    pars = [form.at(ratios) for ratios in points]
+    parts = [[weight(e, model) for model in simulate_batch(pars, e)] for e in experiments]
+    return finite(np.concatenate(parts, axis=1))
 
 
-def weighted(experiment: Experiment, model: Response | Trajectory) -> Vector:
+def weight(experiment: Experiment, model: Response | Trajectory) -> Vector:
     """The residuals of an experiment, of current, flux linkage and, where it is fitted, position."""
     c_i, c_lam = experiment.weights()
-    flux_linkage = integrated(experiment, model.current)  # as the measured one, or the sampling would bias the fit
+    flux_linkage = integrate_flux(experiment, model.current)  # as the measured one, or the sampling would bias the fit
     parts = [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
     if experiment.position is not None and model.position is not None:
         parts.append(c_i * experiment.amperes * (experiment.position - model.position))
     return np.concatenate(parts)
 
 
-def balanced(form: Form, ratios: Vector, experiment: Experiment, current: Vector | None = None) -> Experiment:
+def balance(form: Form, ratios: Vector, experiment: Experiment, current: Vector | None = None) -> Experiment:
     """The experiment with resistances for which model and measurement have the same charge in every operation.
 
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    modelled = simulated(form.at(ratios), experiment).current if current is None else current
+    modelled = simulate_experiment(form.at(ratios), experiment).current if current is None else current
     charges = [trapezoid(i) for i in (modelled, experiment.current)]
     scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
     return with_factors(
@@ -193,10 +210,10 @@ def with_factors(experiment: Experiment, factors: Sequence[float]) -> Experiment
 def with_resistance(experiment: Experiment, R: Vector) -> Experiment:
     """The experiment with other resistances, and the flux linkage that follows from them."""
     changed = experiment._replace(resistance=R)
-    return changed._replace(flux_linkage=integrated(changed, experiment.current))
+    return changed._replace(flux_linkage=integrate_flux(changed, experiment.current))
 
 
-def integrated(experiment: Experiment, current: Vector) -> Vector:
+def integrate_flux(experiment: Experiment, current: Vector) -> Vector:
     """Flux linkage of a current by (21), from rest on [Wb]."""
     rates = experiment.halves.mean(axis=1) - experiment.resistance * trapezoid(current)
     rates[0] = 0.0
@@ -206,3 +223,147 @@ def integrated(experiment: Experiment, current: Vector) -> Vector:
 def cost(residual: Vector) -> float:
     """J of (24), over all experiments."""
     return float(residual @ residual)
+
+
+RESISTANCE = "coil_resistance"  # the first parameter; it differs from interval to interval, not from run to run
+
+
+def simulate_currents(pars: Sequence[Device], experiment: Experiment) -> list[Vector]:
+    """Current of each model."""
+    return [response.current for response in simulate_batch(pars, experiment)]
+
+
+def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Response]:
+    """What is fitted of each model; one after the other in scalar Python, where numpy would be slower."""
+    kernel, with_position = kernel_of(pars[0]), experiment.position is not None
+    count, changes = experiment.current.size, np.diff(experiment.resistance, prepend=np.nan) != 0.0
+    recorded = plan_of(kernel, tuple(jumps(experiment.halves).tolist()), tuple(changes.tolist()), with_position)
+    if recorded.library is None:
+        models = [simulate_experiment(par, experiment) for par in pars]
+        return [Response(model.current, model.position if with_position else None) for model in models]
+    halves, dt = experiment.halves, experiment.dt
+    columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
+    columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
+    columns[RESISTANCE] = experiment.resistance
+    columns |= {"mean": halves.mean(axis=1), "first": halves[:, 0], "second": halves[:, 1]}
+    columns |= {"at": [k * dt for k in range(count)], "steps": [dt, 0.5 * dt]}
+    made = recorded.run(len(pars), **columns).T
+    return [Response(run[:count], run[count:] if with_position else None) for run in made]
+
+
+@cache
+def plan_of(kernel: Kernel, jump: tuple[bool, ...], changes: tuple[bool, ...], with_position: bool) -> Plan:
+    """The plan of an experiment in which voltage and resistance jump in these intervals."""
+    count, names = len(jump), kernel.module.Outputs._fields
+    wanted = [names.index(name) for name in ("current", "position")[: 2 if with_position else 1]]
+
+    def found(at: Any, steps: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
+        over, resistance = over_runs(kernel), par.pop(RESISTANCE)
+        others = [value[0] if isinstance(value, tuple) else value for value in par.values()]
+        state, outputs = over.initial((0.0, 0.0, 0.0), (resistance[0], *others))
+        constants, kept = over.constants((resistance[0], *others)), [outputs]
+        for k in range(1, len(jump)):
+            constants = over.constants((resistance[k], *others)) if changes[k] else constants
+            inputs = [(steps[1], first[k]), (steps[1], second[k])] if jump[k] else [(steps[0], mean[k])]
+            for step, voltage in inputs:
+                state, outputs = over.advance(state, (at[k], step, voltage), constants)
+            kept.append(outputs)
+        return [outputs[k] for k in wanted for outputs in kept]
+
+    sizes: dict[str, int | Array] = {**columns_of(kernel), RESISTANCE: count, "at": count, "steps": 2}
+    return plan(found, **sizes, **dict.fromkeys(("mean", "first", "second"), count))
+
+
+UNKNOWN = float("nan")  # resistance, which these causes do not need
+
+
+class First(NamedTuple):
+    """First operation of a record."""
+
+    record: Record
+    experiment: Experiment
+    start: int  # its first sample in the record
+    resistance: float  # of the last operation by (23), before and after which a core is magnetised alike [Ohm]
+
+    def of(self, form: Form) -> Experiment:
+        """What a form is fitted to: with the other resistance where the core stays magnetised after the first one."""
+        if FACTOR not in form.fitted:
+            return self.experiment
+        return with_resistance(self.experiment, np.full_like(self.experiment.resistance, self.resistance))
+
+
+class Prepared(NamedTuple):
+    """Records, and what is fitted to them."""
+
+    records: Sequence[Record]
+    experiments: list[Experiment]
+    fluxes: list[Flux]
+    raw: Sequence[Record]  # as they were read
+    period: float | None = None
+    convention: str = ""  # the voltage between samples; none: as the records have it
+
+    @property
+    def drive(self) -> Mapping[str, float]:
+        """Values of the causes that are taken out of all records."""
+        return self.raw[0].drive
+
+    def moved(self, by: Mapping[str, float]) -> Prepared:
+        """The same with other values of the causes."""
+        values = {**self.drive, **{name: self.drive.get(name, 0.0) + change for name, change in by.items()}}
+        return prepare_all([record._replace(drive=values) for record in self.raw], self.period, self.convention)
+
+    @property
+    def firsts(self) -> list[First]:
+        """Their first operations."""
+        every = zip(self.records, self.experiments, self.fluxes)
+        return [
+            First(record, first_operation(e), flux.operations[0].start, float(flux.resistances[-1]))
+            for record, e, flux in every
+        ]
+
+
+def prepare_all(records: Sequence[Record], period: float | None, convention: str = "") -> Prepared:
+    """Records with the voltage between samples that is named, or else as they have it."""
+    read = [take_out_causes(record, convention) for record in records]
+    experiments, fluxes = zip(*(prepare(record, period) for record in read))
+    return Prepared(
+        records=read, experiments=[*experiments], fluxes=[*fluxes], raw=records, period=period, convention=convention
+    )
+
+
+def take_out_causes(record: Record, convention: str = "") -> Record:
+    """The record as the model is to explain it: with the voltage between its samples, and less what its driver takes.
+
+    To be used once: the samples of its voltage stay what was recorded.
+    """
+    read = between(record, convention) if convention else record
+    if not record.drive:
+        return read
+    after = apply_causes(Signals(read.halves, read.current, read.dt, UNKNOWN), record.drive)
+    return read._replace(halves=after.halves, current=after.current)
+
+
+FARTHEST = 10.0  # ratio of the inductances; the search stays within a factor of 5 of each parameter
+PROBE = 1e-6  # voltage [V] and time [s] that bring hardly any flux
+
+
+def check_guess(known: Parameters, records: Sequence[Record], period: float | None = None) -> None:
+    """Refuse records of a device that is another one than the guess; an InputError names them all."""
+    guessed, problems = inductance(known), []
+    for record in records:
+        found = coil(record, operations(record, period)[0])[0]
+        if not 1.0 / FARTHEST < found / guessed < FARTHEST:
+            problems.append(
+                f"{record.name}: its inductance is about {quantity(found, 'H')}, that of the first guess"
+                f" {quantity(guessed, 'H')}: it is another device, which no search from there finds. Give a guess with"
+                " `--parameters`, `coil.turns` and `core.reluctance` above all, or see what `gapsense inspect` tells."
+            )
+    if problems:
+        raise InputError(problems)
+
+
+def inductance(par: Parameters) -> float:
+    """Of the valve at rest, without flux [H]."""
+    halves, R = np.array([[0.0, 0.0], [PROBE, PROBE]]), np.full(2, par.coil_resistance)
+    model = simulate(par, halves, PROBE, R)
+    return float(model.flux_linkage[-1] / model.current[-1])

@@ -18,7 +18,7 @@ Matrix = npt.NDArray[np.float64]
 EXPANSION, CONTRACTION = 2.0, 0.5
 
 
-class Minimum(NamedTuple):
+class Lowest(NamedTuple):
     """Best point, its value, and how many values were computed."""
 
     x: Vector
@@ -28,8 +28,8 @@ class Minimum(NamedTuple):
 
 def search(
     value: Callable[[Vector], float], start: Vector, size: float = 0.1, tolerance: float = 1e-6, limit: int = 5_000
-) -> Minimum:
-    """Minimum of a function.
+) -> Lowest:
+    """Lowest of a function.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def search(
         simplex, values = simplex[order], values[order]
         best, others = simplex[0], simplex[1:]
         if np.abs(others - best).max() <= tolerance or evaluations >= limit:
-            return Minimum(best, float(values[0]), evaluations)
+            return Lowest(best, float(values[0]), evaluations)
         points, found = trial(best, others, -1.0)
         if found.min() < values[0]:
             stretched, beyond = trial(best, others, -EXPANSION)

@@ -1,63 +1,210 @@
-"""Tables and figures of an identification: what was found, how certain it is, how well the model fits."""
+"""A valve for the user: its parameter set, tables and figures, what was found, how certain it is, how well it fits."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.identification.assumptions import meanings, stated
+from gapsense.actuators.solenoid_valve import GapLaw, Parameters
+from gapsense.fmi.components import load_component, own
+from gapsense.fmi.ports import Port
+from gapsense.fmi.values import ValuesError, fields
+from gapsense.identification.assumptions import describe_doubt, meanings
 from gapsense.identification.causes import CAUSES
+from gapsense.identification.measurements.operations import starts
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.parameter_set import (
+    GAPS,
+    TABLE_UNITS,
+    Entry,
+    error_note,
+    parameters_of,
+    read_sets,
+    write_set,
+    write_table,
+)
 from gapsense.identification.residual import verdict
-from gapsense.identification.valve.drive import TAKEN
-from gapsense.identification.valve.file import PORTS, found
-from gapsense.identification.valve.form import FACTOR
-from gapsense.identification.valve.identified import Identified
-from gapsense.identification.valve.misfit import likely
-from gapsense.identification.valve.model import Trajectory
-from gapsense.identification.valve.validation import Validation
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
+from gapsense.identification.show import TWO_SIDED, Validation, about, compare, measured_and_model, validation
+from gapsense.identification.temperature import Coefficient
+from gapsense.identification.valve import lossy_valve
+from gapsense.identification.valve.driver import TAKEN
+from gapsense.identification.valve.errors import likely_causes
+from gapsense.identification.valve.fit import Identified
+from gapsense.identification.valve.form import (
+    FACTOR,
+    LOSSES,
+    TABLE_FIELDS,
+    Device,
+    guess_similar,
+    replace_values,
+    value_of,
+)
+from gapsense.identification.valve.model import simulate, take_out_causes
+from gapsense.problems import InputError
 from gapsense.report.table import quantity, table
+from gapsense.tables import Value
+
+PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
+PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
+PORTS[TABLE_FIELDS[0]] = Port("gap.file", "parameter", "1", "Factor on the table of the gap law")
+BY_NAME = {port.name: port for port in PORTS.values()}
+
+
+class Known(NamedTuple):
+    """Known parameters and first guesses; `table` is the file of the gap table, where the law needs one."""
+
+    parameters: Parameters
+    table: Path | None = None
+    losses: Mapping[str, float] = {}
+    resistance: float | None = None  # of the coil, where the file has it [Ohm]
+    given: frozenset[str] = frozenset()  # fields whose values are known, or were guessed by the user
+
+
+def read_known(file: Path | None) -> Known:
+    """Known parameters and first guesses from a parameter-set file.
+
+    What it leaves out is that of a valve that is electrically like the one of [SEMERA] Table I.
+    """
+    values, assumed = read_sets([file] if file else [])
+    law, table = str(values.get("gap.law", "linear")), values.get("gap.file")
+    if law == "table" and table is None:
+        raise ValueError(f"{file}, gap.file: missing; with `gap.law` = `table` a CSV file is expected. Add it.")
+    defaults: dict[str, Value] = {}
+    if isinstance(lower := values.get("stop.lower"), float):
+        defaults = {"stop.upper": lower + PORTS["stop_upper"].start}
+    fields_of = {port.name: field for field, port in PORTS.items()}
+    there, known = ({fields_of[n] for n in names if n in fields_of} for names in (values, {*values} - {*assumed}))
+    return Known(
+        parameters=guess_similar(parameters_of("solenoid_valve", file, defaults), there),
+        table=Path(str(table)) if law == "table" else None,
+        losses=_losses(values, file),
+        resistance=_R(values),
+        given=frozenset(known),
+    )
+
+
+def _R(values: Mapping[str, Value]) -> float | None:
+    return float(values["coil.resistance"]) if "coil.resistance" in values else None
+
+
+def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:
+    """Losses of the core that a set has, as estimators take them."""
+    given = {PORTS[name].name: values[PORTS[name].name] for name in LOSSES if PORTS[name].name in values}
+    try:
+        found = fields(load_component(own("ekf")), given, own("ekf"))
+    except ValuesError as error:
+        raise InputError([f"{file and file.name}: {problem}" for problem in error.problems]) from None
+    return {name: float(found[name]) for name in LOSSES if PORTS[name].name in given}
+
+
+def write_valve(
+    file: Path,
+    result: Identified,
+    known: Known,
+    sources: Sequence[Path],
+    noises: Mapping[str, float],
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
+    names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
+    entries = [
+        *(_entry(name, result) for name in [*names, *_lost(result)]),
+        *_gap(file, result, known),
+        *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
+    ]
+    return write_set(
+        file,
+        "Solenoid valve, identified",
+        f"gapsense identify {' '.join(source.name for source in sources)}",
+        entries,
+        assumed=[PORTS[name].name for name in result.assumed],
+        notes=notes,
+    )
+
+
+def _lost(result: Identified) -> list[str]:
+    """Parameters of the losses that the device has."""
+    if not isinstance(result.parameters, lossy_valve.Parameters):
+        return []
+    par = result.parameters
+    return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
+
+
+def _gap(file: Path, result: Identified, known: Known) -> list[Entry]:
+    """The gap law; a table that was multiplied by a factor is written beside the file."""
+    law, table = GapLaw(value_of(result.parameters, "gap_law")).name, known.table
+    if table is None:
+        named = [_entry(name, result) for name, port in PORTS.items() if port.name in GAPS[law]]
+        return [Entry("gap.law", law), *named]
+    if TABLE_FIELDS[0] in result.form.fitted:
+        columns = {name: np.array(value_of(result.parameters, f"gap_file_{name}")) for name in TABLE_UNITS}
+        table = write_table(file.with_name(f"{file.stem}-gap.csv"), columns)
+    return [Entry("gap.law", "table"), Entry("gap.file", str(table))]
+
+
+def found(result: Identified, name: str) -> float:
+    """Value of a parameter; of the table of a gap law, the factor on it."""
+    if name != TABLE_FIELDS[0]:
+        return float(value_of(result.parameters, name))
+    now, before = (value_of(par, name) for par in (result.parameters, result.form.known))
+    return float(now[-1] / before[-1])
+
+
+def _entry(name: str, result: Identified) -> Entry:
+    """A parameter, with its standard error if it was fitted."""
+    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative.tolist())).get(name)
+    note = error_note(error, name in result.poor)
+    if name in result.assumed:
+        note = f"assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
+    return Entry(port.name, found(result, name), "not identified, held" if name in result.held else note)
+
+
+def validate_valve(par: Device, records: Sequence[Record], coefficient: Coefficient | None) -> list[Validation]:
+    """The model beside each of the records, with the resistance at its temperature, if that is known."""
+    found = []
+    for record in records:
+        T = record.temperature
+        R = value_of(par, "coil_resistance") if coefficient is None or T is None else coefficient.at(T)
+        found.append(validate(replace_values(par, coil_resistance=R), record))
+    return found
+
+
+def validate(par: Device, record: Record) -> Validation:
+    """The model, with its own resistance, beside a record that begins at rest."""
+    first = starts(record)[0]
+    halves = take_out_causes(record).halves[first:]
+    model = simulate(par, halves, record.dt, np.full(len(halves), value_of(par, "coil_resistance")))
+    return compare(record, model, first)
+
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
-TWO_SIDED = 1.96  # standard errors of a 95 % interval
 WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
-def tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
+def valve_tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
     told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
-    return [*shown, *assumed(result), *([validation(checks)] if checks else []), *remarks(result), *told]
+    return [*shown, *assumed_table(result), *([validation(checks)] if checks else []), *remarks(result), *told]
 
 
-def assumed(result: Identified) -> list[Table | str]:
+def assumed_table(result: Identified) -> list[Table | str]:
     """What was neither given nor found, how far its values may be off, and what that means."""
     names = {PORTS[name].name: name for name in result.assumed}
     if not names:
         return []
     rows = [
-        (name, quantity(found(result, field), PORTS[field].unit), stated(name, result.assumed[field]))
+        (name, quantity(found(result, field), PORTS[field].unit), describe_doubt(name, result.assumed[field]))
         for name, field in names.items()
     ]
     heads = ("parameter", "assumed", "standard error")
     return [table("Assumed, neither given nor told by the records", heads, rows), *meanings(names)]
-
-
-def about(record: Record) -> list[str]:
-    """Sentences on what was done to a record, and on what is odd about it."""
-    units = {"voltage": "V", "current": "A"}
-    told = [
-        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
-        " before the first operation; this offset is subtracted."
-        for name, o in record.offsets.items()
-    ]
-    return told + [f"{record.name}: {text}" for text in record.remarks]
 
 
 def parameters(result: Identified) -> Table:
@@ -122,16 +269,6 @@ def resistances(result: Identified, records: Sequence[Record]) -> Table:
     return table("Resistance per period, (23)", ("record", "from", "to", "resistance"), rows)
 
 
-def validation(checks: Sequence[Validation]) -> Table:
-    """How well the model predicts records that were not used for the fit."""
-    rows = (
-        (c.record.name, quantity(c.rms, "A"), quantity(c.largest, "A"), f"{100.0 * c.rms / c.largest_current:.2g} %")
-        for c in checks
-    )
-    heads = ("record", "RMS error", "largest", "of the largest current")
-    return table("Validation, not used for the fit", heads, rows)
-
-
 def remarks(result: Identified) -> list[str]:
     """Sentences: how the minimum was found, what the records do not tell."""
     said = [f"J = {result.cost:.4g} after {result.evaluations} simulations."]
@@ -171,45 +308,13 @@ def explanations(result: Identified) -> list[str]:
     shares = result.uncertainty.shares
     found = [
         f"{CAUSES[n].sentence} {quantity(shares[n].value, CAUSES[n].unit)} ({100.0 * shares[n].part:.0f} %)"
-        for n in likely(shares)
+        for n in likely_causes(shares)
     ]
     if result.is_explained or not found:
         return []
     return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
 
 
-def measured_and_identified(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
+def valve_figure(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
     """Measured and simulated current of the records used, then of those kept for the validation."""
-    firsts = (flux.operations[0].start for flux in result.fluxes)  # samples at which the models begin
-    runs = [*zip(records, result.models, firsts, ["fit"] * len(records))]
-    return measured_and_model("Measured and identified", runs, checks)
-
-
-def measured_and_model(
-    title: str, fitted: Sequence[tuple[Record, Trajectory, int, str]], checks: Sequence[Validation]
-) -> Figure:
-    """Records, models that begin at a sample, what they were for; then the validation."""
-    runs = [*fitted, *((c.record, c.model, c.first, "validation") for c in checks)]
-    scale = suited("current", "A", *(record.current for record, *_ in runs))
-    errors = suited("error", "A", *(record.current[first:] - model.current for record, model, first, _ in runs))
-    labels = ["voltage / V", scale[0], errors[0], "position\n/ mm"]
-    figure, axes = stack(title, labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
-    for k, run in enumerate(runs):
-        _panels(axes[4 * k : 4 * k + 4], *run, scale[1], errors[1])
-    return figure
-
-
-def _panels(
-    axes: Sequence[Any], record: Record, model: Trajectory, first: int, kind: str, scale: float, errors: float
-) -> None:
-    t = record.times[first:]
-    axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
-    line(axes[0], record.times, record.voltage, TRUE)
-    line(axes[1], record.times, scale * record.current, TRUE, "measured")
-    line(axes[1], t, scale * model.current, SECOND, "model")
-    line(axes[2], t, errors * (record.current[first:] - model.current), SECOND)
-    if record.position is not None:
-        line(axes[3], record.times, 1e3 * record.position, TRUE, "recorded")
-    line(axes[3], t, 1e3 * model.position, FIRST, "model")
-    legend(axes[1])
-    legend(axes[3])
+    return measured_and_model("Measured and identified", [*zip(records, result.models)], checks)

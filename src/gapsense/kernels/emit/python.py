@@ -2,14 +2,162 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
-from gapsense.kernels.emit.choices import Choosing
-from gapsense.kernels.emit.names import WORD, renamed
-from gapsense.kernels.emit.printer import Graph, Loop, Printer
+from gapsense.kernels.emit.printer import Graph, Loop, Printer, operands, regions
 from gapsense.kernels.layout import names
 from gapsense.kernels.trace import Expr, Region
+
+FIXED = ("in", "var", "if", "loop", "get", "store")  # operations that are printed where they are
+MANY = 8  # operations for which a choice is worth a branch of its own
+
+Side = tuple[int, int]  # condition, and operand of the choice on it: 1 or 2
+WORD = re.compile(r"\b[A-Za-z_]\w*")
+ASSIGNMENT = re.compile(r" *([\w, ]+?),? = (.*)")
+TEMPORARY = re.compile(r"[a-z]\d+")  # as `Printer.fresh` makes them; all others are arguments, which keep their names
+
+
+# Choices in generated code: those on one condition share a branch, and what only one side needs is computed in it.
+#
+# A kernel chooses value by value, `where(c, a, b)`, from operands that are both harmless. Code for one run at a time is
+# quicker if it asks for the condition once, and computes nothing that is not chosen.
+
+
+class Choices(NamedTuple):
+    """Of a region: what waits until it is needed."""
+
+    groups: dict[int, list[Expr]]  # choices, by condition
+    sides: dict[int, Side]  # of values that one side only needs
+
+
+class Choosing(Printer):
+    """A printer that gathers choices; its `_branch` prints what `gathered` gives too."""
+
+    def __init__(self, graph: Graph) -> None:
+        super().__init__(graph)
+        self.choices = Choices({}, {})  # of the region that is being printed
+
+    def region(self, region: Region) -> None:
+        """Print the live nodes of a region; choices wait for others on their condition until one is needed."""
+        outer, self.choices = self.choices, self._choices(region)
+        waiting = {choice.id: choice for group in self.choices.groups.values() for choice in group}
+        for node in region.nodes:
+            if node.id in self.uses and not (node.id in waiting or node.id in self.choices.sides):
+                self._choose(waiting[value] for value in _read(node, region) if value in waiting)
+                self._print(node)
+        self._choose(waiting.values())
+        self.choices = outer
+
+    def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
+        """Print a branch: its nodes, and the values that it gives, each after what only it needs."""
+        self.write(opening)
+        self.depth += 1
+        self.region(region)
+        for target, value in zip(targets, values):
+            for kept in self._kept([value]):
+                self._print(kept)
+            self.assign([target], [value])
+        self.depth -= 1
+
+    def gathered(self, c: Any) -> tuple[list[str], list[Any], list[Any]]:
+        """Names of all choices on a condition that can be printed by now, and the operands for both cases."""
+        group = self._ready(c.id) if isinstance(c, Expr) else []
+        targets = [self.fresh("c") for _ in group]
+        self.text.update((choice.id, target) for choice, target in zip(group, targets))
+        return targets, [choice.args[1] for choice in group], [choice.args[2] for choice in group]
+
+    def _choices(self, region: Region) -> Choices:
+        """Of the live nodes of a region."""
+        found = Choices({}, {})
+        needed: dict[int, set[Side | None]] = {}  # by whom each value is
+        for node in reversed(region.nodes):
+            if node.id not in self.uses or node.id in self.text:
+                continue
+            side = self._side(node, needed)
+            is_choice = node.op == "where" and not side and not self.is_index(node)
+            if side:
+                found.sides[node.id] = side
+            elif is_choice:
+                found.groups.setdefault(node.args[0].id, []).insert(0, node)
+            for k, value in enumerate(node.args):
+                if isinstance(value, Expr):
+                    needed.setdefault(value.id, set()).add((node.args[0].id, k) if is_choice and k else side)
+        return found
+
+    def _side(self, node: Expr, needed: dict[int, set[Side | None]]) -> Side | None:
+        """The only side that needs a node; array memory is read where it was, because it may change."""
+        sides = needed.get(node.id, {None})
+        is_fixed = node.op in FIXED or (node.op == "load" and node.args[0].extra != "table")
+        is_elsewhere = node.id in self.far or node.id in self.leaving
+        return None if is_fixed or is_elsewhere or len(sides) > 1 else next(iter(sides))
+
+    def _choose(self, wanted: Iterable[Expr]) -> None:
+        """Print choices, if they have not been, with others on their conditions that can be."""
+        for choice in self._in_order(wanted):
+            if choice.id not in self.text:
+                if self._is_worth_a_branch(self._ready(choice.args[0].id)):
+                    self._branch(choice.args[0], (Region(), Region()), [], [], [])
+                else:
+                    for value in (*self._kept(choice.args), choice):
+                        self._print(value)
+
+    def _in_order(self, wanted: Iterable[Expr]) -> list[Expr]:
+        """Choices that are not printed yet, each after those that it reads."""
+        found: dict[int, Expr] = {}
+        pending = [*wanted]
+        while pending:
+            choice = pending.pop()
+            if choice.id not in self.text and choice.id not in found:
+                found[choice.id] = choice
+                pending += self._missing(choice)
+        return [found[k] for k in sorted(found)]
+
+    def _is_worth_a_branch(self, group: list[Expr]) -> bool:
+        """By what the condition costs to ask again, and a name for what could do without."""
+        kept = [*self._kept(value for choice in group for value in choice.args)]
+        inline = sum(self.uses[choice.id] == 1 and choice.id not in self.far for choice in group)
+        return 5 * (len(group) - 1) > 4 * inline or len(kept) >= MANY or any(self.uses[v.id] > 1 for v in kept)
+
+    def _ready(self, condition: int) -> list[Expr]:
+        """Choices on a condition that read nothing but what is printed, and each other."""
+        ready: list[Expr] = []
+        for choice in self.choices.groups.get(condition, []):
+            if choice.id not in self.text and {v.id for v in self._missing(choice)} <= {c.id for c in ready}:
+                ready.append(choice)
+        return ready
+
+    def _missing(self, choice: Expr) -> list[Expr]:
+        """What a choice, and what only one of its sides needs, read of values that are not printed yet."""
+        read = [*choice.args, *(value for kept in self._kept(choice.args) for value in kept.args)]
+        return [v for v in read if isinstance(v, Expr) and v.id not in self.text and v.id not in self.choices.sides]
+
+    def _kept(self, values: Iterable[Any]) -> list[Expr]:
+        """Those of some values, and of what they are made from, that were kept for one side; in order."""
+        found: dict[int, Expr] = {}
+        pending = [*values]
+        while pending:
+            value = pending.pop()
+            if self._is_kept(value) and value.id not in found:
+                found[value.id] = value
+                pending += value.args
+        return [found[k] for k in sorted(found)]
+
+    def _is_kept(self, value: Any) -> bool:
+        return isinstance(value, Expr) and value.id in self.choices.sides and value.id not in self.text
+
+    def _print(self, node: Expr) -> None:
+        if node.id not in self.text:
+            self._node(node)
+
+
+def _read(node: Expr, region: Region) -> Iterator[int]:
+    """What a node reads, in its branches or its loop body too."""
+    yield from (value.id for value, _ in operands(node, region) if isinstance(value, Expr))
+    for inner in regions(node):
+        for other in inner.nodes:
+            yield from _read(other, inner)
 
 
 class Python(Choosing):
@@ -192,3 +340,118 @@ def compiled(graph: Graph, language: type[Python] = Python) -> Callable[..., Any
     source = f"{language.head}\n\n{language(graph).source()}"
     function: Callable[..., Any] = namespace(source, f"{graph.name}, generated")[graph.name]
     return function
+
+
+# Few names for many values: in generated Python a name is used again once its value is no longer needed.
+#
+# CPython clears all local variables of a function at every call, and may have to map memory for them: a thousand cost
+# more than the arithmetic. What is done here is what compilers do with registers: find which values live at the same
+# time, unite both sides of copies that do not, and give each value the first name that none living with it has.
+
+
+def renamed(lines: Sequence[str]) -> list[str]:
+    """The body of a function in which every value has a name of its own, with few names and no idle copies."""
+    body = _Body(lines)
+    body.live_before(0, len(lines), frozenset())
+    for made, text in body.parts:
+        if len(made) == 1 and text in body.united:
+            body.unite(made[0], text)
+    names = body.names()
+    return _without_copies([WORD.sub(lambda word: names.get(word[0], word[0]), line) for line in lines])
+
+
+class _Body:
+    """The lines of a function, and which of their values must not share a name."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        self.lines = [line.lstrip() for line in lines]
+        self.depths = [*map(_depth, lines)]
+        self.parts = [_parts(line) for line in lines]
+        self.apart: dict[str, set[str]] = {name: set() for made, _ in self.parts for name in made}
+        self.united = {name: name for name in self.apart}
+        self.read = [self.apart.keys() & WORD.findall(text) for _, text in self.parts]
+
+    def live_before(self, start: int, end: int, live: frozenset[str]) -> frozenset[str]:
+        """Values needed before the block of lines from `start` to `end`, if `live` are needed after it."""
+        while end > start:
+            end -= 1
+            opening = end
+            while self.depths[opening] > self.depths[start] or self.lines[opening] == "else:":
+                opening -= 1
+            live = self._before_line(end, live) if opening == end else self._before_compound(opening, end + 1, live)
+            end = opening
+        return live
+
+    def _before_compound(self, start: int, end: int, live: frozenset[str]) -> frozenset[str]:
+        """The same for `for`, and for `if` with or without `else`."""
+        if self.lines[start].startswith("for "):
+            for _ in range(2):  # what a round needs is needed at the end of the round before
+                live |= self.live_before(start + 1, end, live)
+            return live
+        other = next((k for k in range(start + 1, end) if self.depths[k] == self.depths[start]), end)
+        otherwise = self.live_before(other + 1, end, live)
+        return self.live_before(start + 1, other, live) | otherwise | self.read[start]
+
+    def _before_line(self, k: int, live: frozenset[str]) -> frozenset[str]:
+        """The same for one line, whose values must not share a name with those needed after it."""
+        made, text = self.parts[k]
+        for name in made:
+            self._part(name, live.union(made) - {name, text})  # both sides of a copy may
+        return live.difference(made) | self.read[k]
+
+    def _part(self, name: str, others: frozenset[str]) -> None:
+        new = others - self.apart[name]
+        self.apart[name] |= new
+        for other in new:
+            self.apart[other].add(name)
+
+    def unite(self, a: str, b: str) -> None:
+        """Let two values share a name, if they may; that of an argument if one is."""
+        a, b = sorted((self.leader(a), self.leader(b)), key=lambda name: TEMPORARY.fullmatch(name) is None)
+        if a != b and a not in self.apart[b]:
+            self.united[a] = b
+            for other in self.apart.pop(a):
+                self.apart[other].remove(a)
+                self._part(b, frozenset([other]))
+
+    def leader(self, name: str) -> str:
+        """The value that stands for all that share a name with this one."""
+        while self.united[name] != name:
+            name = self.united[name]
+        return name
+
+    def names(self) -> dict[str, str]:
+        """The new name of every value."""
+        given: dict[str, str] = {}
+        for name in self.apart:
+            if TEMPORARY.fullmatch(name):
+                taken = {given.get(other) for other in self.apart[name]}
+                given[name] = next(new for k in range(1, len(taken) + 2) if (new := f"t{k}") not in taken)
+            else:
+                given[name] = name
+        return {name: given[self.leader(name)] for name in self.united}
+
+
+def _parts(line: str) -> tuple[list[str], str]:
+    """The values that a line makes, and the text that it makes them from."""
+    assignment = ASSIGNMENT.fullmatch(line)
+    if not assignment:
+        return [], line
+    return [name for name in assignment[1].split(", ") if name != "_"], assignment[2]
+
+
+def _without_copies(lines: Sequence[str]) -> list[str]:
+    """Lines without `x = x` and without an empty `else:`; where nothing is left of another block stands `pass`."""
+    kept = [line for line in lines if _parts(line)[0] != [_parts(line)[1]]]
+    made: list[str] = []
+    for line, following in zip(kept, [*kept[1:], ""]):
+        is_empty = line.endswith(":") and _depth(following) <= _depth(line)
+        if not is_empty:
+            made.append(line)
+        elif line.lstrip() != "else:":
+            made += [line, " " * (_depth(line) + 4) + "pass"]
+    return made
+
+
+def _depth(line: str) -> int:
+    return len(line) - len(line.lstrip())

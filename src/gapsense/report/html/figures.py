@@ -1,24 +1,112 @@
-"""Panels, strips and tubes as figures of Bokeh."""
+"""Panels, strips and tubes as figures of Bokeh, which share a time axis and its cursor."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import bokeh.models
 import numpy as np
+from bokeh.document import Document
+from bokeh.plotting import figure
 
-from gapsense.cosim.result.difference import Difference
+from gapsense.cosim.result.compare import Difference
 from gapsense.report.html import style
-from gapsense.report.html.axes import Axes, bk, empty
-from gapsense.report.html.curves import Curve, Panel, Strip, Vector
-from gapsense.report.html.thin import kept
+from gapsense.report.html.curves import Curve, Panel, Strip, Vector, kept
+from gapsense.report.html.subject import Event, Shown
 from gapsense.report.table import prefixed
 
+bk: Any = bokeh.models  # whose annotations lack much of it
+LEFT = 64  # pixels for the numbers of the upright axis, so that all panels have one width
+EVENT = "#8f6a00"
 HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
 TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
 GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What all figures of a result have in common; times in them are `factor` times those in seconds."""
+
+    range: Any  # Range1d
+    cursor: Any  # Span
+    factor: float
+    unit: str
+    events: tuple[Event, ...]
+    numbers: Mapping[str, int]  # of components, which have a colour each
+    most: int  # points of a curve
+
+
+def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
+    """The time axis of a result, in the unit that suits its span."""
+    first, last = (float(shown.result.times[k]) for k in (0, -1))
+    factor, unit = prefixed(max(abs(first), abs(last)), "s")
+    last = last if last > first else first + factor
+    ends = {"start": first / factor, "end": last / factor}
+    cursor = bk.Span(dimension="height", line_color=style.AXES, line_width=1)
+    bounds = (ends["start"], ends["end"])
+    return Axes(
+        range=bk.Range1d(**ends, bounds=bounds),
+        cursor=cursor,
+        factor=1.0 / factor,
+        unit=unit,
+        events=shown.events,
+        numbers=numbers,
+        most=most,
+    )
+
+
+def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
+    """A figure without curves."""
+    zoom = bk.BoxZoomTool(dimensions="width")
+    made: Any = figure(
+        height=height,
+        sizing_mode="stretch_width",
+        x_range=axes.range,
+        tools=[zoom, *tools(axes)],
+        active_drag=zoom,
+        active_scroll=None,
+        toolbar_location="right",
+        min_border_left=LEFT,
+        min_border_right=16,
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        lod_threshold=None,
+        output_backend="canvas",
+    )
+    made.toolbar.logo, made.toolbar.autohide, made.toolbar_inner = None, True, True
+    made.y_range.only_visible = True
+    dress(made, axes.unit if is_last else "")
+    for event in axes.events:
+        made.add_layout(box(event, axes.factor))
+    return made
+
+
+def tools(axes: Axes) -> list[Any]:
+    """Tools besides dragging to zoom. The wheel scrolls the page until the user chooses it for zooming."""
+    moves = [bk.PanTool(dimensions="width"), bk.WheelZoomTool(dimensions="width")]
+    return [*moves, bk.ResetTool(), bk.SaveTool(), bk.CrosshairTool(overlay=axes.cursor)]
+
+
+def dress(made: Any, unit: str) -> None:
+    """Thin lines, and labels without formatting."""
+    made.grid.grid_line_color = style.GRID
+    made.axis.axis_line_color = made.axis.major_tick_line_color = style.AXES
+    made.axis.minor_tick_line_color = None
+    made.axis.major_label_text_color = made.axis.axis_label_text_color = style.INK
+    made.axis.major_label_text_font = made.axis.axis_label_text_font = "system-ui, sans-serif"
+    made.axis.axis_label_text_font_style = "normal"
+    made.yaxis.ticker.desired_num_ticks = 4
+    made.xaxis.axis_label = f"time / {unit}" if unit else None
+
+
+def box(event: Event, factor: float) -> Any:
+    """Shade over an event."""
+    ends = {"left": event.begin * factor, "right": event.end * factor}
+    return bk.BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, level="underlay")
 
 
 class Entry(NamedTuple):
@@ -32,13 +120,14 @@ class Entry(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A figure with its legend and the label of its axis; `points` is how many of how many rows are shown."""
+    """A figure with its legend and the label of its axis; `key` is its place on the page."""
 
     figure: Any
+    key: str
     label: str
-    unit: str
-    legend: tuple[Entry, ...]
-    points: tuple[int, int]
+    unit: str = ""
+    legend: tuple[Entry, ...] = ()
+    remark: str = ""
 
 
 def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
@@ -52,7 +141,13 @@ def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
         legend.append(entry)
         shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
     fit(made)
-    return Drawn(figure=made, label=of.title, unit=unit, legend=tuple(legend), points=(shown, rows))
+    remark = (of.note + few(shown, rows)).strip()
+    return Drawn(figure=made, key=key, label=of.title, unit=unit, legend=tuple(legend), remark=remark)
+
+
+def few(shown: int, rows: int) -> str:
+    """What is said where not all rows of a record are drawn."""
+    return f" {shown} of {rows} points, least and greatest of each piece" if shown < rows else ""
 
 
 def fit(made: Any) -> None:
@@ -127,16 +222,15 @@ def short(values: Any) -> Any:
     return np.asarray(values, dtype=np.float32)
 
 
-def strips(of: Sequence[Strip], axes: Axes, is_last: bool = False) -> Drawn:
-    """A row for each signal, with a piece in the colour of each value."""
-    made = empty(axes, ROW * len(of) + 50, is_last)
+def strips(of: Sequence[Strip], axes: Axes, key: str) -> Drawn:
+    """A row for each signal, with a piece in the colour of each value; below all other figures."""
+    made = empty(axes, ROW * len(of) + 50, is_last=True)
     made.y_range, made.yaxis.visible, made.ygrid.visible = bk.Range1d(0.0, float(len(of))), False, False
     for k, strip in enumerate(of):
         place(made, strip, len(of) - 1 - k, axes)
     values = sorted({float(v) for strip in of for v in strip.values})
     legend = tuple(Entry("", f"{value:g}", colour_of(value)) for value in values)
-    rows = max(strip.times.size for strip in of)
-    return Drawn(figure=made, label="modes, flags and codes", unit="", legend=legend, points=(rows, rows))
+    return Drawn(figure=made, key=key, label="modes, flags and codes", legend=legend)
 
 
 def place(made: Any, strip: Strip, row: int, axes: Axes) -> None:
@@ -165,14 +259,15 @@ def tube(of: Difference, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     over, under = empty(axes, HEIGHT), empty(axes, LOW, is_last=True)
     whole = of.values, of.reference, *of.tube
     less = tuple(values - of.reference for values in whole)
-    rows = min(axes.most, of.times.size), of.times.size
+    remark = few(min(axes.most, of.times.size), of.times.size).strip()
     scale, unit = fitting(of.unit, *whole[:2])
     factor, small = fitting(of.unit, *less)
-    drawn = draw_tube(over, of, whole, axes, scale, key)
+    legend = draw_tube(over, of, whole, axes, scale, key)
     below = draw_tube(under, of, less, axes, factor, f"{key}d")
     title = f"{of.name}, difference to the baseline"
-    return Drawn(figure=over, label=of.name, unit=unit, legend=drawn, points=rows), Drawn(
-        figure=under, label=title, unit=small, legend=below, points=rows
+    return (
+        Drawn(figure=over, key=key, label=of.name, unit=unit, legend=legend, remark=remark),
+        Drawn(figure=under, key=f"{key}d", label=title, unit=small, legend=below, remark=remark),
     )
 
 
@@ -193,3 +288,24 @@ def draw_tube(
     at = short(of.times[failing] * axes.factor), short(values[failing] * scale)
     made.scatter(*at, marker="x", size=7, line_width=1.5, color=bad.colour, name=bad.key)
     return base, own, bad
+
+
+def embedded(drawn: Sequence[Drawn]) -> dict[str, Any]:
+    """All figures as one document of Bokeh, which `page.js` draws, and the place of each of them by its model."""
+    if not drawn:
+        return {}
+    document, ids = Document(), dict[str, str]()
+    with document.models.freeze():  # else it goes through all models after each figure: 26 s for 48 of them
+        for one in drawn:
+            document.add_root(one.figure)
+    made = numbered(document.to_json(deferred=False), ids)
+    return {"document": made, "places": {ids[one.figure.id]: one.key for one in drawn}}
+
+
+def numbered(node: Any, ids: dict[str, str]) -> Any:
+    """A document with its models numbered from 1, so that the same result gives the same file."""
+    if isinstance(node, list):
+        return [numbered(one, ids) for one in node]
+    if isinstance(node, dict):  # of a model or a reference to one: data of ours has no such keys
+        return {k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else numbered(v, ids) for k, v in node.items()}
+    return node

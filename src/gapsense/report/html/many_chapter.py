@@ -1,32 +1,360 @@
-"""Many runs as a chapter of the page."""
+"""Many runs as a chapter of the page: what the template `many.html` asks for."""
 
 from __future__ import annotations
 
-from gapsense.report.html import many_sections as sections
-from gapsense.report.html.chapters import Chapter
-from gapsense.report.html.elements import element, section
+import json
+import math
+import shlex
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import bokeh.models
+import numpy as np
+from bokeh.plotting import figure
+
+from gapsense.campaign import summary
+from gapsense.cosim.provenance import EVENTS
+from gapsense.problems import number_of
+from gapsense.report.distributions import Bars, Distributions, Points, named
+from gapsense.report.html import style
+from gapsense.report.html.chapter import Chapter, Verdict, limits
+from gapsense.report.html.figures import Drawn, Entry, dress, fitting
 from gapsense.report.html.many import Many
-from gapsense.report.html.many_plots import drawn
-from gapsense.report.html.plots import Plots
-from gapsense.report.html.sections import banner
+from gapsense.tables import parsed_value
+
+if TYPE_CHECKING:
+    from gapsense.campaign.worst import Extremes, Worst
+
+bk: Any = bokeh.models
+FEW = 500  # points, which are drawn strongly
+PANELS = 64  # on a page
+METRICS = 16  # that are drawn
+HEIGHT = 230  # [pixels]
+MEDIAN, BOUNDS, RANGE = Entry("", "median", style.INK), Entry("", "bounds", style.FAIL), "median and 5 to 95 %"
+BLUE = (58, 143, 208)  # seen on light and on dark ground
+FAINTEST = 60  # of 255, where a single run lies
+BENT = 0.2  # share of a metric that must go with a parameter, if it does not so in one direction
 
 
-def chapter_of_many(many: Many, plots: Plots, key: str) -> Chapter:
+def chapter_of_many(many: Many, key: str) -> Chapter:
     """Everything about a campaign or a sweep."""
-    about, found = many.about, sections.verdict(many)
-    words = [element("p", about["description"])] if about.get("description") else []
-    title = f"{about['title']}: {many.kind}"
-    head = element("header", element("h2", title, id=key), *words, banner(found))
-    content = element(
-        "article",
-        head,
-        sections.facts(many),
-        section("Failed runs", f"{key}-failed", sections.failed(many)),
-        section("Metrics", f"{key}-metrics", sections.metrics(many)),
-        section("Worst runs", f"{key}-worst", sections.worst(many)),
-        section("Distributions", f"{key}-plots", *drawn(many, plots, key)),
-        section("What was varied", f"{key}-varied", sections.factors(many)),
-        section("What ran", f"{key}-ran", sections.what_ran(many)),
-        aria_labelledby=key,
+    about, tables = many.about, dict[str, list[str]]()
+    for name in many.extremes:
+        tables.setdefault(many.labels[name][0], []).append(name)
+    figures, hint = drawn(many, key)
+    content = {
+        "many": many,
+        "seeds": ", ".join(f"{name} {seed}" for name, seed in about.get("seeds", {}).items()),
+        "settings": ", ".join(f"{name} = {value}" for name, value in about.get("settings", {}).items()),
+        "tables": tables,
+        "worst": [(metric, one) for metric, found in many.extremes.items() for one in telling(found)],
+        "figures": figures,
+        "hint": hint,
+        "limits": lambda name: limits(many.bounds(name), partial(many.shown, name)),
+        "goes_with": partial(goes_with, many),
+        "levels": lambda name: "many" if (found := many.levels[name]) is None else ", ".join(map(named, found)),
+        "named": partial(run_name, many),
+        "repeated": partial(repeated, many),
+        "why": partial(why, many),
+    }
+    return Chapter(
+        key=key,
+        title=f"{about['title']}: {many.kind}",
+        name=many.file.stem,
+        about=about.get("description", ""),
+        verdict=verdict(many),
+        template="many.html",
+        content=content,
+        figures=tuple(one for own in figures.values() for one in own),
     )
-    return Chapter(key=key, title=title, name=many.file.stem, verdict=found, content=content)
+
+
+def verdict(many: Many) -> Verdict:
+    """What came of all runs: complete if each is there and none failed; bounds are those of the scenario as it is."""
+    of = many.campaign
+    missing, sentences = of.runs - of.rows, []
+    if missing > 0:
+        sentences.append(f"{missing} of {of.runs} runs are missing: the same command goes on.")
+    if of.failed:
+        sentences.append(f"{number_of(of.failed, 'run')} failed.")
+    if not sentences:
+        sentences.append(f"All {of.runs} runs are there, none failed.")
+    words = ("complete", "incomplete")
+    return Verdict(missing <= 0 and not of.failed, (*sentences, *of_bounds(many)), words)
+
+
+def of_bounds(many: Many) -> Iterator[str]:
+    """Sentences on the bounds of the metrics, and on metrics without a value."""
+    bounded = [name for name in many.extremes if many.bounds(name)]
+    outside = [name for name in bounded if many.extremes[name].outside]
+    if outside:
+        yield f"{len(outside)} of {len(bounded)} metrics with bounds are outside of them in some runs."
+    elif bounded:
+        yield f"All {len(bounded)} metrics with bounds are within them in all runs that have a value."
+    gaps = [name for name in many.extremes if many.spreads[name].missing > many.campaign.failed]
+    if gaps:
+        yield f"{len(gaps)} metrics have no value in some runs that did not fail."
+
+
+def run_name(many: Many, run: int) -> str:
+    """A run, and what it adds to every seed."""
+    shift = many.rows[run]["seed"]
+    return f"{run}" if not many.about.get("seeds") or shift is None else f"{run} (seeds + {shift})"
+
+
+def goes_with(many: Many, name: str) -> str:
+    """What a metric goes with most: a correlation, unless it goes up and down with another parameter."""
+    found = many.correlations.get(name, ())
+    if not found or not found[0].correlation:
+        return "-"
+    bent = max(found, key=lambda one: one.share)
+    if bent.share > max(BENT, 2.0 * found[0].correlation ** 2):
+        return f"{bent.factor}, up and down"
+    return f"{found[0].factor} {found[0].correlation:+.2f}"
+
+
+def telling(found: Extremes) -> tuple[Worst, ...]:
+    """Runs of a metric that are worth a row: of those within the bounds, the nearest to a bound."""
+    return found.worst if not found.worst or found.worst[0].beyond > 0.0 else found.worst[:1]
+
+
+def why(many: Many, metric: str, beyond: float) -> tuple[str, bool]:
+    """Why a run is listed: where its value lies, and whether that is outside of the bounds."""
+    if many.bounds(metric) is None:
+        return f"{many.shown(metric, beyond)} from the median", False
+    if beyond <= 0.0:
+        return "inside" if math.isinf(beyond) else f"inside by {many.shown(metric, -beyond)}", False
+    return f"outside by {many.shown(metric, beyond)}", True
+
+
+# How a single run is repeated -----------------------------------------------------------------------------------------
+
+
+def repeated(many: Many, run: int) -> str:
+    """Command that repeats a run, or a line of Python where no option of a command says what it takes."""
+    about, row = many.about, many.rows[run]
+    if not many.scenario:
+        return f"the scenario has no file: run it with seed_shift={row['seed']}"
+    values = {name: row[name] for name in many.campaign.factors}
+    if about.get("has_random_events") or any(name.startswith(EVENTS) for name in values):
+        return in_python(many, run, row["seed"], values)
+    seeds = {f"{name}.seed": seed + row["seed"] for name, seed in about.get("seeds", {}).items()}
+    given = {**about.get("settings", {}), **seeds, **values}
+    words = ["gapsense", "run", many.scenario, *variant(about), *(w for s in settings(given) for w in ("--set", s))]
+    return shlex.join(words)
+
+
+def variant(about: Mapping[str, Any]) -> tuple[str, ...]:
+    """Option for the variant."""
+    return ("--variant", about["variant"]) if about.get("variant") else ()
+
+
+def settings(values: Mapping[str, Any]) -> Iterator[str]:
+    """Values as `--set` takes them."""
+    return (f"{name}={written(value)}" for name, value in values.items())
+
+
+def written(value: Any) -> str:
+    """A value as it is read back; a text in quotes where it would mean something else."""
+    return value if isinstance(value, str) and parsed_value(value) == value else json.dumps(value)
+
+
+def in_python(many: Many, run: int, shift: int, values: Mapping[str, Any]) -> str:
+    """The same in Python, where all seeds are shifted, and a sweep has its values by their number."""
+    about, is_sweep = many.about, many.kind == "sweep"
+    given = list(settings(about.get("settings", {}) if is_sweep else values))
+    scenario = f"changed({many.scenario!r}, {given!r})" if given else repr(many.scenario)
+    own = [f"{about['variant']!r}"] if about.get("variant") else []
+    point = [f"point={run % about['points']}"] if is_sweep else []
+    return f"run({', '.join([scenario, *own, f'seed_shift={shift}', *point])})"
+
+
+# Plots of many runs: how each metric is distributed, and how it goes with each parameter.
+
+
+class Panels(NamedTuple):
+    """What is drawn: for each metric the parameters that it is drawn over."""
+
+    chosen: dict[str, list[str]]
+    note: str
+
+
+def panels(many: Many) -> Panels:
+    """Metrics that leave their bounds first, each over the parameters that it goes with most."""
+    known = [name for name in many.extremes if many.campaign.rows - many.spreads[name].missing > 0]
+    metrics = sorted(known, key=lambda name: not many.extremes[name].outside)[:METRICS]
+    factors = [f for f in many.campaign.factors if f in many.spreads or many.levels[f] is not None]
+    room = max(1, PANELS // max(len(metrics), 1) - 1)
+    chosen = {name: ordered(many, name, factors)[:room] for name in known if name in metrics}
+    words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
+    if len(factors) > room:
+        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it goes with most. ")
+    return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
+
+
+def ordered(many: Many, metric: str, factors: list[str]) -> list[str]:
+    """Parameters, those first that are no numbers, then by how much of the metric goes with them."""
+    known = sorted(many.correlations.get(metric, ()), key=lambda one: -one.share)
+    numbers = [one.factor for one in known if one.factor in factors]
+    return [*(name for name in factors if name not in numbers), *numbers]
+
+
+class Drawer:
+    """Draws the panels of many runs, with what they have in common."""
+
+    def __init__(self, many: Many, chosen: dict[str, list[str]]) -> None:
+        self.many, self.found = many, Distributions(many.campaign, chosen, many.levels)
+        self.scales = {name: fitting(many.unit(name), np.array(of[1:6])) for name, of in many.spreads.items()}
+        names = [] if self.found.is_counted else [*self.found.continuous, *chosen]
+        self.keys = {name: f"c{k}" for k, name in enumerate(names)}
+        self.source = None if self.found.is_counted else self.points()
+
+    def points(self) -> Any:
+        """Runs as points, which all plots share: those that are selected in one are so in all."""
+        column = self.many.campaign.column
+        data = {
+            key: (column(name).astype(np.float64) * self.scales[name][0]).astype(np.float32)
+            for name, key in self.keys.items()
+        }
+        return bk.ColumnDataSource({"run": column("run").astype(np.int32), **data})
+
+    def alone(self, metric: str, key: str) -> Drawn:
+        """Histogram of a metric, with its median and bounds."""
+        bins, counts = self.found.alone(metric)
+        (scale, unit), made = self.scales[metric], bare()
+        edges = bins * scale
+        fill = {"fill_color": style.CURVES[0], "fill_alpha": 0.55, "line_color": None}
+        made.quad(left=edges[:-1], right=edges[1:], top=counts, bottom=0.0, **fill)
+        line(made, self.many.spreads[metric].median * scale, MEDIAN)
+        ends = self.bounds(metric)
+        for end in ends:
+            line(made, end, BOUNDS)
+        made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
+        made.x_range = bk.Range1d(*span(edges[0], edges[-1], ends))
+        legend = (MEDIAN, BOUNDS) if ends else (MEDIAN,)
+        return Drawn(figure=made, key=key, label="how many runs", legend=legend)
+
+    def bounds(self, metric: str) -> list[float]:
+        """Bounds of a metric that are finite, as they are drawn."""
+        return [end * self.scales[metric][0] for end in self.many.bounds(metric) or () if np.isfinite(end)]
+
+    def over(self, metric: str, factor: str, key: str) -> Drawn:
+        """A metric over a parameter: bars, points, or where no run lies nothing and more colour where many do."""
+        made, found, scale = bare(), self.found.over(metric, factor), self.scales[metric][0]
+        unit = self.many.unit(factor)
+        if isinstance(found, Bars):
+            bars(made, found.names, found.quantiles * scale)
+        elif isinstance(found, Points):
+            x, y = self.keys[factor], self.keys[metric]
+            made.scatter(x, y, source=self.source, size=5, **dots(self.many.campaign.rows))
+            told = [("run", "@run"), ("parameter", f"@{x}"), ("metric", f"@{y}")]
+            made.add_tools(bk.HoverTool(tooltips=told), bk.BoxSelectTool())
+        else:
+            density(made, found.x * self.scales[factor][0], found.y * scale, found.counts)
+        if not isinstance(found, Bars) and factor in self.scales:
+            unit = self.scales[factor][1]
+        for end in self.bounds(metric):
+            line(made, end, BOUNDS, "width")
+        made.xaxis.axis_label = labelled(factor, unit)
+        label = labelled(self.many.label(metric), self.scales[metric][1])
+        return Drawn(figure=made, key=key, label=f"{label} over {factor}")
+
+
+def bars(made: Any, names: list[str], quantiles: Any) -> None:
+    """Median and 5 to 95 % range at each value of a parameter."""
+    places = np.arange(len(names))
+    bar = {"line_color": style.CURVES[0], "line_width": 5, "line_alpha": 0.5}
+    made.segment(places, quantiles[:, 0], places, quantiles[:, 2], **bar)
+    made.scatter(places, quantiles[:, 1], size=8, color=style.CURVES[0])
+    made.xaxis.ticker = bk.FixedTicker(ticks=places.tolist())
+    made.xaxis.major_label_overrides = dict(zip(places.tolist(), names))
+    made.x_range = bk.Range1d(-0.6, len(names) - 0.4)
+
+
+def density(made: Any, x: Any, y: Any, counts: Any) -> None:
+    """How many runs lie where; where none does there is nothing."""
+    box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
+    made.image_rgba(image=[coloured(counts.T)], **box)
+    made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
+
+
+def bare() -> Any:
+    """An empty figure."""
+    zoom = bk.BoxZoomTool()
+    made: Any = figure(
+        height=HEIGHT,
+        sizing_mode="stretch_width",
+        tools=[zoom, bk.PanTool(), bk.WheelZoomTool(), bk.ResetTool(), bk.SaveTool()],
+        active_drag=zoom,
+        active_scroll=None,
+        toolbar_location="above",
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        output_backend="canvas",
+    )
+    made.toolbar.logo, made.toolbar.autohide = None, True
+    dress(made, "")
+    made.xaxis.ticker.desired_num_ticks = 4
+    return made
+
+
+def dots(rows: int) -> dict[str, Any]:
+    """Look of points; those that are not selected are faint once some are."""
+    alpha = 0.8 if rows < FEW else 0.45
+    return {"color": style.CURVES[0], "alpha": alpha, "nonselection_alpha": 0.08, "selection_alpha": 1.0}
+
+
+def line(made: Any, at: float, entry: Entry, dimension: str = "height") -> None:
+    """A straight line across a figure."""
+    dash = "dashed" if entry is BOUNDS else "solid"
+    made.add_layout(bk.Span(location=at, dimension=dimension, line_color=entry.colour, line_width=1.5, line_dash=dash))
+
+
+def span(low: float, high: float, ends: list[float]) -> tuple[float, float]:
+    """Part of an axis that has all bins, and bounds if they are not far away."""
+    room = high - low
+    near = [end for end in ends if low - 2.0 * room < end < high + 2.0 * room]
+    low, high = min([low, *near]), max([high, *near])
+    return low - 0.04 * (high - low), high + 0.04 * (high - low)
+
+
+def coloured(counts: Any) -> Any:
+    """Colours of an image, stronger where more runs lie."""
+    image = np.zeros((*counts.shape, 4), dtype=np.uint8)
+    most = max(float(counts.max()), 2.0)
+    strength = np.log1p(counts) / np.log1p(most)
+    image[..., :3] = BLUE
+    image[..., 3] = np.where(counts > 0, FAINTEST + (255 - FAINTEST) * strength, 0)
+    return image.view(np.uint32).reshape(counts.shape)
+
+
+def labelled(name: str, unit: str) -> str:
+    """Label of an axis."""
+    return f"{name} / {unit}" if unit not in ("", "1") else name
+
+
+def drawn(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
+    """All plots, a row of them for each metric, and how they are read."""
+    chosen, note = panels(many)
+    if not chosen:
+        return {}, ""
+    drawer = Drawer(many, chosen)
+    rows = {
+        metric: [
+            drawer.alone(metric, f"{key}-m{k}"),
+            *(drawer.over(metric, factor, f"{key}-m{k}-{j}") for j, factor in enumerate(factors)),
+        ]
+        for k, (metric, factors) in enumerate(chosen.items())
+    }
+    return rows, note + hint(drawer.found.is_counted)
+
+
+def hint(is_counted: bool) -> str:
+    """What the plots show and how they are read."""
+    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
+    axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost thousandths; tables do not."
+    if is_counted:
+        return f"Stronger where more runs lie. {bars}{axes}"
+    return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"

@@ -1,4 +1,4 @@
-// Colours of the plots by light or dark ground, legends, the time axis, values at the cursor, print.
+// Draws the plots; their colours by light or dark ground, legends, the time axis, values at the cursor, print.
 (() => {
   "use strict";
   const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -124,6 +124,8 @@
     if (chip) toggle(chip);
     if (button) move(button);
   });
+  const { document: drawn, places } = JSON.parse(document.getElementById("figures").textContent);
+  if (drawn) Bokeh.embed.embed_items({ page: drawn }, [{ docid: "page", roots: places, root_ids: Object.keys(places) }]);
   const wanted = document.querySelectorAll(".plot").length;
   const wait = () => (views().length >= wanted ? begin() : setTimeout(wait, 20));
   addEventListener("load", wait);

@@ -1,24 +1,27 @@
-"""The file: everything in it, nothing fetched, and a policy that lets the browser run nothing else."""
+"""The file: everything in it, nothing fetched, and a policy that lets the browser run nothing else.
+
+What its parts look like is in `templates/`; every text is escaped there.
+"""
 
 from __future__ import annotations
 
-import json
+import math
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gapsense._os.files import write_atomically
 from gapsense.problems import InputError
-from gapsense.report.html.elements import Markup, element, joined
+from gapsense.report.html import style
 from gapsense.report.html.many import Many
 from gapsense.report.html.subject import Shown, read_all
+from gapsense.report.table import quantity
 
 if TYPE_CHECKING:
-    from gapsense.report.html.chapters import Chapter
-    from gapsense.report.html.plots import Plots
+    from gapsense.report.html.chapter import Chapter
 
 MISSING = "Reports are drawn by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."
 POLICY = "default-src 'none'; img-src data: blob:; font-src data:; style-src 'unsafe-inline'; script-src {}"
@@ -56,53 +59,57 @@ def report(results: Sequence[Path]) -> str:
         raise InputError(["there is nothing to report on. Name the CSV files of some results."])
     shown = read_all(results)
     try:
-        import bokeh  # noqa: F401  # which is optional
+        import bokeh  # noqa: F401  # which is optional, and brings jinja2
     except ImportError:
         raise InputError([MISSING]) from None
-    from gapsense.report.html.chapters import summary
-    from gapsense.report.html.plots import Plots, embedded
-
-    plots = Plots()
-    chapters = [chapter_of(one, plots, f"r{k}") for k, one in enumerate(shown, 1)]
-    script, places = embedded(plots)
-    body = joined([*summary(chapters), *(c.content for c in chapters)])
-    for key, place in places.items():
-        body = Markup(body.replace(f"<!--plot {key}-->", place))
-    title = chapters[0].title if len(chapters) == 1 else f"{len(chapters)} results"
-    return page(f"{title} - Gapsense", body, script)
+    return page([chapter_of(one, f"r{k}") for k, one in enumerate(shown, 1)])
 
 
-def chapter_of(shown: Shown | Many, plots: Plots, key: str) -> Chapter:
+def chapter_of(shown: Shown | Many, key: str) -> Chapter:
     """Everything about one of the results."""
     if isinstance(shown, Many):  # which alone needs pyarrow
         from gapsense.report.html.many_chapter import chapter_of_many
 
-        return chapter_of_many(shown, plots, key)
-    from gapsense.report.html.chapters import chapter
+        return chapter_of_many(shown, key)
+    from gapsense.report.html.run import chapter_of_run
 
-    return chapter(shown, plots, key)
+    return chapter_of_run(shown, key)
 
 
-def page(title: str, body: Markup, script: str) -> str:
-    """Frame of the page; `script` draws the plots."""
+def page(chapters: Sequence[Chapter]) -> str:
+    """The file of some chapters."""
     from bokeh.resources import Resources
+    from markupsafe import Markup
 
-    from gapsense.report.html import style
+    from gapsense.report.html.figures import embedded
 
-    own = read("page.js")
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
-    scripts = [closed(text) for text in (library, script, own)]
-    policy = POLICY.format(" ".join(map(digest, scripts)))
-    css = style.variables() + read("page.css")
-    colours = json.dumps(style.DARK)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta name="color-scheme" content="light dark">\n{element("title", title)}\n<style>{css}</style>\n</head>\n'
-        f'<body>\n<main>\n{body}\n</main>\n<script type="application/json" id="colours">{colours}</script>\n'
-        f"{''.join(f'<script>{text}</script>{chr(10)}' for text in scripts)}</body>\n</html>\n"
+    scripts = [closed(text) for text in (library, read("page.js"))]
+    return str(
+        template("page.html").render(
+            title=chapters[0].title if len(chapters) == 1 else f"{len(chapters)} results",
+            policy=Markup(POLICY.format(" ".join(map(digest, scripts)))),
+            style=Markup(style.variables() + read("page.css")),
+            colours=style.DARK,
+            figures=embedded([drawn for chapter in chapters for drawn in chapter.figures]),
+            scripts=[*map(Markup, scripts)],
+            chapters=chapters,
+        )
     )
+
+
+def template(name: str) -> Any:
+    """A template of the folder beside this file; a name that it does not know is an error."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    options: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    made = Environment(
+        loader=PackageLoader("gapsense.report.html"), autoescape=True, undefined=StrictUndefined, **options
+    )
+    made.filters |= {"quantity": lambda value, unit: quantity(float(value), unit), "variable": style.variable}
+    made.tests["finite"] = math.isfinite
+    made.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # not sorted: Bokeh reads references in order
+    return made.get_template(name)
 
 
 def read(name: str) -> str:

@@ -47,5 +47,5 @@ def variables() -> str:
 
 
 def variable(name: str) -> str:
-    """A colour as CSS names it."""
-    return f"var(--c-{name[1:]})"
+    """A colour as CSS names it: by its property, if it has one."""
+    return f"var(--c-{name[1:]})" if name in DARK else name

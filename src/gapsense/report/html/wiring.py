@@ -1,15 +1,21 @@
-"""The wiring picture: components in the order in which they step, their connections, as inline SVG."""
+"""The wiring picture: components in the order in which they step, in columns by what drives what, and their wires.
+
+Long wires go around the boxes. The template `wiring.svg` draws what is computed here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from gapsense.cosim.result.result import Run
-from gapsense.report.html.layout import HEAD, LANE, PAD, Box, Boxes, Wire, arranged
-from gapsense.report.html.style import colour, variable
+from gapsense.report.html.style import colour
 from gapsense.report.table import quantity
 
+CHARACTER, LINE, HEAD, PAD = 6.7, 17.0, 40.0, 10.0  # widths and heights [pixels]
+ACROSS, BETWEEN, LANE = 74.0, 22.0, 13.0  # room between columns, between boxes, and for a wire that passes them
+SWEEPS = 6
 MARGIN = 12.0
 KINDS = {
     "direct": "to an input with direct feedthrough: the value of the same time",
@@ -18,27 +24,210 @@ KINDS = {
 }
 
 
-def picture(run: Run) -> str:
-    """SVG of all components and connections; empty where the result does not tell its connections."""
+class Label(NamedTuple):
+    """A text of a box."""
+
+    kind: str
+    x: float
+    y: float
+    text: str
+
+
+class Wire(NamedTuple):
+    """A connection: component and variable at both ends; `kind` is direct, held or delayed."""
+
+    source: tuple[str, str]
+    target: tuple[str, str]
+    kind: str
+
+
+@dataclass
+class Box:
+    """A component, or, without lines in it, the place where a wire passes a column."""
+
+    name: str
+    column: int
+    heads: tuple[str, ...] = ()
+    inputs: list[str] = field(default_factory=list)
+    outputs: list[str] = field(default_factory=list)
+    x: float = 0.0
+    y: float = 0.0
+    across: float = 0.0  # width of its column
+
+    @property
+    def height(self) -> float:
+        """Height [pixels]."""
+        rows = max(len(self.inputs), len(self.outputs))
+        return HEAD + LINE * rows + PAD / 2 if self.heads else LANE
+
+    @property
+    def width(self) -> float:
+        """Width [pixels], by the longest texts."""
+        sides = longest(self.inputs) + longest(self.outputs)
+        return max(CHARACTER * sides + 3 * PAD, CHARACTER * longest(self.heads) + 2 * PAD) if self.heads else 0.0
+
+    def port(self, name: str, is_input: bool) -> float:
+        """Height at which a wire ends [pixels]."""
+        if not self.heads:
+            return self.y + LANE / 2
+        names = self.inputs if is_input else self.outputs
+        return self.y + HEAD + LINE * (names.index(name) + 0.35)
+
+    @property
+    def rule(self) -> float:
+        """Height of the line between its heads and its ports [pixels]."""
+        return self.y + HEAD - 4
+
+    def labels(self) -> list[Label]:
+        """Its texts."""
+        left, right = self.x + PAD, self.x + self.width - PAD
+        heads = [Label("fmu" if k else "name", left, self.y + 16 + 15 * k, text) for k, text in enumerate(self.heads)]
+        inputs = [Label("port", left, self.port(name, True) + 4, name) for name in self.inputs]
+        outputs = [Label("port out", right, self.port(name, False) + 4, name) for name in self.outputs]
+        return [*heads, *inputs, *outputs]
+
+
+Boxes = dict[str, Box]
+
+
+class Line(NamedTuple):
+    """A wire as it is drawn, with its arrow at the end."""
+
+    kind: str
+    colour: str
+    path: str
+    end: tuple[float, float]
+    words: str
+
+
+class Picture(NamedTuple):
+    """The whole picture, and what its strokes mean."""
+
+    width: float
+    height: float
+    words: str
+    lines: list[Line]
+    boxes: list[Box]
+    kinds: list[tuple[str, str]]
+    corner: float = -MARGIN
+
+
+def longest(texts: Sequence[str]) -> int:
+    """Characters of the longest text."""
+    return max(map(len, texts), default=0)
+
+
+def arranged(heads: Mapping[str, tuple[str, ...]], wires: Sequence[Wire]) -> tuple[Boxes, list[tuple[Wire, list[str]]]]:
+    """Boxes with their places, and for each wire those it passes, from first to last; empty for one that goes back.
+
+    Parameters
+    ----------
+    heads : mapping
+        Lines at the top of each component, in the order in which they step.
+    wires : sequence of Wire
+        Between these components.
+    """
+    columns = columns_of(list(heads), wires)
+    boxes = {name: Box(name, columns[name], lines) for name, lines in heads.items()}
+    for wire in wires:
+        add(boxes[wire.source[0]].outputs, wire.source[1])
+        add(boxes[wire.target[0]].inputs, wire.target[1])
+    ways = [(wire, way(wire, boxes)) for wire in wires]
+    stacked(boxes, [names for _, names in ways if names])
+    return boxes, ways
+
+
+def add(names: list[str], name: str) -> None:
+    """Put a name into a list that does not have it."""
+    if name not in names:
+        names.append(name)
+
+
+def columns_of(names: Sequence[str], wires: Sequence[Wire]) -> dict[str, int]:
+    """Column of each component: right of all that step before it and drive it."""
+    place, columns = {name: k for k, name in enumerate(names)}, dict.fromkeys(names, 0)
+    for name in names:
+        before = [w.source[0] for w in wires if w.target[0] == name and place[w.source[0]] < place[name]]
+        columns[name] = 1 + max((columns[source] for source in before if source in columns), default=-1)
+    return columns
+
+
+def way(wire: Wire, boxes: Boxes) -> list[str]:
+    """Boxes that a wire goes through, with a lane in each column between; all wires of one output share them."""
+    (source, port), target = wire.source, wire.target[0]
+    first, last = boxes[source].column, boxes[target].column
+    if first >= last:
+        return []
+    lanes = []
+    for column in range(first + 1, last):
+        name = f"{source} {port} {column}"
+        boxes.setdefault(name, Box(name, column))
+        lanes.append(name)
+    return [source, *lanes, target]
+
+
+def stacked(boxes: Boxes, ways: Sequence[Sequence[str]]) -> None:
+    """Give the boxes their places: in each column in the order of what they are connected with."""
+    beside: dict[str, set[str]] = {name: set() for name in boxes}
+    for names in ways:
+        for a, b in zip(names[:-1], names[1:]):
+            beside[a].add(b)
+            beside[b].add(a)
+    by_column = [[b for b in boxes.values() if b.column == k] for k in range(1 + max(b.column for b in boxes.values()))]
+    for column in by_column:
+        put(column)
+    for sweep in range(SWEEPS):
+        for column in by_column if sweep % 2 == 0 else reversed(by_column):
+            column.sort(key=lambda box: middle(box, beside[box.name], boxes))
+            put(column)
+    centred(by_column)
+
+
+def middle(box: Box, others: set[str], boxes: Boxes) -> float:
+    """Mean height of the boxes that a box is connected with."""
+    heights = [boxes[name].y + boxes[name].height / 2 for name in others]
+    return sum(heights) / len(heights) if heights else box.y + box.height / 2
+
+
+def put(column: Sequence[Box]) -> None:
+    """Stack the boxes of a column."""
+    y = 0.0
+    for box in column:
+        box.y = y
+        y += box.height + BETWEEN
+
+
+def centred(columns: Sequence[Sequence[Box]]) -> None:
+    """Put the columns beside one another, each in the middle of the height."""
+    heights = [sum(box.height + BETWEEN for box in column) - BETWEEN for column in columns]
+    x = 0.0
+    for column, height in zip(columns, heights):
+        across = max(box.width for box in column)
+        for box in column:
+            box.x, box.y, box.across = x, box.y + 0.5 * (max(heights) - height), across
+        x += across + ACROSS
+
+
+def picture(run: Run) -> Picture | None:
+    """All components and connections; none where the result does not tell its connections."""
     heads = {name: head(run, k, name) for k, name in enumerate(run.order, 1)}
     wires = [wire(run, text) for text in run.wires]
     if not wires:
-        return ""
+        return None
     boxes, ways = arranged(heads, wires)
     deepest = max(box.y + box.height for box in boxes.values())
     returns = [w for w, names in ways if not names]
-    width = max(box.x + box.width for box in boxes.values()) + 2 * MARGIN
-    height = deepest + LANE * (len(returns) + 1) + 2 * MARGIN
     numbers = {name: k for k, name in enumerate(run.order)}
-    drawn = [line(w, names, boxes, numbers, deepest + LANE * (1 + place(w, returns))) for w, names in ways]
-    shapes = "".join([*dict.fromkeys(drawn), *(shape(box) for box in boxes.values() if box.heads)])
-    size = f'width="{width:.0f}" height="{height:.0f}" viewBox="{-MARGIN} {-MARGIN} {width:.0f} {height:.0f}"'
-    return f'<svg class="wiring" {size} role="img" aria-label="{escape(told(run), quote=True)}">{shapes}</svg>'
-
-
-def told(run: Run) -> str:
-    """The picture in words."""
-    return f"Wiring. Components in the order in which they step: {', '.join(run.order)}. {'; '.join(run.wires)}."
+    lines = [line(w, names, boxes, numbers, deepest + LANE * (1 + place(w, returns))) for w, names in ways]
+    found = {w.kind for w in wires}
+    return Picture(
+        width=max(box.x + box.width for box in boxes.values()) + 2 * MARGIN,
+        height=deepest + LANE * (len(returns) + 1) + 2 * MARGIN,
+        words=f"Wiring. Components in the order in which they step: {', '.join(run.order)}. {'; '.join(run.wires)}.",
+        lines=list(dict.fromkeys(lines)),
+        boxes=[box for box in boxes.values() if box.heads],
+        kinds=[(kind, words) for kind, words in KINDS.items() if kind in found],
+    )
 
 
 def head(run: Run, number: int, name: str) -> tuple[str, ...]:
@@ -61,7 +250,7 @@ def place(w: Wire, wires: Sequence[Wire]) -> int:
     return wires.index(w) if w in wires else 0
 
 
-def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], depth: float) -> str:
+def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], depth: float) -> Line:
     """A wire with its arrow; one that goes back passes below all boxes."""
     source, target = boxes[w.source[0]], boxes[w.target[0]]
     x, y = source.x + source.width, source.port(w.source[1], is_input=False)
@@ -70,11 +259,8 @@ def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], d
         path = f"M{x:.1f} {y:.1f}" + through(x, y, [boxes[name] for name in names[1:-1]], end)
     else:
         path = around(x, y, *end, depth)
-    ends = ".".join(w.source), ".".join(w.target)
-    texts = f"<title>{escape(f'{ends[0]} to {ends[1]}, {KINDS[w.kind]}')}</title>"
-    stroke = variable(colour(numbers[w.source[0]]))
-    tip = f'<path class="tip" style="fill:{stroke}" d="M{end[0]:.1f} {end[1]:.1f}l-7 -3.5v7z"/>'
-    return f'<g><path class="wire {w.kind}" style="stroke:{stroke}" d="{path}"/>{tip}{texts}</g>'
+    words = f"{'.'.join(w.source)} to {'.'.join(w.target)}, {KINDS[w.kind]}"
+    return Line(w.kind, colour(numbers[w.source[0]]), path, end, words)
 
 
 def through(x: float, y: float, lanes: Sequence[Box], end: tuple[float, float]) -> str:
@@ -96,28 +282,3 @@ def around(x: float, y: float, to_x: float, to_y: float, depth: float) -> str:
     """Way back, below everything."""
     out, back = x + 24, to_x - 24
     return f"M{x:.1f} {y:.1f}H{out:.1f}V{depth:.1f}H{back:.1f}V{to_y:.1f}H{to_x:.1f}"
-
-
-def shape(box: Box) -> str:
-    """A component with its ports."""
-    parts = [f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="4"/>']
-    for k, text in enumerate(box.heads):
-        parts.append(label(box.x + PAD, box.y + 16 + 15 * k, text, "name" if k == 0 else "fmu"))
-    parts.append(f'<path class="rule" d="M{box.x:.1f} {box.y + HEAD - 4:.1f}h{box.width:.1f}"/>')
-    parts += [label(box.x + PAD, box.port(name, True) + 4, name, "port") for name in box.inputs]
-    right = box.x + box.width - PAD
-    parts += [label(right, box.port(name, False) + 4, name, "port out") for name in box.outputs]
-    return f"<g>{''.join(parts)}</g>"
-
-
-def label(x: float, y: float, text: str, kind: str) -> str:
-    """A text."""
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
-
-
-def kinds(run: Run) -> str:
-    """The strokes of the picture, those that are in it."""
-    found = {wire(run, text).kind for text in run.wires}
-    sample = '<svg width="34" height="10" aria-hidden="true"><path class="wire {}" d="M1 5h32"/></svg>'
-    shown = [f"<li>{sample.format(kind)} {escape(text)}</li>" for kind, text in KINDS.items() if kind in found]
-    return f'<ul class="kinds">{"".join(shown)}</ul>'

@@ -1,0 +1,257 @@
+"""An identification from files to files: what the user asks, which model it is, what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from gapsense._os.workers import Progress
+from gapsense.actuators.solenoid_valve import Parameters
+from gapsense.identification import temperature
+from gapsense.identification.assumptions import ask
+from gapsense.identification.coil.fit import Coil, fit_coil, validate_coil
+from gapsense.identification.coil.show import coil_figure, coil_tables, write_coil
+from gapsense.identification.gap_law.laws import Law
+from gapsense.identification.measurements.operations import operations
+from gapsense.identification.measurements.reading import read_records
+from gapsense.identification.measurements.record import Reading, Record, between, until
+from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.residual import noises
+from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
+from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
+from gapsense.identification.valve.fit import Identified
+from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, plain
+from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, keep_law
+from gapsense.identification.valve.model import check_guess, take_out_causes
+from gapsense.identification.valve.show import (
+    BY_NAME,
+    PORTS,
+    Known,
+    read_known,
+    validate_valve,
+    valve_figure,
+    valve_tables,
+    write_valve,
+)
+from gapsense.problems import InputError
+from gapsense.report import plot
+
+FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
+NOT_COMMISSIONED = (
+    "--model",
+    "--period",
+    "--temperature",
+    "--forms",
+    "--hold",
+    "--inductance",
+    "--driver",
+    "--accuracy",
+)
+
+
+def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str, float]) -> Sought:
+    """From the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
+    tried = {AUTO: FORMS, PLAIN: ()}.get(forms, tuple(split_names([forms])))
+    names = {PORTS[field].name: field for field in FIELDS}
+    for name in tried:
+        if name not in FORMS:
+            raise ValueError(f"--forms: `{name}` found; {AUTO}, {PLAIN}, or some of {', '.join(FORMS)} expected.")
+    held = split_names(hold)
+    for name in held:
+        if name not in names:
+            because = " It follows from (23)." if name == "coil.resistance" else ""
+            raise ValueError(f"--hold: `{name}` found, one of {', '.join(names)} expected.{because}")
+        if names[name] in LOSSES and names[name] not in known.losses:
+            raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
+    errors = {field: accuracy[port.name] for field, port in PORTS.items() if port.name in accuracy}
+    fields = frozenset(names[name] for name in held)
+    return Sought(tried, fields, known.losses, given=known.given, accuracy=errors)
+
+
+def check_believed(parameters: Path | None, others: Sequence[object]) -> Path:
+    """What `--commission` takes for the device; a ValueError tells what is missing, or which options it has not."""
+    if parameters is None:
+        raise ValueError("--commission: `--parameters` is missing. Give a set with what is believed of the device.")
+    if given := [name for name, value in zip(NOT_COMMISSIONED, others) if value and value != AUTO]:
+        raise ValueError(f"--commission: {', '.join(given)} found; it has no such option. Leave it out.")
+    return parameters
+
+
+def split_names(texts: Sequence[str]) -> list[str]:
+    """Names with commas between."""
+    return [name.strip() for text in texts for name in text.split(",") if name.strip()]
+
+
+TABLE_I = "[SEMERA] Table I"
+HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
+LAW = Law("sought", 0.0, ())
+
+
+class Asked(NamedTuple):
+    """The options of the command; from `model` on those that commissioning has not."""
+
+    data: Sequence[Path]
+    how: Reading  # the files are read
+    to: Path
+    validate: Sequence[Path]
+    figure: Path | None
+    parameters: Path | None
+    assume: bool
+    model: str
+    period: float | None
+    temperatures: str | None
+    forms: str
+    hold: Sequence[str]
+    inductance: Path | None
+    driver: str | None
+    accuracy: str | None
+
+
+class Given(NamedTuple):
+    """What was read."""
+
+    known: Known
+    drive: Driver
+    sought: Sought
+    records: list[Record]
+    kept: list[Record]  # for the validation
+    conventions: Sequence[str]  # of the voltage between samples, that are left to the fit
+    asked: Asked
+
+    def ask(self) -> None:
+        """Ask for what a valve needs that the user has not given, before anything is fitted."""
+        is_law_known = bool({"gap_law", "gap_slope", "gap_area"} & self.known.given)
+        has_position = any(record.position is not None for record in self.records)
+        is_told = self.asked.inductance is not None or (has_position and not is_law_known)
+        sought = self.sought._replace(held=(*self.sought.held, TURNS), gap=()) if is_told else self.sought
+        self.ask_for(self.known.parameters, sought)
+
+    def ask_for(self, parameters: Parameters, sought: Sought) -> None:
+        """The same, with what is sought of the gap."""
+        form = plain(parameters, sought)
+        names = missing(form if sought.gap is None else form._replace(law=LAW), self.known.given)
+        if not self.asked.assume:
+            file = self.asked.parameters
+            where = file.name if file else "--parameters"
+            more = HOLD if "gap_slope" in names else ""
+            ask([PORTS[name].name for name in names], BY_NAME, where, TABLE_I, more)
+
+    @property
+    def driven(self) -> list[Record]:
+        """The kept records, with what is known of the driver."""
+        return [record._replace(drive=self.drive.values) for record in self.kept]
+
+
+def read(asked: Asked) -> Given:
+    """Read all files; an error tells what is wrong with them or with an option."""
+    if asked.figure is not None:
+        plot.check_file(asked.figure)
+    known, drive = read_known(asked.parameters), read_driver(asked.driver, asked.accuracy)
+    seeking = sought(asked.forms, asked.hold, known, drive.accuracy)
+    records = with_temperatures(asked.temperatures, read_records(asked.data, asked.how, asked.period))
+    is_open = asked.how.convention == AUTO and not all(record.is_mean for record in records)
+    return Given(
+        known=known,
+        drive=drive,
+        sought=seeking,
+        records=[record._replace(drive=drive.values) for record in records],
+        kept=read_records(asked.validate, asked.how, needs="rest"),
+        conventions=CONVENTIONS if is_open else (),
+        asked=asked,
+    )
+
+
+MANY = 5000  # samples from which the first operations are looked at alone
+FAR = 2.0  # times what a coil may leave of them
+NEITHER = (
+    "Nor does a coil without motion explain the current: what it leaves is {:.2g} times the noise. `--model coil` fits"
+    " one all the same."
+)
+
+
+def quick(records: Sequence[Record], period: float | None, conventions: Sequence[str]) -> Coil | None:
+    """The coil of the first operations alone, if no coil explains any of them: then none explains the records."""
+    firsts = [until(record, operations(record, period)[0].stop) for record in records]
+    if not all(operations(record, period) for record in firsts):
+        return None
+    each = [fit_coil([record], period, conventions, False) for record in firsts]
+    if any(r.rms < FAR * r.limit for coil in each for r in coil.residuals):
+        return None
+    return max(each, key=lambda coil: coil.residuals[0].rms / coil.residuals[0].noise)
+
+
+def coil_of(
+    model: str,
+    records: Sequence[Record],
+    known: Parameters,
+    period: float | None,
+    conventions: Sequence[str],
+    progress: Progress = lambda done, total: None,
+) -> tuple[Coil | None, list[str]]:
+    """The coil, if it is wanted or explains all records, and what to say; else the guess of a valve is checked."""
+    found, told = None, list[str]()
+    if model == AUTO and sum(record.times.size for record in records) > MANY:
+        found = quick(records, period, conventions)
+    if model == "coil" or (model == AUTO and found is None):
+        found = fit_coil(records, period, conventions, model == "coil", progress)
+        if model == "coil" or found.is_explained:
+            return found, told
+        is_coil = [fit_coil([r], period, conventions, False).is_explained for r in records if len(records) > 1]
+        if is_coil and all(is_coil):
+            told = ["Each record is that of a coil without motion, but no one coil explains them all."]
+            return fit_coil(records, period, conventions, progress=progress), told
+        told = [
+            f"{record.name}: a coil without motion explains it, but not the others."
+            for record, is_one in zip(records, is_coil)
+            if is_one
+        ]
+    try:
+        check_guess(known, records, period)
+    except InputError as error:
+        worst = max((r.rms / r.noise for r in found.residuals), default=0.0) if found else 0.0
+        raise InputError([*error.problems, *([NEITHER.format(worst)] if found else [])]) from None
+    return None, told
+
+
+class Finished(NamedTuple):
+    """For the user."""
+
+    shown: Sequence[Table | str]
+    figure: Callable[[], Figure]
+    is_explained: bool
+
+
+def finish_valve(asked: Asked, given: Given, start: Gap, result: Identified) -> Finished:
+    """A valve, written."""
+    records, R = start.records, result.resistance
+    coefficient = temperature.coefficient(records, result.fluxes)
+    convention = result.convention or asked.how.convention
+    kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
+    checks = validate_valve(result.parameters, kept, coefficient)
+    notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
+    law = keep_law(given.known, result, asked.to)
+    write_valve(asked.to, result, law, asked.data, noises(records), notes)
+    doubts = doubt_resistance(R, given.known.resistance)
+    tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
+    return Finished(
+        shown=[*tables, *temperature_tables(records, R, coefficient), *doubts],
+        figure=lambda: valve_figure(result, records, checks),
+        is_explained=result.is_explained and not doubts,
+    )
+
+
+def finish_coil(asked: Asked, given: Given, result: Coil) -> Finished:
+    """A coil, written."""
+    kept = [take_out_causes(record, result.convention) for record in given.driven]
+    checks = [validate_coil(result, record) for record in kept]
+    turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
+    write_coil(asked.to, result, turns, asked.data)
+    return Finished(
+        shown=coil_tables(result, turns, checks),
+        figure=lambda: coil_figure(result, checks),
+        is_explained=result.is_explained,
+    )

@@ -1,0 +1,101 @@
+"""What identifications have in common: models beside records that were not used, remarks on records, the figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from gapsense.identification.least_squares import rms
+from gapsense.identification.measurements.record import Record
+from gapsense.identification.valve.model import Trajectory
+from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
+from gapsense.report.table import quantity, table
+
+TWO_SIDED = 1.96  # standard errors of a 95 % interval
+
+
+class Validation(NamedTuple):
+    """Model against measurement."""
+
+    record: Record
+    model: Trajectory  # from sample `first` on
+    first: int  # the last sample at rest
+    rms: float  # of the error of the model's current [A]
+    largest: float  # the same
+    largest_current: float  # [A]
+
+
+def compare(record: Record, model: Trajectory, first: int) -> Validation:
+    """The current of a model, which begins at sample `first`, beside that of a record."""
+    error = record.current[first:] - model.current
+    return Validation(
+        record=record,
+        model=model,
+        first=first,
+        rms=rms(error),
+        largest=float(np.abs(error).max()),
+        largest_current=float(np.abs(record.current).max()),
+    )
+
+
+def about(record: Record) -> list[str]:
+    """Sentences on what was done to a record, and on what is odd about it."""
+    units = {"voltage": "V", "current": "A"}
+    told = [
+        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
+        " before the first operation; this offset is subtracted."
+        for name, o in record.offsets.items()
+    ]
+    return told + [f"{record.name}: {text}" for text in record.remarks]
+
+
+def validation(checks: Sequence[Validation]) -> Table:
+    """How well the model predicts records that were not used for the fit."""
+    rows = (
+        (c.record.name, quantity(c.rms, "A"), quantity(c.largest, "A"), f"{100.0 * c.rms / c.largest_current:.2g} %")
+        for c in checks
+    )
+    heads = ("record", "RMS error", "largest", "of the largest current")
+    return table("Validation, not used for the fit", heads, rows)
+
+
+def measured_and_model(
+    title: str, fitted: Sequence[tuple[Record, Trajectory]], checks: Sequence[Validation], shows_flux: bool = False
+) -> Figure:
+    """Records and models that end with them, then the validation: currents, and positions or else flux linkages."""
+    runs = [*((*pair, "fit") for pair in fitted), *((c.record, c.model, "validation") for c in checks)]
+    ends = ("position\n/ mm", 1e3)
+    if shows_flux:
+        ends = suited("flux\nlinkage", "Wb", *(model.flux_linkage for _, model, _ in runs))
+    scales = [
+        suited("current", "A", *(record.current for record, *_ in runs)),
+        suited("error", "A", *(record.current[-model.current.size :] - model.current for record, model, _ in runs)),
+        ends,
+    ]
+    labels = ["voltage / V", *(label for label, _ in scales)]
+    figure, axes = stack(title, labels * len(runs), [1.0, 2.0, 1.0, 1.0] * len(runs))
+    for k, run in enumerate(runs):
+        _panels(axes[4 * k : 4 * k + 4], *run, [factor for _, factor in scales], shows_flux)
+    return figure
+
+
+def _panels(
+    axes: Sequence[Any], record: Record, model: Trajectory, kind: str, scales: Sequence[float], shows_flux: bool
+) -> None:
+    first = record.times.size - model.current.size
+    t = record.times[first:]
+    axes[0].set_title(f"{record.name} ({kind})", loc="left", fontsize="medium")
+    line(axes[0], record.times, record.voltage, TRUE)
+    line(axes[1], record.times, scales[0] * record.current, TRUE, "measured")
+    line(axes[1], t, scales[0] * model.current, SECOND, "model")
+    line(axes[2], t, scales[1] * (record.current[first:] - model.current), SECOND)
+    if record.position is not None and not shows_flux:
+        line(axes[3], record.times, scales[2] * record.position, TRUE, "recorded")
+    line(axes[3], t, scales[2] * (model.flux_linkage if shows_flux else model.position), FIRST, "model")
+    legend(axes[1])
+    if not shows_flux:
+        legend(axes[3])

@@ -1,0 +1,183 @@
+"""What the driver takes of a recorded voltage, and how late the current is: given, or found with the parameters.
+
+Each is a cause of `causes`, with one value for all records.  Its value moves together with the parameters: after each
+fit of these one Gauss-Newton step of all of them, then the records are prepared anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gapsense.identification.assumptions import SCALES
+from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.valve.errors import left_at, linearise, scales
+from gapsense.identification.valve.form import Sought
+from gapsense.identification.valve.minimise import ENOUGH, Fit, Trial, choose_form, evidence, is_quiet, relative
+from gapsense.identification.valve.model import Experiment, Prepared
+from gapsense.report.table import quantity
+
+TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
+PERCENT = dict.fromkeys(("voltage", "current", *(name for name in SCALES if name != "stop.restitution")), "PERCENT")
+WARMEST, COPPER = 0.3, 3.9e-3  # of the resistance, relative to the one that is known; its change by degree
+ROUNDS = 6
+CLOSE = 0.05  # standard errors of a step that ends the search
+FARTHEST = {"series": 0.2, "drop": 0.05, "delay": 0.5}  # of its scale, in one step
+DOUBTFUL = 3.0  # standard errors, by white residuals, from which a delay is tried
+FIT = "fit"
+
+
+class Driver(NamedTuple):
+    """What is known of the causes, and which are fitted, from these values or from none on."""
+
+    values: Mapping[str, float] = {}
+    fitted: tuple[str, ...] = ()
+    accuracy: Mapping[
+        str, float
+    ] = {}  # relative standard errors of the scales of voltage and current, or of a parameter
+
+    def of(self, records: Sequence[Record]) -> list[Record]:
+        """The records, of which what is known is to be taken out."""
+        return [record._replace(drive=self.values) for record in records]
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether the delay is given, or fitted whatever the evidence."""
+        return "delay" in (*self.values, *self.fitted)
+
+
+UNKNOWN = Driver()
+
+
+def read_driver(driver: str | None, accuracy: str | None = None) -> Driver:
+    """From the values of `--driver`, as `series=2,drop=0.8`, and `--accuracy`; a ValueError tells what is wrong."""
+    texts = {name: text for part in _parts(driver) for name, text in _named(part, TAKEN, "--driver").items()}
+    values = {name: float(text) for name, text in texts.items() if text != FIT}
+    scales = {name: text for part in _parts(accuracy) for name, text in _named(part, PERCENT, "--accuracy").items()}
+    errors = {name: 0.01 * float(text) for name, text in scales.items()}
+    return Driver(values, tuple(name for name in TAKEN if texts.get(name) == FIT), errors)
+
+
+def _parts(text: str | None) -> list[str]:
+    return [part.strip() for part in (text or "").split(",") if part.strip()]
+
+
+def _named(part: str, units: Mapping[str, str], option: str) -> dict[str, str]:
+    """Names with their values; those of `fit` alone are what a driver takes."""
+    if part == FIT and units is TAKEN:
+        return {"series": FIT, "drop": FIT}
+    name, _, value = part.partition("=")
+    if name in units and (_is_number(value) or (value == FIT and units is TAKEN)):
+        return {name: value}
+    wanted = ",".join(f"{n}={unit}" for n, unit in units.items())
+    more = ", each a number or `fit`; or `fit` alone" if units is TAKEN else ", in percent"
+    raise ValueError(f"{option}: `{part}` found, some of `{wanted}`{more}, expected.")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
+
+
+def driver_notes(values: Mapping[str, float]) -> list[str]:
+    """A sentence on what was taken out of the records, if anything was."""
+    found = ", ".join(f"{name} {quantity(value, TAKEN[name])}" for name, value in values.items())
+    return [f"Taken out of the recorded voltage and current: {found}."] if found else []
+
+
+def doubt_resistance(resistance: float, believed: float | None) -> list[str]:
+    """A sentence, if the resistance of (23) is another one than a coil of copper can have.
+
+    A voltage that is too large by a factor is explained by other values of the parameters: no residual tells it.
+    """
+    if not believed or abs(resistance / believed - 1.0) < WARMEST:
+        return []
+    change = resistance / believed - 1.0
+    return [
+        f"`coil.resistance` is {quantity(resistance, 'Ohm')} by (23), {100.0 * change:+.0f} % from the"
+        f" {quantity(believed, 'Ohm')} of `--parameters`. In copper that would be {change / COPPER:+.0f} K:"
+        " the recorded voltage is not the coil's (PWM sampled in step with it, a command), or the scale of a signal is"
+        " wrong, and turns, stiffness, damping and mass are wrong with it. Where it is right, correct it there."
+    ]
+
+
+class Settled(NamedTuple):
+    """A minimum in parameters and causes."""
+
+    ratios: Vector
+    prepared: Prepared
+
+
+def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> Settled:
+    """The minimum for the first operations, next to a point at which the parameters fit best."""
+    for _ in range(ROUNDS if names else 0):
+        step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names)
+        prepared = prepared.moved(step.causes)
+        ratios = fit.least_squares(step.ratios, [first.experiment for first in prepared.firsts])
+        if step.is_small:
+            break
+    return Settled(ratios, prepared)
+
+
+class Step(NamedTuple):
+    """Towards a minimum in parameters and causes."""
+
+    ratios: Vector  # of the parameters, afterwards
+    causes: dict[str, float]  # changes
+    is_small: bool
+    is_doubtful: bool  # whether a cause may be none
+
+
+def correction(fit: Fit, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Step:
+    """One Gauss-Newton step, not too far; its errors are those of white residuals."""
+    at, r = linearise(fit.form, ratios, experiments, names, ()), left_at(fit.form, ratios, experiments)[0]
+    found, k, sizes = -at.inverse @ r, ratios.size, scales(experiments)
+    error = np.sqrt((at.inverse[k:] ** 2).sum(axis=1) * float(r @ r) / r.size)
+    wanted, most = found[k:], np.array([FARTHEST[name] for name in names])
+    part = float(np.min(most / np.maximum(np.abs(wanted), most)))
+    bounds = 0.99 * fit.form.bounds
+    return Step(
+        ratios=np.clip(ratios + part * found[:k], -bounds, bounds),
+        causes={name: float(part * x * sizes[name]) for name, x in zip(names, wanted)},
+        is_small=bool(np.all(np.abs(wanted) <= CLOSE * error)),
+        is_doubtful=bool(np.all(np.abs(wanted) <= DOUBTFUL * error)),
+    )
+
+
+class Timed(NamedTuple):
+    """The forms that were tried, with or without a delay."""
+
+    prepared: Prepared
+    trials: list[Trial]
+    causes: tuple[str, ...]  # that are fitted
+
+
+def choose_delay(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
+    """The forms of the model, and a delay if the evidence is for it: it looks much like eddy currents.
+
+    It is tried where the form that is taken has some, or leaves something that a delay explains; never where eddy
+    currents must not be sought, for they would be taken for a delay.
+    """
+    without = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), drive.fitted)
+    best, firsts = last_taken(without.trials), prepared.firsts
+    if drive.is_timed or "eddy" not in sought.forms or is_quiet(best, firsts):
+        return without
+    other, at = Fit(best.form), [first.experiment for first in firsts]
+    if not best.form.added and correction(other, best.ratios, at, ["delay"]).is_doubtful:
+        return without
+    causes = (*drive.fitted, "delay")
+    ratios, prepared = settle(fit, ratios, prepared, causes)
+    delayed = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), causes)
+    late = last_taken(delayed.trials)
+    more = 1 + len(late.form.fitted) - len(best.form.fitted)
+    left, now = relative(best.errors, firsts), relative(late.errors, prepared.firsts)
+    return delayed if evidence(left, now, more) > ENOUGH else without
+
+
+def last_taken(trials: Sequence[Trial]) -> Trial:
+    """The last form that was taken."""
+    return [trial for trial in trials if trial.is_taken][-1]

@@ -1,0 +1,182 @@
+"""What the fields of a kernel's records are to the outside: name, unit, description, range, start value; each once.
+
+    @ports()
+    class Parameters(NamedTuple):
+        sample_time: Scalar = sample_time(20e-6)
+        coil_resistance: Scalar = parameter("Ohm", "Resistance R", 48.0, min=1e-9)
+
+The default of a field is then its start value, so `Parameters()` is the component as it starts, and `ports_of` makes
+the port table of a kernel.  A signal is called like its field; in the name of a parameter the first underscore is a
+dot, here `coil.resistance`, unless `name` says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, NamedTuple, TypeVar
+
+from gapsense.fmi.ports import Port
+from gapsense.kernels.layout import choices, parts
+
+T = TypeVar("T", bound=type)
+PORTS = "PORTS"  # attribute of a record class: of every field its port, and more as below
+HERE = ("as its record",)  # feedthrough of an output that does not say any
+
+
+class Part(NamedTuple):
+    """In place of a port: a field that holds a record, whose outputs depend on these inputs."""
+
+    feedthrough: tuple[str, ...] = HERE
+
+
+class Same(NamedTuple):
+    """In place of a port: that of the field of the same name in another record."""
+
+    record: Any
+    feedthrough: tuple[str, ...]
+
+
+COLUMN: Any = Port("", "column", "1", "", [])  # a further column of the table in the field before
+
+
+# the ports of fields; they are Any, as the fields are
+
+
+def input_(unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Any:
+    """A real input."""
+    return Port(more.pop("name", ""), "input", unit, description, start, nominal=nominal, **more)
+
+
+def measured(unit: str, description: str, **more: Any) -> Any:
+    """A real input that a sensor measures."""
+    return input_(unit, description, source="sensor.{}_measured", **more)
+
+
+def output(unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Any:
+    """A real output, valid at the end of the step."""
+    more = {"feedthrough": HERE, **more}
+    return Port(more.pop("name", ""), "output", unit, description, None, nominal=nominal, **more)
+
+
+def parameter(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+    """A real parameter that may be changed during a run; its nominal value is its start value."""
+    more = {"variability": "tunable", **more}
+    return Port(more.pop("name", ""), "parameter", unit, description, start, min, nominal=abs(start) or 1.0, **more)
+
+
+def fixed(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+    """A real parameter that is set before the run."""
+    return parameter(unit, description, start, min=min, variability="fixed", **more)
+
+
+def sample_time(start: float) -> Any:
+    """The sampling period of a sampled component."""
+    text = "Sampling period; the communication step is a whole multiple or a whole fraction of it"
+    return fixed("s", text, start, min=1e-9, name="sample_time")
+
+
+def seed() -> Any:
+    """The seed of a component's random numbers."""
+    text = "Seed of the random numbers: the same seed gives the same bits"
+    return Port("seed", "parameter", "1", text, 1, 0, 2**31 - 1, 1.0, "Integer", "fixed")
+
+
+def option(description: str, start: bool, name: str = "") -> Any:
+    """A Boolean parameter."""
+    return Port(name, "parameter", "1", description, start, kind="Boolean", variability="fixed")
+
+
+def choice(description: str, name: str = "") -> Any:
+    """A String parameter whose values are the names of the `Choice` in its annotation, the first by default."""
+    return Port(name, "parameter", "1", description, 0.0, kind="String", variability="fixed")
+
+
+def table(description: str, columns: tuple[str, ...], start: str, name: str = "") -> Any:
+    """A String parameter that names a CSV file, in the FMU's resources or else from the working folder on.
+
+    It stands at the field of the first column; those of the others are `COLUMN`.  A file is no default: that is empty.
+    """
+    return Port(name, "parameter", "1", description, start, kind="String", variability="fixed", columns=columns)
+
+
+def part(feedthrough: tuple[str, ...] = HERE) -> Any:
+    """A field that holds a record of outputs; `feedthrough` if it is not that of the others."""
+    return Part(feedthrough)
+
+
+def same(record: Any, feedthrough: tuple[str, ...] = HERE) -> Any:
+    """The port that the field of the same name has in another record."""
+    return Same(record, feedthrough)
+
+
+def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:
+    """Decorator of a record whose fields have ports; `feedthrough` of outputs that say no other."""
+
+    def note(cls: Any) -> Any:
+        given = {name: _found(name, value) for name, value in cls._field_defaults.items()}
+        starts = {name: _start(value) for name, value in given.items()}
+        setattr(cls, PORTS, {"": Part(feedthrough), **given})
+        is_made = any(value is None for value in starts.values())  # outputs have no start value
+        cls._field_defaults = {} if is_made else starts
+        cls.__new__.__defaults__ = None if is_made else tuple(starts.values())
+        return cls
+
+    return note
+
+
+def _found(name: str, value: Any) -> Any:
+    """What a field says, which may be what another record says of that name."""
+    if not isinstance(value, Same):
+        return value
+    return _depending(next(port for field, port in _said(value.record) if field == name), value.feedthrough)
+
+
+def _start(value: Any) -> Any:
+    """Default of a field: the start value, as the kernel gets it."""
+    if not isinstance(value, Port):
+        return None if isinstance(value, Part) else value
+    return [] if value.columns else float(value.start) if value.kind in ("Boolean", "Integer") else value.start
+
+
+def _said(cls: Any) -> Iterator[tuple[str, Any]]:
+    """Every field of a record that is a number, and of the records that it holds, with its port."""
+    known = getattr(cls, PORTS, {"": Part(())})
+    for name, record in parts(cls).items():
+        said = known.get(name)
+        if record is None:
+            yield name, said
+            continue
+        own = said.feedthrough if isinstance(said, Part) else HERE
+        for field, port in _said(record):
+            yield field, _depending(port, own)
+
+
+def _depending(port: Any, feedthrough: tuple[str, ...]) -> Any:
+    is_open = isinstance(port, Port) and port.feedthrough == HERE
+    return port._replace(feedthrough=feedthrough) if is_open else port
+
+
+def ports_of(kernel: ModuleType) -> tuple[Port, ...]:
+    """The port table of a kernel: ports of its inputs, outputs and parameters in the order of their fields."""
+    return tuple(port for cls in (kernel.Inputs, kernel.Outputs, kernel.Parameters) for port in _ports(cls))
+
+
+def _ports(cls: Any) -> Iterator[Port]:
+    known, outside = choices(cls), getattr(cls, PORTS, {"": Part(())})[""].feedthrough
+    for field, port in _said(cls):
+        if isinstance(port, Port) and port is not COLUMN:
+            yield _named(_depending(port, outside), field, known.get(field, ()))
+
+
+def _named(port: Port, field: str, names: tuple[str, ...]) -> Port:
+    """A port with what its field says: its name, and its choices."""
+    if port.columns:
+        field = field.removesuffix("_" + port.columns[0].rpartition(":")[2].partition(" ")[0])
+    dotted = field.replace("_", ".", 1) if port.causality == "parameter" else field
+    name = port.name or dotted
+    if names:
+        return port._replace(
+            name=name, description=f"{port.description}: {', '.join(names)}", start=names[0], choices=names
+        )
+    return port._replace(name=name, source=port.source.format(name))

@@ -1,0 +1,71 @@
+"""What plots of many runs show, whoever draws them: how each metric is distributed, and how it goes with parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.campaign import summary
+from gapsense.campaign.result import Campaign
+
+Vector = npt.NDArray[np.float64]
+POINTS = 2000  # runs that are drawn as points; more are counted
+
+
+class Bars(NamedTuple):
+    """Quantiles 5, 50 and 95 % of a metric, a row for each of the few values of a parameter."""
+
+    names: list[str]
+    quantiles: Vector
+
+
+class Points(NamedTuple):
+    """Names of a parameter and of a metric whose runs are drawn one by one."""
+
+    x: str
+    y: str
+
+
+Over = Bars | Points | summary.Cloud
+
+
+class Distributions:
+    """Metrics of a campaign, alone and over parameters; many runs are counted, in one go through them.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Its runs.
+    over : mapping
+        Parameters that each metric is drawn over.
+    levels : mapping
+        Values of each of these parameters, None where they are many.
+    """
+
+    def __init__(
+        self, campaign: Campaign, over: Mapping[str, Sequence[str]], levels: Mapping[str, list[Any] | None]
+    ) -> None:
+        self.campaign, self.levels = campaign, levels
+        self.is_counted = campaign.rows > POINTS
+        self.continuous = list(dict.fromkeys(f for own in over.values() for f in own if levels[f] is None))
+        self.clouds = summary.clouds(campaign, self.continuous, list(over)) if self.is_counted else {}
+
+    def alone(self, metric: str) -> tuple[Vector, Vector]:
+        """Edges and counts of a histogram."""
+        return summary.histogram(self.campaign, metric)
+
+    def over(self, metric: str, factor: str) -> Over:
+        """A metric over a parameter."""
+        if (values := self.levels[factor]) is not None:
+            groups = summary.grouped(self.campaign, factor, metric, values)
+            quantiles = np.array([group.quantiles for group in groups]).reshape(-1, 3)
+            return Bars([named(group.value) for group in groups], quantiles)
+        return self.clouds[factor, metric] if self.is_counted else Points(factor, metric)
+
+
+def named(value: Any) -> str:
+    """A value of a parameter that has few."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
