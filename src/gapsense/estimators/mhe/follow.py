@@ -1,10 +1,11 @@
 """What `Mhe` does with a mover that something holds or moves between its stops: it feeds the current back.
 
 Open loop, the model comes to a stop where a servo does not.  Where the mean innovation has been too large for some
-time, an extended Kalman filter of (lambda, z, v) on the learnt model goes on, begun with so little trust in the state
-that the first currents decide (10).  It ends at rest on a stop.  Where it explains the currents no better, where a held
-voltage says that R is another one, or where no current is left to tell a position, it was no servo but a fault: the
-model runs open loop again, at least until the next edge of the voltage.
+time, and a held voltage over its current is R, so that coil and sensor are right, an extended Kalman filter of
+(lambda, z, v) on the learnt model goes on, begun with so little trust in the state that the first currents decide (10).
+It ends at rest on a stop.  Where it explains the currents no better, where a held voltage says that R is another one,
+or where no current is left to tell a position, it was no servo but a fault: the model runs open loop again, at least
+until the next edge of the voltage.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, not_, square,
 LASTING = 2e-3  # time of too large innovations after which it begins or gives up, and of rest after which it ends [s]
 AT_FIRST = (2e-3, 0.5e-3, 0.5)  # deviations of flux linkage, position and velocity where it begins [Wb], [m], [m/s]
 FLUX, SPEED = 67e-6, 0.45  # deviations that come to flux linkage and velocity in a second [Wb/s^0.5], [m/s^1.5]
-OTHER_COIL = 0.03  # of R: a held voltage over its current says that something else is wrong
+SAME_COIL, OTHER_COIL = 0.01, 0.03  # of R: how far off a held voltage over its current may be to begin, and later
 
 
 class Follow(NamedTuple):
@@ -89,10 +90,11 @@ def decide(before: Follow, coil: Coil, now: Point, m: Model) -> Follow:
     lasts = where(coil.is_large & not_(coil.is_edge), before.lasts + 1.0, 0.0)
     is_on_stop = (now.position <= m.lower) | (now.position >= m.upper)
     rests = where(is_on_stop, before.rests + 1.0, 0.0)
-    R, is_off = coil.resistance, fabs(coil.resistance - m.d.resistance) > OTHER_COIL * m.d.resistance
-    is_other = ((R > 0.0) & is_off) | not_(coil.pulls)
-    fails, was_futile = is_on & ((lasts >= long) | is_other), is_set(before.is_futile) & not_(coil.is_edge)
-    begins = (lasts >= long) & not_(is_on | was_futile | is_other)
+    off = fabs(coil.resistance - m.d.resistance) / m.d.resistance
+    is_other = (coil.resistance > 0.0) & (off > OTHER_COIL)
+    fails = is_on & ((lasts >= long) | is_other | not_(coil.pulls))
+    was_futile = is_set(before.is_futile) & not_(coil.is_edge)
+    begins = (lasts >= long) & coil.pulls & (off < SAME_COIL) & not_(is_on | was_futile)
     ends = fails | (is_on & (rests >= long))
     first = vector([std * std if j == k else 0.0 for j, std in enumerate(AT_FIRST) for k in range(3)])
     return Follow(
