@@ -98,7 +98,7 @@ def campaign(folder: Path) -> None:
     from gapsense import campaign
 
     out = tempfile.mkdtemp(dir=folder)  # another one each time, for what is there is not run again
-    campaign.run(folder / "study.toml", 1, out, ROOT / "build" / "fmus")
+    campaign(folder / "study.toml", 1, out, ROOT / "build" / "fmus")
 
 
 def walked(walk: Callable[[], None]) -> set[tuple[str, str]]:

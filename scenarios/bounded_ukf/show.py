@@ -154,7 +154,7 @@ def _micro(value: float) -> str:
 
 def _drawn(title: str, curves: Mapping[str, Any], x: Sequence[float], xlabel: str, ylabel: str) -> Figure:
     """One panel per part of the cycle and voltage; the unbounded filter lies far above all of them."""
-    figure, axes = plot.panels(title, len(PARTS), len(VOLTAGES), size=(10.0, 6.0), sharex=True, sharey=True)
+    figure, axes = plot.panels(title, len(PARTS), len(VOLTAGES), size=(plot.PAGE, 6.0), sharex=True, sharey=True)
     for p, part in enumerate(PARTS):
         for j, volts in enumerate(VOLTAGES):
             for name, style in STYLES.items():

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.cosim import Result
 from gapsense.report import plot
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, line
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, line
 from gapsense.report.table import add_row, table
 
 from .contenders import CONTENDERS, Contender
@@ -71,9 +70,6 @@ MEANT = (  # signal, label and factor
 ERRORS = {"position": "error of the\nposition / µm", "flux_linkage": "error of the flux\nlinkage / µWb"}
 HUES = (FIRST, SECOND, THIRD, "#8250df", "#bf8700")
 PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / mWb", 1e3)}
-SPACING, WIDTH = 0.11, 0.85  # between the estimators of a condition, and of all of them at most
-COLORS = (FAINT, FIRST, "#54aeff", "#bf8700", SECOND, THIRD, "#4ac26b", "#8250df", "#cf222e", "#1b7c83")
-MARKERS = "ospD^v<PX*>dH"
 
 
 def tables(found: Found) -> list[Table | str]:
@@ -192,45 +188,38 @@ def waits(runs: Runs) -> Iterator[str]:
             yield f"{contender.label}: a motion is published completely {late} ms after its landing."
 
 
-def look(contender: Contender) -> tuple[Any, str]:
-    """Colour and marker, by its place; after the colours above come hues, each far from those before."""
-    k = CONTENDERS.index(contender)
-    color = COLORS[k] if k < len(COLORS) else hsv_to_rgb((0.618 * k % 1.0, 0.9, 0.7))
-    return color, MARKERS[k % len(MARKERS)]
-
-
 def conditions(found: Found) -> Figure:
-    """Root mean square errors: dots are medians over the runs, lines reach from the best to the worst run."""
-    title = "All estimators on the same actuator: median of the runs, from the best to the worst"
-    figure, axes = plot.panels(title, len(PANELS), size=(16.0, 8.0), sharex=True)
+    """Medians over the runs of the root mean square errors, a row for each estimator: dark is small."""
     shown = [variant for variant in TITLES if variant in found]
+    giving = {quantity: [c for c in CONTENDERS if quantity in c.gives] for quantity in PANELS}
+    counts = [len(contenders) for contenders in giving.values()]
+    size, title = (plot.PAGE, 1.6 + 0.29 * sum(counts)), "All estimators on the same actuator: median of the runs"
+    figure, axes = plot.panels(title, len(PANELS), size=size, height_ratios=counts)
     for axis, (quantity, (label, factor)) in zip(axes[:, 0], PANELS.items()):
-        giving = [c for c in CONTENDERS if quantity in c.gives]
-        for k, contender in enumerate(giving):
-            at = np.arange(len(shown)) + min(SPACING, WIDTH / len(giving)) * (k - 0.5 * (len(giving) - 1))
-            dots(axis, at, [factor * values(found[variant], contender, quantity) for variant in shown], contender)
-        bands(axis, f"RMS error of the {label}", len(shown))
-    axes[-1, 0].set_xticks(range(len(shown)), [TITLES[variant].replace(" ", "\n", 1) for variant in shown])
+        rows = [[factor * np.median(values(found[v], c, quantity)) for v in shown] for c in giving[quantity]]
+        coloured(axis, np.array(rows))
+        axis.set_title(f"RMS error of the {label}", loc="left", fontsize="medium")
+        axis.set_yticks(range(len(rows)), [c.label for c in giving[quantity]])
+        axis.set_xticks(range(len(shown)), [TITLES[variant].replace(" ", "\n", 1) for variant in shown])
     return figure
 
 
-def dots(axis: Any, at: Any, errors: list[Any], contender: Contender) -> None:
-    """One estimator in all conditions."""
-    color, marker = look(contender)
-    axis.vlines(at, [e.min() for e in errors], [e.max() for e in errors], color=color, linewidth=1.5, alpha=0.6)
-    medians = [np.median(e) for e in errors]
-    axis.plot(at, medians, marker, color=color, markersize=6, label=contender.label, linestyle="none")
+def coloured(axis: Any, numbers: npt.NDArray[np.float64]) -> None:
+    """A table of numbers with two digits, each on a colour by its logarithm."""
+    logs = np.log10(numbers)
+    least, span = np.nanmin(logs), np.nanmax(logs) - np.nanmin(logs)
+    axis.imshow(logs, cmap="viridis", aspect="auto", vmax=least + span / 0.9)
+    for (row, column), number in np.ndenumerate(numbers):
+        color = "white" if logs[row, column] < least + 0.55 * span else "black"
+        axis.text(column, row, short(number), color=color, ha="center", va="center", fontsize="small")
+    axis.grid(False)
+    axis.tick_params(length=0)
+    axis.spines[:].set_visible(False)
 
 
-def bands(axis: Any, title: str, count: int) -> None:
-    """A logarithmic axis, bands that part the conditions, a legend beside."""
-    axis.set_yscale("log")
-    axis.set_ylabel(title)
-    axis.grid(False, axis="x")
-    axis.set_xlim(-0.5, count - 0.5)
-    for k in range(0, count, 2):
-        axis.axvspan(k - 0.5, k + 0.5, color="#f6f8fa", zorder=-1)
-    plot.legend(axis)
+def short(number: float) -> str:
+    """A number with two digits: `0.012`, `1.2`, `12`, `120`."""
+    return "" if np.isnan(number) else f"{float(f'{number:.2g}'):g}"
 
 
 def run_figure(result: Result) -> Figure:
@@ -238,7 +227,7 @@ def run_figure(result: Result) -> Figure:
     plot.recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
     groups, seen = families(), (result.times >= learnt(result)) & (result.times < 2.0 * learnt(result))
     title = f"{result.run.scenario}: {result.run.title}"
-    size = (14.0, 2.5 + 1.9 * len(groups))
+    size = (plot.PAGE, 2.5 + 1.9 * len(groups))
     figure, axes = plot.panels(title, 2 + len(groups), 2, size=size, sharex=True)
     for axis, (name, label, factor) in zip(axes[:2].flat, MEANT):
         line(axis, result.times[seen], factor * result[name][seen], TRUE)

@@ -34,7 +34,7 @@ def side_by_side(results: Mapping[str, Result], title: str) -> Figure:
     """A column for each run: what the estimators get for the current, their positions and resistances, their health."""
     for result in results.values():
         recorded(result, NEEDED)
-    size = (1.5 + 3.0 * max(2, len(results)), 7.0)
+    size = (1.2 + 1.56 * max(3, len(results)), 7.0)
     figure, axes = panels(title, len(LABELS), len(results), size=size, sharex=True, sharey="row")
     for column, (name, result) in enumerate(results.items()):
         column_of(axes[:, column], result)

@@ -29,15 +29,15 @@ COLORS = {
 TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 BOUNDS = (0.04, 2.2)  # of the axes of speeds [m/s]
 STRIP = ("ordinary", "contact", "model")  # laws whose motions are drawn, if they are there
-ACTUATORS = 4  # of them
+ACTUATORS, CYCLES = 2, 4  # of them, the last one and the first ones
 
 
 def speeds(title: str, outcomes: Outcomes) -> Figure:
     """A panel for each law: median, 10 to 90 % and worst of the actuators over the cycles."""
-    size = (2.6 + 1.9 * len(outcomes), 6.0)
+    size = (1.2 + 1.3 * max(3, len(outcomes)), 6.0)
     figure, axes = plot.panels(title, len(OPERATIONS), len(outcomes), size, sharex=True, sharey=True)
     for column, (law, outcome) in zip(axes.T, outcomes.items()):
-        column[0].set_title(LAWS[law].title, fontsize="medium")
+        column[0].set_title(LAWS[law].title.replace(", ", ",\n"), fontsize="medium")
         column[-1].set_xlabel("cycle")
         for axis, values in zip(column, np.swapaxes(outcome.speeds, 0, 1)):
             _banded(axis, values, COLORS[law])
@@ -66,7 +66,7 @@ def _speeds(axis: Any) -> None:
 
 def energies(title: str, outcomes: Outcomes) -> Figure:
     """Energy supplied, and energy of the impacts, over the cycles: means with quartiles."""
-    figure, axes = plot.panels(title, 1, 2, (11.0, 4.2), sharex=True)
+    figure, axes = plot.panels(title, 1, 2, (plot.PAGE, 4.2), sharex=True)
     for law, outcome in outcomes.items():
         parts = (1e3 * outcome.energy, 1e6 * impact_energy(outcome))
         for axis, values in zip(axes[0], parts):
@@ -86,9 +86,10 @@ def motions(title: str, outcomes: Outcomes) -> Figure:
     drawn = {law: outcomes[law].motions for law in STRIP if law in outcomes} or {
         law: outcome.motions for law, outcome in outcomes.items()
     }
-    cycles = sorted(next(iter(drawn.values())), key=int)
+    every = sorted(next(iter(drawn.values())), key=int)
+    cycles = [*every[: CYCLES - 1], every[-1]] if len(every) > CYCLES else every
     rows = min(ACTUATORS, next(iter(drawn.values()))[cycles[0]].shape[1])
-    size = (1.0 + 1.7 * len(cycles), 1.2 + 1.2 * rows)
+    size = (1.0 + 2.0 * len(cycles), 1.2 + 1.9 * rows)
     figure, axes = plot.panels(f"{title}: gap of {rows} actuators", rows, len(cycles), size, sharex=True, sharey=True)
     for column, cycle in zip(axes.T, cycles):
         column[0].set_title(f"cycle {cycle}", fontsize="medium")
@@ -107,7 +108,7 @@ def motions(title: str, outcomes: Outcomes) -> Figure:
 def over_conditions(found: Found) -> Figure:
     """The last cycles of all conditions: median, 90 % and 99 % of closings and openings."""
     names = [*dict.fromkeys(name for name, _ in found.outcomes)]
-    size = (11.0, 2.0 + 0.4 * len(names))
+    size = (plot.PAGE, 2.0 + 0.4 * len(names))
     figure, axes = plot.panels(f"Last {LAST} cycles: median, 90 %, 99 %", 1, 2, size, sharex=True, sharey=True)
     for law in LAWS:
         of = [(k, found.outcomes[name, law]) for k, name in enumerate(names) if (name, law) in found.outcomes]

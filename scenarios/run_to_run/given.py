@@ -40,6 +40,6 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     opening = (par.opening_balance, par.opening_tilt, par.opening_lightness)
     known = state.laws
     for half, mean in ((CLOSING, closing), (OPENING, opening)):
-        law = laws.read(known, half)._replace(mean=vector(mean), speed=par.given_speed, missed=0.0)
+        law = laws.read(known, half)._replace(mean=vector([*mean, 0.0]), speed=par.given_speed, missed=0.0)
         known = laws.write(known, half, law)
     return run_to_run.step(state._replace(laws=known), inputs, par.controller)

@@ -26,7 +26,7 @@ SPEED = 0.15  # of all approaches [m/s]
 DIRECTIONS = 2  # of a Fisher basis
 INSTANTS, STEP = 200, 1e-4  # of the sensitivity of a profile; change of a parameter
 OFFSETS = tuple(f"{o}_{name}" for o in ("closing", "opening") for name in ("balance", "tilt", "lightness"))
-BEFORE = np.array(laws.BEFORE)
+BEFORE = np.array(laws.BEFORE[:3])
 
 
 def nelder_mead(start: Floats, size: float = SIZE) -> Search:

@@ -40,6 +40,6 @@ def run_to_run(
 
     wanted = rows(chosen(conditions, [*CONDITIONS], "--conditions") or [*CONDITIONS], chosen(laws, [*LAWS], "--laws"))
     with bar("actuators") as progress:
-        found = compared(wanted, runs, cycles, seed, workers, to / "run_to_run.jsonl", progress)
+        found = compared(wanted, runs, cycles, seed, workers, to / "run_to_run.sqlite", progress)
     show(*tables(found), f"{found.computed} tasks computed now.")
     written(*(plot.save(figure, to / f"run_to_run_{name}.png") for name, figure in figures(found).items()))

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, dress, legend, line, recorded, stack
+from gapsense.report.plot import FAINT, FIRST, PAGE, SECOND, THIRD, TRUE, Vector, dress, legend, line, recorded, stack
 from gapsense.report.table import table
 
 from .inverse import Cycle
@@ -58,7 +58,7 @@ def phases(cycle: Cycle) -> Table:
 
 def figure(cycle: Cycle) -> Figure:
     """Fig. 5: position, flux, current and voltage over time, and flux over field; the wide lines are the motions."""
-    drawn = Figure(figsize=(11.0, 6.5), layout="constrained")
+    drawn = Figure(figsize=(PAGE, 6.5), layout="constrained")
     grid = drawn.add_gridspec(len(PANELS), 2, width_ratios=(1.5, 1.0))
     first = None
     for k, name in enumerate(PANELS):

@@ -160,7 +160,7 @@ def monte_carlo(
 
     chosen, reference = numbers(widths) or WIDTHS, studied(core, seed)
     with bar("comparing") as progress:
-        found = compare(reference, chosen, runs, workers, to / "monte_carlo.jsonl", progress)
+        found = compare(reference, chosen, runs, workers, to / "monte_carlo.sqlite", progress)
     show(*tables(found), noises(found), *orderings(found), f"{found.computed} tasks computed now.")
     write_atomically(to / "monte_carlo.csv", lambda file: write_columns(file, columns(found)))
     k = min(range(len(chosen)), key=lambda k: abs(chosen[k] - DRAWN))

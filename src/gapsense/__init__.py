@@ -4,7 +4,8 @@
 >>> moved = SolenoidValve(damping=0.2).run(24.0, sample_time=25e-6)
 >>> scenario = Scenario("my valve", stop=20e-3, base_step=25e-6)
 
-What is offered here is loaded when it is asked for, so that `import gapsense` is fast.
+A class for each component, `Scenario` and `run` for co-simulations, and a function for each command on records and
+results: `inspect`, `identify`, `commission`, `gap_law`, `estimate`, `compare`. All of it is loaded when asked for.
 """
 
 from __future__ import annotations
@@ -39,41 +40,72 @@ if TYPE_CHECKING:
     from gapsense.cosim.result.result import read_result as read_result
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.scenario.build import Scenario as Scenario
-    from gapsense.cosim.sweep import sweep as sweep
+    from gapsense.functions import Found as Found
+    from gapsense.functions import commission as commission
+    from gapsense.functions import compare as compare
+    from gapsense.functions import estimate as estimate
+    from gapsense.functions import gap_law as gap_law
+    from gapsense.functions import identify as identify
+    from gapsense.functions import inspect as inspect
+    from gapsense.many.campaign import campaign as campaign
+    from gapsense.many.prepare import check_study as check_study
+    from gapsense.many.result import read_campaign as read_campaign
+    from gapsense.many.sweep import sweep as sweep
 
-COMPONENTS = (
+__all__ = [
     "BoundedUkf",
     "DriveVoltage",
     "Ekf",
     "Ertss",
+    "Found",
     "HybridEkf",
     "IntegralEstimator",
     "Mhe",
     "PlayActuator",
     "PotMagnet",
     "ReluctanceActuator",
+    "Result",
     "RunToRun",
+    "Scenario",
     "Semera",
     "Sensor",
     "SolenoidValve",
-)
-OFFERED = {
-    **dict.fromkeys(COMPONENTS, "gapsense.components"),
+    "campaign",
+    "check",
+    "check_study",
+    "commission",
+    "compare",
+    "estimate",
+    "gap_law",
+    "identify",
+    "inspect",
+    "read_campaign",
+    "read_result",
+    "run",
+    "sweep",
+]
+_PLACES = {  # of what is no component
     "Scenario": "gapsense.cosim.scenario.build",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
+    **dict.fromkeys(
+        ("Found", "commission", "compare", "estimate", "gap_law", "identify", "inspect"), "gapsense.functions"
+    ),
     "check": "gapsense.cosim.prepare",
     "run": "gapsense.cosim.run.run",
-    "sweep": "gapsense.cosim.sweep",
+    "campaign": "gapsense.many.campaign",
+    "check_study": "gapsense.many.prepare",
+    "read_campaign": "gapsense.many.result",
+    "sweep": "gapsense.many.sweep",
 }
 
 
 def __getattr__(name: str) -> object:
     from importlib import import_module
 
-    if name not in OFFERED:
+    if name not in __all__:
         raise AttributeError(f"module 'gapsense' has no attribute {name!r}")
-    return getattr(import_module(OFFERED[name]), name)
+    return getattr(import_module(_PLACES.get(name, "gapsense.components")), name)
 
 
 def __dir__() -> list[str]:
-    return [*OFFERED, "__version__"]
+    return [*__all__, "__version__"]

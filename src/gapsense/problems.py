@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from sysconfig import get_path
 from traceback import extract_tb
@@ -77,3 +78,12 @@ def listing(names: Sequence[str]) -> str:
     """Names in back-ticks, shortened where there are many."""
     shown = ", ".join(f"`{name}`" for name in names[:SHOWN])
     return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
+
+
+def required(package: str) -> None:
+    """Raise an InputError if a package of the extra is not installed."""
+    try:
+        import_module(package)
+    except ModuleNotFoundError:
+        problem = f"{package} is needed and not installed: `pip install 'gapsense[campaign]'`."
+        raise InputError([problem]) from None

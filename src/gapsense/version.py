@@ -1,3 +1,3 @@
-"""The version of the package, for who needs nothing else of it."""
+"""The version of the package: the one place where it stands."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from driven import driven
 from scipy.integrate import trapezoid
 
 from gapsense.actuators import play_actuator, solenoid_valve
 from gapsense.actuators.magnetics import MU_0
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.devices import VALVE
+from gapsense.studies.devices import VALVE, driven
 
 PLAY = kernel_parameters(own("play_actuator"), {})
 STATIC = {"hysteresis_amplitude": 0.0, "eddy_fast": 0.0, "eddy_slow": 0.0}

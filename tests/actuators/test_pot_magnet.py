@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driven import POT_MAGNET, POT_MAGNET_PRINTED
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from magnets import POT_MAGNET, POT_MAGNET_PRINTED
 
 from gapsense.actuators import pot_magnet
 from gapsense.kernels.kernel import Kernel

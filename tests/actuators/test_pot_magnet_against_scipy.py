@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driven import POT_MAGNET, POT_MAGNET_PRINTED
+from magnets import POT_MAGNET, POT_MAGNET_PRINTED
 from scipy.integrate import solve_ivp
 
 from gapsense.actuators import pot_magnet

@@ -7,10 +7,14 @@ import os
 import subprocess
 import sys
 
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from gapsense import read_campaign
+from gapsense._os.files import read_columns
 from gapsense.cli import app
+from gapsense.many.store import Store
 
 STUDY = """
 title = "Amplitudes"
@@ -58,41 +62,72 @@ def test_wrong_input_is_told(study, fmus, tmp_path, monkeypatch):
     assert "show" in call("--help")[1]
 
 
-def test_missing_package_is_told(study, fmus, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("gapsense.campaign.")]:
-        monkeypatch.delitem(sys.modules, name)
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_rows_are_exported(study, fmus, tmp_path, ending):
+    out, file = tmp_path / "out", tmp_path / f"rows{ending}"
+    code, said = call(study, "--fmus", fmus, "--out", out, "--workers", 1, "--export", file)
+    assert code == 0 and "written" in said, said
+    again = file.with_name(f"again{ending}")
+    assert call("show", out, "--export", again)[0] == 0 and again.read_bytes() == file.read_bytes()
+    result = read_campaign(out)
+    if ending == ".csv":
+        read = read_columns(file.with_name("numbers.csv"), content=without_texts(file))
+    else:
+        table = pq.read_table(file)
+        assert table.schema.field("wall").metadata == {b"unit": b"s"} and table["error"].null_count == 2
+        read = {name: table[name].to_numpy() for name in table.column_names if name not in ("error", "ended")}
+    for name, column in read.items():
+        assert column.tolist() == result.column(name).tolist(), name
+    assert len(read) == 4 + len(result.metrics)
+
+
+def without_texts(file):
+    """A table without its last two columns, which are empty here."""
+    return "\n".join(line.rsplit(",", 2)[0] for line in file.read_text("utf-8").splitlines()).encode()
+
+
+def test_export_that_cannot_be_is_told_before_the_run(study, fmus, tmp_path, monkeypatch):
+    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--export", tmp_path / "x.xlsx")
+    assert code == 2 and "a file expected that ends in `.csv` or `.parquet`" in said, said
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    code, said = call(study, "--fmus", fmus)
-    assert (code, said) == (2, "campaigns need pyarrow, which is not installed: `pip install 'gapsense[campaign]'`.\n")
+    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--export", tmp_path / "x.parquet")
+    assert (code, said) == (2, "pyarrow is needed and not installed: `pip install 'gapsense[campaign]'`.\n")
+    assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("left", range(8))
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EMFILE])
-def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(
-    study, fmus, tmp_path, monkeypatch, left, number
-):
-    calls = []
+def test_cluster_without_its_package_is_told(study, fmus, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
+    assert (code, said) == (2, "distributed is needed and not installed: `pip install 'gapsense[campaign]'`.\n")
 
-    def limited(handle):
-        calls.append(handle)
-        if len(calls) > left:
-            raise OSError(number, os.strerror(number))
+
+@pytest.mark.parametrize("command", ["campaign", "sweep"])
+def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(study, fmus, tmp_path, monkeypatch, command):
+    given = [study] if command == "campaign" else ["semera_valve", "--seeds", "20"]
+    words = [command, *given, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu"]
+    add = Store.add
+
+    def on_a_full_disk(store, runs, more):
+        (pages,) = store.connection.execute("PRAGMA page_count").fetchone()
+        store.connection.execute(f"PRAGMA max_page_count = {pages}")
+        add(store, {run: content + bytes(9000) for run, content in runs.items()}, more)
 
     with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", limited)
-        code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu")
-    assert len(calls) > left
-    words = {errno.ENOSPC: "Make room on its disk", errno.EMFILE: "Allow more open files (`ulimit -n`)"}[number]
-    said = " ".join(said.split())
-    assert code == 2 and f"{os.strerror(number)}. {words}, or " in said, said
-    assert said.startswith(f"`{tmp_path / 'out'}/") and "Errno" not in said and "None" not in said, said
-    code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu")
-    assert code == 0 and "2 of 2 runs" in said, said
+        patch.setattr(Store, "add", on_a_full_disk)
+        done = CliRunner().invoke(app, [*map(str, words)])
+    said = " ".join(done.output.split())
+    assert done.exit_code == 2 and f"{os.strerror(errno.ENOSPC)}. Make room on its disk, or " in said, said
+    assert f"`{tmp_path / 'out'}/" in said and "Errno" not in said and "None" not in said, said
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0 and " runs, " in done.output, done.output
 
 
 LIMITED = """
 import resource, sys
+from gapsense import read_campaign
+from gapsense._os.files import read_columns
 from gapsense.cli import app
+from gapsense.many.store import Store
 resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv.pop(1)),) * 2)
 app()
 """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,6 +14,7 @@ import typer
 from gapsense.cli import app
 from gapsense.cli.common import reported
 from gapsense.kernels.trace import TraceError
+from gapsense.version import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = sorted(typer.main.get_command(app).commands)
@@ -46,7 +46,7 @@ def test_short_option_for_help_is_the_same(gapsense, command):
 
 def test_version_is_that_of_the_package(gapsense):
     done = gapsense("--version")
-    assert (done.exit_code, done.output) == (0, f"gapsense {version('gapsense')}\n")
+    assert (done.exit_code, done.output) == (0, f"gapsense {__version__}\n")
 
 
 def test_without_a_command_the_help_is_shown(gapsense):
@@ -328,7 +328,7 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus, engine):
 
 
 def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
-    monkeypatch.setattr("gapsense.cosim.run.loop.library.BINARY", Path("none.so"))
+    monkeypatch.setattr("gapsense.cosim.run.loop.compiled.BINARY", Path("none.so"))
     done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1, "--engine", "fmu")
     assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 
@@ -483,7 +483,7 @@ OTHER = "it is of the scenario `../A/same/scenario.toml`, this one is `../B/same
     ("command", "files"),
     [
         (["run"], ["same.csv", "same.json"]),
-        (["sweep", "--seeds", 1, "--workers", 1], ["same_sweep.csv", "same_sweep.json", "same_sweep.jsonl"]),
+        (["sweep", "--seeds", 1, "--workers", 1], ["same_sweep.csv", "same_sweep.json", "same_sweep.sqlite"]),
         (["figure"], ["same.png"]),
     ],
 )

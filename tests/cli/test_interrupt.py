@@ -6,8 +6,10 @@ import json
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -78,8 +80,8 @@ def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number, engine
     options = ("--seeds", seeds, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out", "--engine", engine)
     code, out, err = interrupted(process(LOUD, "sweep", VALVE, *options), number)
     assert code == 130 and "the same command goes on from here" in err and "Traceback" not in err
-    lines = (tmp_path / "out" / "semera_valve_sweep.jsonl").read_text("utf-8").splitlines()
-    done = sum("metrics" in json.loads(line) for line in lines)
+    with closing(sqlite3.connect(tmp_path / "out" / "semera_valve_sweep.sqlite")) as store:
+        ((done,),) = store.execute("SELECT count(*) FROM runs").fetchall()
     assert 1 <= done < seeds
     assert f"{done} runs, {done} of them computed now" in out
     assert len(list((tmp_path / "out").iterdir())) == 1
@@ -257,6 +259,7 @@ def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command
 
 BUSY = """
 import os, tempfile
+from contextlib import closing
 from pathlib import Path
 
 def prepare(_):

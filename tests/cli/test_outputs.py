@@ -88,7 +88,7 @@ def test_device_is_not_replaced_by_a_file(gapsense, places, words):
     assert Path("/dev/null").is_char_device()
 
 
-@pytest.mark.parametrize("ending", [".jsonl", ".csv", ".json"])
+@pytest.mark.parametrize("ending", [".sqlite", ".csv", ".json"])
 def test_sweep_looks_at_all_that_it_will_write(gapsense, write, fmus, tmp_path, ending):
     write()
     (tmp_path / "out" / f"short_sweep{ending}").mkdir(parents=True)

@@ -45,15 +45,14 @@ def test_report_on_a_record_does_not_say_run_again(folder):
 
 
 OTHERS = {  # what there is, which command is right for it, and commands that it is not for
-    "x_sweep.jsonl": ("gapsense report x_sweep.csv", "figure report compare run sweep inspect campaign"),
+    "x_sweep.sqlite": ("gapsense report x_sweep.csv", "figure report compare run sweep inspect campaign"),
     "x_sweep.csv": ("gapsense report x_sweep.csv", "figure compare run check inspect campaign"),
     "x_sweep.json": ("x_sweep.csv", "figure report compare run inspect campaign"),
     "run.csv": ("gapsense figure run.csv", "run check campaign"),
     "mine.csv": ("gapsense inspect mine.csv", "figure report run campaign"),
     "out": ("gapsense report out", "figure run sweep compare"),
-    "out/campaign.json": ("gapsense report out", "figure report compare run inspect campaign"),
-    "out/journal-000000.jsonl": ("gapsense report out", "figure report compare run inspect campaign"),
-    "out/runs/000000.parquet": ("gapsense report out", "figure report compare run inspect campaign"),
+    "out/campaign.sqlite": ("gapsense report out", "figure report compare run inspect campaign"),
+    "x.parquet": ("it is a Parquet file", "figure report compare run inspect campaign"),
     "my valve.fmu": ("gapsense info 'my valve.fmu'", "figure report compare run inspect campaign"),
     "study.toml": ("gapsense campaign study.toml", "figure report compare run check inspect"),
     "scenario.toml": ("gapsense run scenario.toml", "report compare inspect campaign"),
@@ -66,7 +65,6 @@ def test_file_of_another_kind_is_named_with_the_right_command(folder, name, comm
     contents = {
         "x_sweep.json": '{"format": "gapsense sweep 1"}',
         "run.json": '{"format": "gapsense result 2"}',
-        "out/campaign.json": '{"format": "gapsense campaign 2"}',
         "study.toml": 'title = "s"\nscenario = "semera_valve"\n',
         "scenario.toml": 'title = "s"\n[components.a]\nfmu = "Sensor"\n',
         "mine.csv": "time [s],voltage [V],current [A]\n0,0,0\n1e-3,1,0\n",

@@ -70,7 +70,7 @@ def test_hard_landing_makes_the_next_operations_ordinary_and_what_was_learnt_a_g
     assert state.alarm == 1.0 + half  # a whole cycle, and an opening before that
     for each in (CLOSING, OPENING):
         law = laws.read(state.laws, each)
-        assert np.array(law.cov) == pytest.approx(np.diag(np.square(laws.BEFORE)))
+        assert np.array(law.cov) == pytest.approx(np.diag(np.square(laws.DOUBTED)))
         assert law.speed == PAR.approach_first
 
 
@@ -78,3 +78,31 @@ def test_stop_that_is_left_at_once_is_told_by_the_current():
     """A contact that tells nothing before the mover comes back."""
     state = watched(hit(CLOSING, 0.9, 220.0), 350.0)
     assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.hard == 1.0
+
+
+def whole(state):
+    """An operation that has lasted longer than its plan, without a contact."""
+    plan = bend._plan(state.running, PAR)
+    return state._replace(running=state.running._replace(age=490.0, due=bend.due(plan, PAR)), by_model=1.0)
+
+
+@pytest.mark.parametrize("half", [CLOSING, OPENING])
+def test_current_tells_whether_an_operation_has_arrived(half):
+    """Also one that stays where it was; not one that ends before its plan."""
+    ended = whole(hit(half, 0.1, 200.0))
+    stays = hit(1.0 - half, 0.1, 1.0)
+    stays = ended._replace(charges=np.roll(stays.charges, LONGEST))
+    assert bend.arrived(ended, PAR) == (True, False)
+    assert bend.arrived(stays, PAR) == (False, True)
+    cut = ended._replace(running=ended.running._replace(age=200.0))
+    assert bend.arrived(cut, PAR) == (False, False)
+
+
+def test_closing_without_an_estimator_in_time_counts_as_arrived_only_if_it_has():
+    """By the law `model`: one that has is not missed; after one that has not the next cycle is ordinary at once."""
+    for landing, alarm, missed in ((200.0, 0.0, 0.0), (800.0, 2.0, laws.UNJUDGED)):
+        state = whole(hit(CLOSING, 0.1, landing))
+        law = laws.read(state.laws, CLOSING)._replace(missed=laws.UNJUDGED)
+        state = state._replace(laws=laws.write(state.laws, CLOSING, law))
+        judged = judged_by_current(state, PAR)
+        assert judged.alarm == alarm and laws.read(judged.laws, CLOSING).missed == missed

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.control import laws
+from gapsense.control.mover import NUMBERS
 from gapsense.control.records import LAW, Law
 from gapsense.kernels.layout import zeros
 
@@ -23,21 +24,22 @@ def written(*known):
 
 
 @settings(max_examples=20)
-@given(st.lists(st.floats(-1.0, 1.0), min_size=18, max_size=18))
+@given(st.lists(st.floats(-1.0, 1.0), min_size=40, max_size=40))
 def test_both_kinds_are_read_as_they_were_written(numbers):
     ones = [
-        FIRST._replace(mean=np.array(n[:3]), cov=np.outer(n[3:6], n[3:6]), slopes=np.array(n[6:9]), speed=n[0])
-        for n in (numbers[:9], numbers[9:])
+        FIRST._replace(mean=n[0], cov=np.outer(n[1], n[1]), slopes=n[2], trend=n[3], speed=n[4, 0])
+        for n in np.reshape(numbers, (2, 5, NUMBERS))
     ]
     memory = written(*ones)
     for half, law in enumerate(ones):
         read = laws.read(memory, float(half))
         assert np.array_equal(np.array(read.mean, float), law.mean) and np.allclose(np.array(read.cov, float), law.cov)
-        assert np.array_equal(np.array(read.slopes, float), law.slopes) and tuple(read[3:]) == tuple(law[3:])
+        assert np.array_equal(np.array(read.slopes, float), law.slopes) and tuple(read[4:]) == tuple(law[4:])
+        assert np.array_equal(np.array(read.trend, float), law.trend)
 
 
 def test_a_law_fits_its_memory():
-    assert 3 + 6 + 3 + len(Law._fields) - 3 == LAW
+    assert 3 * NUMBERS + NUMBERS * (NUMBERS + 1) // 2 + len(Law._fields) - 4 == LAW
 
 
 def test_landings_in_time_make_approaches_as_slow_as_allowed():

@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import laws, learning, run_to_run
-from gapsense.control.mover import make_mover, moved, squares, started
+from gapsense.control.mover import NUMBERS, make_mover, moved, squares, started
 from gapsense.control.profile import Operation, arrival, flux, stops
 from gapsense.control.records import LONGEST, Heard
 
@@ -50,7 +50,7 @@ def learnt(law, half, operations=3):
     return laws.read(state.laws, half), misses, landing
 
 
-@pytest.mark.parametrize(("half", "law"), [(1.0, (-0.1, 0.05, 0.1)), (0.0, (0.08, -0.05, -0.1))])
+@pytest.mark.parametrize(("half", "law"), [(1.0, (-0.1, 0.05, 0.1, 0.0)), (0.0, (0.08, -0.05, -0.1, 0.0))])
 def test_computed_landing_comes_to_the_stop(half, law):
     _, misses, landing = learnt(law, half)
     assert landing > 0.0 and misses[0] > 30e-6
@@ -58,13 +58,13 @@ def test_computed_landing_comes_to_the_stop(half, law):
 
 
 def test_believed_mover_changes_nothing():
-    law, misses, landing = learnt((0.0, 0.0, 0.0), 1.0, operations=0)
+    law, misses, landing = learnt((0.0,) * NUMBERS, 1.0, operations=0)
     assert landing > 0.0 and misses[0] < 8e-6
     assert np.abs(law.mean).max() < 0.03
 
 
 def test_balance_at_the_take_off_is_found(a=-0.15):
-    law, _, landing = learnt((a, 0.0, 0.0), 1.0, operations=1)
+    law, _, landing = learnt((a, 0.0, 0.0, 0.0), 1.0, operations=1)
     assert landing > 0.0 and law.mean[0] == pytest.approx(a, abs=0.05)
     assert law.cov[0, 0] < 0.25 * laws.BEFORE[0] ** 2
 
@@ -87,11 +87,42 @@ def test_nothing_is_learnt_where_the_contact_was_not_heard():
 
 
 def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not_kept():
-    known, one, other = laws.first(3.4e-3, PAR), [1.0, 2.0, 3.0], [3.0, 2.0, 5.0]
+    known, one, other = laws.first(3.4e-3, PAR), [1.0, 2.0, 3.0, 4.0], [3.0, 2.0, 5.0, 4.0]
     first = learning._steady(known, one, 0.05)
     assert [*first] == one  # the first one
     soft = known._replace(slopes=first, was_plain=0.0)
-    assert [*learning._steady(soft, other, 0.05)] == pytest.approx([1.1, 2.0, 3.1])
+    assert [*learning._steady(soft, other, 0.05)] == pytest.approx([1.1, 2.0, 3.1, 4.0])
     assert [*learning._steady(soft._replace(was_plain=1.0), other, 0.05)] == other
-    state, _, _ = learnt((0.0, 0.0, 0.0), 1.0)  # all of them ordinary ones, as far as the law knows
+    state, _, _ = learnt((0.0,) * NUMBERS, 1.0)  # all of them ordinary ones, as far as the law knows
     assert not np.any(np.array(state.slopes, float))
+
+
+def test_other_damping_is_found_by_approaches_of_different_speed():
+    """What `a`, `b` and `q` cannot be: a mover that is held back while it is fast, and not where it is slow."""
+    state, _ = run_to_run.initial(inputs(), PAR)
+    known = laws.write(state.laws, 1.0, laws.doubted(laws.first(PAR.closing_travel, PAR), PAR))
+    state, true = state._replace(laws=known), true_mover((0.0, 0.0, 0.0, 0.5))
+    for speed in 3 * [0.4, 0.25, 0.15, 0.08]:
+        plan = Operation(1.0, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, speed, 0.0)
+        fluxes, takeoff, landing = flown(plan, true)
+        memory = np.zeros(2 * LONGEST)
+        memory[LONGEST:][: len(fluxes)] = fluxes
+        heard = Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)
+        state = learning.begun(state._replace(fluxes=memory, heard=heard), 1.0, 0.0, 0.0, PAR)
+        while state.course.last >= state.course.at:
+            state = learning.worked(state, PAR)
+    law = laws.read(state.laws, 1.0)
+    assert landing > 0.0 and law.mean[3] > 0.25
+    assert abs(state.course.motion[0] - PAR.stop_lower) < 50e-6
+
+
+def test_change_in_each_operation_is_expected_again():
+    """Landings that are early again and again, by as much: what is learnt runs ahead; not after an ordinary one."""
+    law, H, noise = laws.first(3.4e-3, PAR), np.eye(NUMBERS)[:1], np.array([0.1])
+    steady, still = law, law
+    for _ in range(5):
+        steady = learning._learnt(steady, np.array([-0.05]), H, noise, True)
+        still = learning._learnt(still, np.array([-0.05]), H, noise, False)
+    assert steady.trend[0] < 0.0 and not np.any(np.array(still.trend, float))
+    assert steady.mean[0] < still.mean[0] < 0.0
+    assert not np.any(np.array(laws.doubted(steady, PAR).trend, float))

@@ -7,14 +7,26 @@ from commanded import parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.control.mover import balance, depth, force, gap_slopes, make_mover, moved, squared_flux, squares, started
+from gapsense.control.learning import with_law
+from gapsense.control.mover import (
+    NUMBERS,
+    balance,
+    depth,
+    force,
+    gap_slopes,
+    make_mover,
+    moved,
+    squared_flux,
+    squares,
+    started,
+)
 
-LAWS = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
+LAWS = st.tuples(*[st.floats(-0.3, 0.3)] * NUMBERS)
 WITHIN = st.floats(0.45e-3, 1.35e-3)
 
 
-def a_mover(law=(0.0, 0.0, 0.0), **changed):
-    return make_mover(parameters(**changed))._replace(balance=law[0], slope=law[1], lightness=law[2])
+def a_mover(law=(0.0,) * NUMBERS, **changed):
+    return with_law(make_mover(parameters(**changed)), law)
 
 
 @given(LAWS, WITHIN)
@@ -54,7 +66,7 @@ def test_derivatives_are_those_of_the_motion(law, share, bends):
         return at
 
     at, h = motion(law), 1e-5
-    for k in range(3):
+    for k in range(NUMBERS):
         more, less = (motion([x + sign * h * (i == k) for i, x in enumerate(law)]) for sign in (1, -1))
         assert at.by_position[k] == pytest.approx((more.position - less.position) / (2 * h), rel=2e-3, abs=2e-6)
         assert at.by_velocity[k] == pytest.approx((more.velocity - less.velocity) / (2 * h), rel=2e-3, abs=2e-3)

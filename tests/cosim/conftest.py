@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # the helpers of this folder can be imported by its tests
@@ -62,7 +62,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def loop_binary() -> Path:
     """The library that does base steps; a module may override it to do without."""
-    return library.BINARY
+    return compiled.BINARY
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def python(fmus: Path, loop_binary: Path) -> Callable[..., subprocess.CompletedP
     def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(SRC)}
         head = f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n"
-        head += f"from gapsense.cosim.run.loop import library\nlibrary.BINARY = Path({str(loop_binary)!r})\n"
+        head += f"from gapsense.cosim.run.loop import compiled\ncompiled.BINARY = Path({str(loop_binary)!r})\n"
         return subprocess.run(
             [sys.executable, "-c", head + code], capture_output=True, text=True, env=environment, timeout=60, **options
         )

@@ -9,10 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from gapsense._os.processes import new_marks
-from gapsense.cosim.events.event import Event
-from gapsense.cosim.events.watch import Watch
+from gapsense.cosim.events.event import Event, Watch
+from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.cosim.fmu.instance import Instance, Instance3
-from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.run.loop import Work
 from gapsense.cosim.run.part import Layout, Part
 from gapsense.cosim.run.recording import STOP, Recording

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import FmuError, Master, prepare, read_result, run, run_once
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 
 TEXT = """
 title = "Ends"
@@ -38,7 +38,7 @@ ENDS, SILENT, WARNS, EARLY, NO_TIME, BEFORE, BEYOND, AFTER = range(1, 9)
 @pytest.fixture(params=["C", "Python"])
 def loops(request, monkeypatch):
     if request.param == "Python":
-        monkeypatch.setattr(library, "BINARY", Path("none.so"))
+        monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
 
 
 def written(write, version, deed, stop=1.0, isolation="", more="", name="demo", has_only_reals=False):
@@ -171,7 +171,7 @@ def test_campaign_tells_which_runs_a_component_has_ended(write, foreign, tmp_pat
     folder = written(write, 2, ENDS).parent
     study = folder / "study.toml"
     study.write_text(f'title = "Ends"\nscenario = "{folder}"\n[grid]\n"a.end" = [0.5, 5.0]\n')
-    found = campaign.run(study, 1, tmp_path / "out", foreign)
+    found = campaign(study, 1, tmp_path / "out", foreign)
     assert found.failed == 0 and [run for run, _ in found.ended(5)] == [0]
     assert found.column("ended").tolist() == ["`a` ended the run at t = 0.5 s, in an orderly way; `stop` is 1 s.", None]
     assert [line for line in summary(found) if isinstance(line, str)][-1].startswith("run 0: `a` ended the run")

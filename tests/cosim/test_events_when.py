@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import FmuError, run
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 
 BASE, COUNT = 0.1, 20
 WATCHED = f"""{HEAD}
@@ -88,7 +88,7 @@ def test_condition_is_the_same_without_the_library(write, fmus, monkeypatch):
     text = WATCHED.replace("VALUES", str(values)).replace("STEP", "1")
     path = write(text + event("now", "tuned.u", "noise", value=2.0, duration=0.3, when=when))
     one = run(path, fmus=fmus)
-    monkeypatch.setattr(library, "BINARY", Path("none.so"))
+    monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
     other = run(path, fmus=fmus)
     assert len(one.events) == 4 and one.events == other.events
     assert all(one[name].tobytes() == other[name].tobytes() for name in one.signals)

@@ -21,23 +21,22 @@ from hypothesis import strategies as st
 from gapsense._os.interrupts import counted
 from gapsense.cosim import run
 from gapsense.cosim.events.actor import Effect
-from gapsense.cosim.run.durations import edge, median
-from gapsense.cosim.run.loop import compiled, library
+from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.loop.build import LOOP
 from gapsense.cosim.run.loop.reference import in_python
-from gapsense.cosim.run.recording import ROWS, STEP, STOP
+from gapsense.cosim.run.recording import ROWS, STEP, STOP, bin_edge, median
 from gapsense.cosim.scenario.input_signals import Player
 
-needs_library = pytest.mark.skipif(library.entry() is None, reason="the library is for Linux on x86-64")
+needs_library = pytest.mark.skipif(compiled.entry() is None, reason="the library is for Linux on x86-64")
 
 
 def in_c(work):
-    return compiled.in_c(work, library.entry())
+    return compiled.in_c(work, compiled.entry())
 
 
 @pytest.fixture
 def without_library(monkeypatch):
-    return lambda: monkeypatch.setattr(library, "BINARY", Path("none.so"))
+    return lambda: monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
 
 
 # The binary -----------------------------------------------------------------------------------------------------------
@@ -49,7 +48,7 @@ def test_committed_binary_belongs_to_the_source():
 
 def test_stale_binary_is_noticed(tmp_path):
     stale = tmp_path / "stale.so"
-    stale.write_bytes(library.BINARY.read_bytes().replace(LOOP.fingerprint().encode(), b"0" * 64))
+    stale.write_bytes(compiled.BINARY.read_bytes().replace(LOOP.fingerprint().encode(), b"0" * 64))
     assert "not made from the present sources" in LOOP.problems(stale)[0]
 
 
@@ -61,24 +60,24 @@ def test_compiles_with_gcc_without_warning(tmp_path):
 
 @pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="for Linux on x86-64")
 def test_library_loads_where_it_should():
-    assert library.entry() is not None
+    assert compiled.entry() is not None
 
 
 def test_file_that_is_no_library_counts_as_none(tmp_path, monkeypatch):
     file = tmp_path / "loop.so"
     file.write_bytes(b"for another platform")
-    monkeypatch.setattr(library, "BINARY", file)
-    assert library.entry() is None
+    monkeypatch.setattr(compiled, "BINARY", file)
+    assert compiled.entry() is None
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_structures_are_those_of_c(tmp_path):
-    kinds = (library.Link, library.Watch, library.Exchange, library.Part, library.Loop)
+    kinds = (compiled.Link, compiled.Watch, compiled.Exchange, compiled.Part, compiled.Loop)
     fields = [(kind.__name__, name) for kind in kinds for name, _ in kind._fields_]
     lines = [f'printf("%zu ", offsetof({kind}, {name}));' for kind, name in fields]
     lines += [f'printf("%zu ", sizeof({kind.__name__}));' for kind in kinds]
     source, program = tmp_path / "layout.c", tmp_path / "layout"
-    head = f'#include <stdio.h>\n#include "{library.SOURCE.as_posix()}"\n'
+    head = f'#include <stdio.h>\n#include "{compiled.SOURCE.as_posix()}"\n'
     source.write_text(head + "int main(void)\n{\n" + "\n".join(lines) + "\n}\n")
     subprocess.run(["gcc", str(source), "-o", str(program), "-lm"], check=True)
     said = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
@@ -153,7 +152,7 @@ def test_all_base_steps_are_done_and_timed(advancer):
     assert trial.recording.spread.sum(axis=1).tolist() == [20, 9, 20]
     for spread, longest, seconds in zip(trial.recording.spread, trial.recording.longest, trial.recording.seconds):
         last = int(np.flatnonzero(spread)[-1])
-        assert edge(last) <= longest < edge(last + 1)
+        assert bin_edge(last) <= longest < bin_edge(last + 1)
         assert longest <= seconds and 0.0 < median(spread, longest) <= longest
     assert trial.marks[ROWS] == 7 and not np.any(trial.recording.data == -1.0)
 
@@ -236,7 +235,7 @@ def test_run_gives_the_same_bits(write, chain, fmus, without_library, method):
 ERRORS = """
 from gapsense.cosim import FmuError, run
 errors = []
-for library.BINARY in (library.BINARY, Path("none.so")):
+for compiled.BINARY in (compiled.BINARY, Path("none.so")):
     try:
         run(PATH, fmus=fmus)
     except FmuError as error:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
 from gapsense.cosim.fmu.instance import summary
-from gapsense.cosim.run.loop import library
+from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.scenario.elements import Experiment
 
 GRIDS = st.tuples(st.integers(1, 4), st.integers(0, 3))
@@ -24,10 +24,10 @@ GRIDS = st.tuples(st.integers(1, 4), st.integers(0, 3))
 def loop_binary(request):
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "Python":
-            patch.setattr(library, "BINARY", Path("none.so"))
-        elif library.entry() is None:
+            patch.setattr(compiled, "BINARY", Path("none.so"))
+        elif compiled.entry() is None:
             pytest.skip("the library is for Linux on x86-64")
-        yield library.BINARY
+        yield compiled.BINARY
 
 
 def by_hand(count, base, is_jacobi, grids, start=0.0, constant=0.5, gain=2.0, slope=2.0):

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from gapsense._os.files import read_columns, sha256, write_atomically
 from gapsense.cosim import check, find_scenarios, read_result, run, test_scenarios, update_baseline, write_junit
 from gapsense.cosim.result import result as record
-from gapsense.cosim.result.measure import measure_all
 from gapsense.cosim.result.metrics import KINDS, Measured
+from gapsense.cosim.result.result import measure_all
 from gapsense.cosim.scenario.records import Metric
 from gapsense.problems import InputError
 

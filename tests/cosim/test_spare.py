@@ -11,7 +11,8 @@ import unflushed
 from gapsense._os import prestart as spare
 from gapsense._os.prestart import ahead
 from gapsense.cosim import ScenarioError, run, sweep
-from gapsense.cosim.fmu.unpacked import is_needed
+from gapsense.cosim.fmu.instance import is_needed
+from gapsense.many.ahead import runs_ahead
 
 
 def answer_of(process):
@@ -94,3 +95,27 @@ def test_runs_unpack_no_documentation_no_sources_and_no_binaries_of_other_platfo
     needed += ["resources/sources/x.c", "extra/org.x/y.xml", "model.png", "binaries/"]
     assert all(map(is_needed, needed))
     assert not any(map(is_needed, ["documentation/index.html", "sources/a.c", "binaries/amiga/X.so"]))
+
+
+FOREIGN = """
+title = "Foreign"
+[experiment]
+stop = 1.0
+base_step = 0.1
+[components.source]
+fmu = "NAME"
+"""
+
+
+@pytest.mark.parametrize(("name", "engine", "count"), [
+    ("Source.fmu", "auto", 1),
+    ("PotMagnet.fmu", "auto", 0),
+    ("PotMagnet.fmu", "fmu", 1),
+    ("Source.fmu", "vectors", 1),
+])  # fmt: skip
+def test_many_runs_start_processes_ahead_unless_vectors_will_do_them(tmp_path, monkeypatch, name, engine, count):
+    monkeypatch.setattr("gapsense.many.ahead.likely_vectors", lambda engine: engine != "fmu")
+    (tmp_path / "scenario.toml").write_text(FOREIGN.replace("NAME", name), encoding="utf-8")
+    with runs_ahead(1, engine, tmp_path / "scenario.toml"):
+        assert len(spare._waiting) == count
+    assert not spare._waiting

@@ -10,7 +10,7 @@ import faulty
 import pytest
 
 from gapsense.cosim import FmuError, run, sweep
-from gapsense.cosim.fmu.unpacked import home
+from gapsense.cosim.fmu.instance import home
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 LIMIT = "base_step = 0.1\nstep_limit = 1.0"

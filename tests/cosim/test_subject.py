@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import Master, load, prepare, run, run_once
-from gapsense.cosim.result.measure import measure_all
 from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.result.result import measure_all
 from gapsense.cosim.run.subject import times
 from gapsense.cosim.scenario.elements import Experiment
 from gapsense.cosim.scenario.records import Metric, Record

@@ -2,24 +2,24 @@
 
 import os
 import shutil
+import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
-from gapsense.cosim.provenance import bounds
-from gapsense.cosim.scenario.changes import changed
-from gapsense.cosim.sweep import key_of
-from gapsense.cosim.sweep_table import is_table, read_sidecar
-from gapsense.ledger import Ledger
+from gapsense.cosim.scenario.document import changed
+from gapsense.many.provenance import bounds
+from gapsense.many.sweep import key_of
+from gapsense.many.sweep_table import is_table, read_sidecar
 from gapsense.problems import InputError
 
 NOISE = """
@@ -52,8 +52,9 @@ def test_restart_computes_only_what_is_missing(write, fmus, tmp_path):
     path, out, seen = write(NOISE), tmp_path / "out", []
     first = sweep(path, 4, out=out, fmus=fmus, progress=lambda done, total: seen.append((done, total)))
     assert (first.computed, seen[-1]) == (4, (4, 4))
-    lines = (out / "demo_sweep.jsonl").read_text().splitlines(keepends=True)
-    (out / "demo_sweep.jsonl").write_text("".join(lines[:2]) + lines[2][:40])  # as a kill leaves it
+    with closing(sqlite3.connect(out / "demo_sweep.sqlite")) as store:
+        store.execute("DELETE FROM runs WHERE id & 0xFFFF IN (2, 3)")
+        store.commit()
     second = sweep(path, 6, out=out, fmus=fmus)
     assert second.computed == 4
     assert np.array_equal(second.metrics["spread"][:4], first.metrics["spread"])
@@ -108,6 +109,15 @@ def test_content_of_a_file_decides_and_its_place_does_not(write, fmus):
     assert keys[0] == keys[1] != keys[2]
 
 
+def known(file):
+    """Runs that are there."""
+    if not file.is_file():
+        return 0
+    with closing(sqlite3.connect(file)) as store, suppress(sqlite3.OperationalError):  # it is being made
+        return store.execute("SELECT count(*) FROM runs").fetchone()[0]
+    return 0
+
+
 TWO = """
 import sys
 from gapsense.cosim import sweep
@@ -128,7 +138,7 @@ def test_two_sweeps_on_one_folder_compute_nothing_twice(write, fmus, start, tmp_
     outputs = [process.communicate(timeout=60) for process in processes]
     assert sorted(int(out) for out, _ in outputs) == [0, 30], outputs
     said = "".join(err for _, err in outputs)
-    assert said == f"{out / 'demo_sweep.jsonl'}: another process is at work on it; waiting for its end.\n"
+    assert said == f"{out / 'demo_sweep.sqlite'}: another process is at work on it; waiting for its end.\n"
 
 
 @pytest.fixture
@@ -146,7 +156,7 @@ def test_kill_leaves_neither_a_lock_nor_folders_for_long(write, fmus, start, tem
     path, out = write(NOISE.replace("stop = 10.0", "stop = 1000.0")), tmp_path / "out"
     first = start(TWO.replace("PATH", repr(str(path))).replace("OUT", repr(str(out))))
     print("go", file=first.stdin, flush=True)
-    while not ((out / "demo_sweep.jsonl").is_file() and (out / "demo_sweep.jsonl").stat().st_size):
+    while not known(out / "demo_sweep.sqlite"):
         time.sleep(0.01)
     first.kill()
     first.wait()
@@ -187,40 +197,36 @@ def test_changed_package_is_computed_again(write, fmus, tmp_path):
     assert swept() == [2, *(2.0 * value for value in old)]
 
 
-def test_ledger_keeps_entries_of_others(tmp_path):
-    file = tmp_path / "x.jsonl"
-    for key in ("a", "b"):
-        Ledger(file, key).append({"index": 1, "metrics": {"m": 1.0}})
-    file.write_text(file.read_text() + '{"key": "a", "ind')
-    Ledger(file, "a").append({"index": 2, "metrics": {}})
-    assert sorted(Ledger(file, "a").read()) == [1, 2]
-    assert sorted(Ledger(file, "b").read()) == [1]
+def test_runs_of_others_stay_in_the_same_file(write, fmus, tmp_path):
+    path, out = write(NOISE), tmp_path / "out"
+    first = sweep(path, 2, out=out, fmus=fmus)
+    path.write_text(NOISE.replace("stop = 10.0", "stop = 20.0"))
+    assert sweep(path, 3, out=out, fmus=fmus).computed == 3
+    path.write_text(NOISE)
+    again = sweep(path, 2, out=out, fmus=fmus)
+    assert again.computed == 0 and again.metrics["spread"].tolist() == first.metrics["spread"].tolist()
 
 
 @pytest.fixture(scope="module")
 def swept_noise(tmp_path_factory, fmus):
-    """Scenario, metrics and ledger of a sweep of four runs."""
+    """Scenario, metrics and store of a sweep of four runs."""
     folder = tmp_path_factory.mktemp("damage")
     (folder / "demo").mkdir()
     (folder / "demo" / "scenario.toml").write_text(NOISE)
     found = sweep(folder / "demo", 4, out=folder, fmus=fmus, workers=1)
-    return folder, found.metrics["spread"].tolist(), (folder / "demo_sweep.jsonl").read_bytes()
+    return folder, found.metrics["spread"].tolist(), (folder / "demo_sweep.sqlite").read_bytes()
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
-def test_a_flipped_bit_of_a_ledger_costs_its_run_and_no_more(swept_noise, fmus, caplog, place, bit):
-    folder, expected, ledger = swept_noise
-    damaged, k = bytearray(ledger), int(place * len(ledger))
-    damaged[k] ^= 1 << bit
-    (folder / "demo_sweep.jsonl").write_bytes(damaged)
+@pytest.mark.parametrize("run", range(4))
+def test_a_flipped_bit_of_a_run_costs_this_run_and_no_more(swept_noise, fmus, caplog, run):
+    folder, expected, content = swept_noise
+    damaged, place = bytearray(content), content.index(struct.pack("<d", expected[run]))
+    damaged[place + run] ^= 1 << run
+    (folder / "demo_sweep.sqlite").write_bytes(damaged)
     caplog.clear()
     again = sweep(folder / "demo", 4, out=folder, fmus=fmus, workers=1)
-    is_last, is_end = k == len(ledger) - 1, ledger[k : k + 1] == b"\n"
-    assert again.metrics["spread"].tolist() == expected and again.computed == 1 + (is_end and not is_last)
-    number = ledger[:k].count(b"\n") + 1
-    told = f"demo_sweep.jsonl, line {number}: no checksum, or a wrong one. What they held is computed again"
-    assert is_last or told in caplog.text.replace(f"line {number}, {number + 1}:", f"line {number}:")
+    assert again.metrics["spread"].tolist() == expected and again.computed == 1
+    assert f"demo_sweep.sqlite: run {run} is damaged, and computed again." in caplog.text
 
 
 def test_kept_signals_that_were_changed_are_told_and_computed_again(write, fmus, tmp_path, caplog):
@@ -322,8 +328,8 @@ def test_ctrl_c_keeps_what_was_computed(write, fmus, python, tmp_path):
     path, out = write(NOISE), tmp_path / "out"
     done = python(INTERRUPT.replace("PATH", repr(str(path))).replace("OUT", repr(str(out))))
     assert done.stdout.split() == ["True", "True", "True"], done
-    known = len((out / "demo_sweep.jsonl").read_text().splitlines())
-    assert sweep(path, 8, out=out, fmus=fmus).computed == max(0, 8 - known)
+    there = known(out / "demo_sweep.sqlite")
+    assert there >= 2 and sweep(path, 8, out=out, fmus=fmus).computed == max(0, 8 - there)
 
 
 def test_exit_is_clean_after_a_run(write, fmus, python):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gapsense.cosim import FmuError, prepare, run
-from gapsense.cosim.fmu.unpacked import home, unpacked
+from gapsense.cosim.fmu.instance import home, unpacked
 
 SRC = Path(__file__).parents[2] / "src"
 
@@ -30,7 +30,7 @@ def test_files_go_with_the_process(write, chain, fmus, tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there nothing can be removed from another process")
 def test_next_process_removes_what_a_killed_one_left_but_not_what_a_living_one_has(tmp_path):
-    code = "import os\nfrom gapsense.cosim.fmu.unpacked import home\nprint(home(os.getpid()), flush=True)\ninput()"
+    code = "import os\nfrom gapsense.cosim.fmu.instance import home\nprint(home(os.getpid()), flush=True)\ninput()"
     killed, living = (started(code.replace("input()", "import time; time.sleep(60)"), tmp_path) for _ in range(2))
     left, used = Path(killed.stdout.readline().strip()), Path(living.stdout.readline().strip())
     killed.send_signal(signal.SIGKILL)

@@ -44,6 +44,5 @@ def test_scenarios_are_tested(here, isolation):
 
 
 def test_campaign(here):
-    pytest.importorskip("pyarrow")
-    result = campaign.run("study.toml", 1, "out", "fmus")
-    assert (result.rows, result.failed) == (2, 0) and (here / "out" / "campaign.json").is_file()
+    result = campaign("study.toml", 1, "out", "fmus")
+    assert (result.rows, result.failed) == (2, 0) and (here / "out" / "campaign.sqlite").is_file()

@@ -6,13 +6,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from driven import driven
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.scenarios.estimators.parameters import VALVE, reduced
-from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.devices import RTS_VALVE, driven
 
 T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4  # sampling period and samples of the usual signals
 

@@ -6,11 +6,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from driven import driven
 from lossy_valve import HALF, START, T_S
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.devices import RTS_VALVE, driven
 
 CYCLES, CYCLE = 6, 2 * HALF
 

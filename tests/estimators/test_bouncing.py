@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import driven
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ekf, ertss
@@ -16,7 +15,7 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.sensor import sensor
-from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.devices import RTS_VALVE, driven
 
 T_S, NEAR = 20e-6, 5e-6  # sampling period; distance of a stop at which its contact closes [m]
 VOLTAGE = np.tile(np.repeat([30.0, 0.0], 500), 3)

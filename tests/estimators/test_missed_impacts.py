@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from driven import driven
 from smoother_runs import KERNEL, assert_published
 
 from gapsense.actuators import reluctance_actuator
@@ -16,7 +15,7 @@ from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
-from gapsense.studies.devices import RTS_VALVE
+from gapsense.studies.devices import RTS_VALVE, driven
 
 T_S, HALF, CYCLES = 20e-6, 500, 4
 SEEDS = (900, 901, 902)  # draws on which nothing was chosen

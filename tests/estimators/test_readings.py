@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from driven import POT_MAGNET, driven
 from lossy_valve import HALF, START, believed, square_wave
 from magnet_signals import exact as magnet_exact
+from magnets import POT_MAGNET
 from table_i import defaults
 
 from gapsense.actuators import pot_magnet, solenoid_valve
@@ -21,7 +21,7 @@ from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
-from gapsense.studies.devices import VALVE
+from gapsense.studies.devices import VALVE, driven
 
 Columns = Mapping[str, np.ndarray]
 

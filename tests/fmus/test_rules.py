@@ -9,8 +9,7 @@ import pytest
 from gapsense.cosim import FmuError, check, prepare
 from gapsense.cosim.fmu.archive import UnusableError
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.fmu.instance import Instance
-from gapsense.cosim.fmu.unpacked import unpacked
+from gapsense.cosim.fmu.instance import Instance, unpacked
 from gapsense.fmi.components import load_component
 
 ROOT = Path(__file__).parents[2]

@@ -11,9 +11,9 @@ from coil_records import CORE, EDDY, HYSTERESIS, PLAIN, coil_record
 from valve_records import record
 
 from gapsense.identification.coil.fit import (
+    KERNEL,
     RICHEST,
     Problem,
-    currents,
     effective,
     fit_coil,
     hidden,
@@ -24,6 +24,7 @@ from gapsense.identification.coil.fit import (
 )
 from gapsense.identification.coil.show import tuning
 from gapsense.identification.identify import coil_of
+from gapsense.identification.least_squares import currents
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.options import CONVENTIONS
 from gapsense.problems import InputError
@@ -167,7 +168,7 @@ def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone()
     _, usual, high = problem.limits()
     pars = [problem.parameters(usual + share * (high - usual), each) for share in (0.0, 0.1, 0.2)]
     voltages = each.voltages[:, :, None] + np.array([0.0, 0.1, 0.2])
-    for k, found in enumerate(currents(pars, voltages)):
+    for k, found in enumerate(currents(KERNEL, pars, voltages)):
         np.testing.assert_array_equal(found, simulate(pars[k], voltages[:, :, k])[:, 0])
 
 

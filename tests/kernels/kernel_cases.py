@@ -37,7 +37,7 @@ def kernel_modules() -> list[str]:
     found = []
     for package in PACKAGES:
         folder = importlib.import_module(package).__path__
-        for info in pkgutil.iter_modules(folder, f"{package}."):
+        for info in pkgutil.walk_packages(folder, f"{package}."):
             module = importlib.import_module(info.name)
             if all(hasattr(module, name) for name in CONTRACT):
                 found.append(info.name)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.campaign.columns import Columns
-from gapsense.campaign.store import Manifest, Store
-from gapsense.cosim import sweep_table
 from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Points
-from gapsense.cosim.sweep_table import Sweep
+from gapsense.many import sweep_table
+from gapsense.many.columns import Columns, contents
+from gapsense.many.plan import Block, Plan
+from gapsense.many.result import FORMAT, KEY
+from gapsense.many.store import Store
+from gapsense.many.sweep_table import Sweep
 
 ABOUT: dict[str, Any] = {
     "title": "By hand",
@@ -65,18 +66,20 @@ def made_sweep(folder: Path, count: int = 30, failed: int = 4, **about: Any) -> 
     folder.mkdir(exist_ok=True)
     (folder / "demo").mkdir(exist_ok=True)
     told = {**ABOUT, "runs": count, "points": count, **about}
-    points = Points([{Port(*n.split(".")): v for n, v in values(run).items()} for run in range(count)], {})
-    sweep_table.save(made, told, points, folder / "by_hand.csv")
+    plan = Plan((Block({Port(*name.split(".")): [values(run)[name] for run in range(count)] for name in FACTORS}),))
+    sweep_table.save(made, told, plan, folder / "by_hand.csv")
     return folder / "by_hand.csv"
 
 
 def made_campaign(folder: Path, count: int = 30, missing: int = 0, failed: int = 4, **about: Any) -> Path:
     """The folder of a campaign, of which one run failed and some are not done yet."""
     told = {**ABOUT, "study": "study.toml", "runs": count + missing, "points": count + missing, **about}
-    store, own = Store(folder, Manifest(told, Columns(FACTORS, METRICS))), metrics(count)
-    for run in range(count):
-        of_run = {name: None if np.isnan(column[run]) else float(column[run]) for name, column in own.items()}
-        end = {"error": "valve: stuck."} if run == failed else {"metrics": of_run, "wall": 0.1}
-        store.append([{"run": run, "seed": run, "values": values(run), **end}])
-    store.fold()
+    own, texts = metrics(count), {"valve.mode": list(dict.fromkeys(values(run)["valve.mode"] for run in range(count)))}
+    columns = Columns(FACTORS, {name: METRICS.get(name, "") for name in own}, texts=texts)
+    with Store(folder / "campaign.sqlite", KEY) as store:
+        store.describe({**told, "format": FORMAT, "columns": columns.facts()})
+        for run in range(count):
+            of_run = {name: None if np.isnan(column[run]) else float(column[run]) for name, column in own.items()}
+            end = {"error": "valve: stuck."} if run == failed else {"metrics": of_run, "wall": 0.1}
+            store.add(*contents(columns, [{"index": run, "shift": run, "values": values(run), **end}]))
     return folder

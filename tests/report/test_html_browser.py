@@ -268,7 +268,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("many")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(distributions, "POINTS", 100)
-        patch.setattr("gapsense.campaign.summary.MOST_LEVELS", 5)  # the resistance has 7
+        patch.setattr("gapsense.many.summary.MOST_LEVELS", 5)  # the resistance has 7
         return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
 
 
@@ -319,3 +319,20 @@ def test_plots_of_many_runs_fit_any_window(browser, many, width):
     boxes = [plot.bounding_box() for plot in opened.page.locator(".plot").all()]
     assert all(box["width"] >= 300 and box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in boxes)
     opened.page.close()
+
+
+def test_time_at_the_cursor_stands_in_the_controls_and_every_plot_has_its_axis(opened):
+    page, plot = opened.page, opened.page.locator(".stack .plot").nth(1)
+    labels = page.evaluate(f"() => {VIEWS}.map((v) => v.model.below[0].axis_label)")
+    assert len(labels) > 3 and all(label.startswith("time / ") for label in labels)
+    box = plot.bounding_box()
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    opened.settle()
+    text = page.locator("[data-at]").first.text_content()
+    (start, end), unit = opened.ranges()[1], labels[1].removeprefix("time / ")
+    assert text.endswith(f" {unit}") and start < float(text.split()[1]) < end
+    page.mouse.move(2, 2)
+    opened.settle()
+    assert page.locator("[data-at]").first.text_content() == ""

@@ -189,8 +189,8 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     edited.write_text(edited.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     (tmp_path / "alone.csv").write_text("time\n0\n", encoding="utf-8")
     (tmp_path / "x_sweep.csv").write_text('"run"\n0.0\n', encoding="utf-8")  # of an older version
-    (tmp_path / "x_sweep.jsonl").touch()
-    names = ("edited.csv", "alone.csv", "none.csv", "x_sweep.csv", "x_sweep.jsonl", "good.json")
+    (tmp_path / "x_sweep.sqlite").touch()
+    names = ("edited.csv", "alone.csv", "none.csv", "x_sweep.csv", "x_sweep.sqlite", "good.json")
     with pytest.raises(InputError) as error:
         write_report([good, tmp_path, *(tmp_path / name for name in names)], tmp_path / "new" / "x.html")
     told = "\n".join(error.value.problems)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from typer.testing import CliRunner
 
-from gapsense import campaign
+from gapsense import check_study
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.scenario.document import Document
@@ -98,7 +98,7 @@ class Reader:
     def toml(self, block: Block) -> None:
         data = tomllib.loads(block.text)
         if "scenario" in data:  # a study
-            assert not campaign.check(block.about), block.place
+            assert not check_study(block.about), block.place
             return
         if "title" in data and "components" in data:
             self.file, self.whole = Path(block.about if block.note == "file" else "scenario.toml"), data

@@ -23,12 +23,11 @@ OF_KERNELS = (  # in order: each may import those before it
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "shipped", "native", "problems", "locks", "plain_files", "files", "tables", "parameters", "checked",
-    "ledger",
     "importable", "interrupts", "processes", "prestart", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}
-NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"campaign", "control", "cosim", "embedded", "fmi", "lanes", "vectors"}
+NUMBERS = FOUNDATIONS | GENERAL | SIDE_BY_SIDE | {"control", "cosim", "embedded", "fmi", "lanes", "many", "vectors"}
 MAY_IMPORT = {
     **{part: {*order[: k + 1]} for order in (OF_KERNELS, OF_FILES) for k, part in enumerate(order)},
     "__init__": set(),  # of kernels and _os
@@ -37,8 +36,8 @@ MAY_IMPORT = {
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
     "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi", "ports", "random"},
-    "vectors": NUMBERS - {"campaign", "control", "embedded"},
-    "campaign": GENERAL | {"campaign", "cosim"},
+    "vectors": NUMBERS - {"many", "control", "embedded"},
+    "many": GENERAL | {"many", "cosim", "vectors"},
     "embedded": FOUNDATIONS | {"embedded", "fmi", "problems"},
     "ssp": GENERAL | {"cosim", "ssp", "units"},
     "report": NUMBERS | {"report"},
@@ -56,6 +55,8 @@ MAY_IMPORT = {
 REACHES_UP = {  # in functions
     "src/gapsense/cosim/show.py": {"report"},  # when someone wants to see a result
     "src/gapsense/cosim/run/engines.py": {"vectors"},  # when a scenario can do without FMUs
+    "src/gapsense/cosim/scenario/build.py": {"many"},  # when it is swept
+    "src/gapsense/cosim/__init__.py": {"many"},  # when `cosim.sweep` is asked for
 }
 PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
@@ -64,7 +65,7 @@ PACKAGES = {  # beside the standard library
     **{part: {"numpy", "tomli"} for part in GENERAL},
     **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
-    "campaign": {"numpy", "scipy", "pyarrow", "distributed"},
+    "many": {"fmpy", "numpy", "scipy", "pyarrow", "distributed"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
     "identification": {"numpy", "scipy", "matplotlib", "rich"},
@@ -159,7 +160,7 @@ STARTS = {  # and what they must not load
     "from gapsense.cli import loaded; loaded('run')": HEAVY | {"numpy", "email", "argparse"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
-    "import gapsense.cosim.run.apart, gapsense.cosim.run.worker": HEAVY | SHOWING,
+    "import gapsense.cosim.run.apart, gapsense.many.worker": HEAVY | SHOWING,
 }
 
 
@@ -192,7 +193,7 @@ FOUND_BY_WALKING = {
     "commands": set(COMMANDS),
     "commands of studies": set(COMMANDS["study"].commands),
     "components": folders(ROOT / "fmus"),
-    "estimators": {path.stem for path in (SRC / "estimators").glob("[!_]*.py")},
+    "estimators": {path.stem for path in (SRC / "estimators").glob("[!_]*")},
     "scenarios": folders(ROOT / "scenarios"),
 }
 

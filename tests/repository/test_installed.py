@@ -76,8 +76,10 @@ def test_wheel_holds_components_examples_and_the_same_fmus(archives, fmus):
 
 def test_installed_package_is_the_one_that_runs_and_has_the_sources_of_the_checkout(gapsense):
     _, work, python = gapsense
-    load = "from gapsense import ledger, shipped; from gapsense._os.checked import fingerprint"
-    show = f"{load}; print(shipped.ROOT, fingerprint(ledger.sources()))"
+    show = (
+        "from gapsense import shipped; from gapsense._os.checked import fingerprint; "
+        "from gapsense.many.key import sources; print(shipped.ROOT, fingerprint(sources()))"
+    )
     (root, theirs), (_, ours) = (
         call(python, "-c", show, cwd=work).split(),
         call(sys.executable, "-c", show, cwd=ROOT / "src").split(),

@@ -79,8 +79,8 @@ def test_python_examples_run_and_end_in_a_plot(fmus, tmp_path):
     (tmp_path / "build" / "fmus").symlink_to(fmus)
     done = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert re.fullmatch(r"<Result 'my valve': 1601 rows .*>\n", done.stdout), done.stdout
-    assert imread(tmp_path / "valve.png").std() > 0.01
+    assert re.fullmatch(r"<Ertss: 1000 samples, outputs position, .*>\n", done.stdout), done.stdout
+    assert imread(tmp_path / "found.png").std() > 0.01
 
 
 def test_readme_is_short():

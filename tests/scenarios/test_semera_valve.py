@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gapsense.cosim.scenario.read import load
-from gapsense.cosim.sweep import sweep
+from gapsense.many.sweep import sweep
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 

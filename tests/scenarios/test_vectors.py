@@ -216,7 +216,7 @@ def test_campaign_has_the_same_numbers_and_a_run_that_fails_says_why(fmus, tmp_p
     study = tmp_path / "study.toml"
     text = STUDY.replace("SCENARIO", (SCENARIOS / "semera_valve").as_posix())
     study.write_text(text.replace("VALUE", "1e300"), encoding="utf-8")
-    found = {e: campaign.run(study, 2, tmp_path / e, fmus, engine=e) for e in ("fmu", "vectors")}
+    found = {e: campaign(study, 2, tmp_path / e, fmus, engine=e) for e in ("fmu", "vectors")}
     one, other = found.values()
     assert (one.engine, other.engine, one.failed, other.failed) == ("fmu", "vectors", 2, 2)
     assert [str(row) for row in one.errors(9)] == [str(row) for row in other.errors(9)]

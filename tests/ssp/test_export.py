@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from packages import SCENARIO
 
 from gapsense.cosim import check, run
-from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.problems import InputError, ScenarioError
 from gapsense.ssp.bring import bring
 from gapsense.ssp.export import export, parameter_set, text_of, written

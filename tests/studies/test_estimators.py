@@ -167,7 +167,8 @@ def test_a_contender_that_joins_is_one_entry(monkeypatch, fmus, tmp_path):
     assert "another.mover.mass" in map(str, read.rows[0])
     benchmark.require(recorded_signals(*prepare(folder, None, fmus)), "made")
     assert "| another | " in drawn.markdown({None: runs(), "warm": runs()})
-    assert len({(str(color), marker) for color, marker in map(drawn.look, drawn.CONTENDERS)}) == len(CONTENDERS) + 1
+    labels = [label.get_text() for label in drawn.conditions({None: runs()}).axes[0].get_yticklabels()]
+    assert labels == [c.label for c in drawn.CONTENDERS if "position" in c.gives] and "another" in labels
     assert imread(figures.save(drawn.conditions({None: runs()}), tmp_path / "conditions.png")).std() > 0.01
 
 
@@ -342,6 +343,10 @@ def test_tables_show_median_worst_and_misses():
 
 def test_figure_of_the_conditions(tmp_path):
     found = {None: runs(), "warm": runs(ekf__position=[1e-6, 1e-4])}
+    axis = drawn.conditions(found).axes[0]
+    numbers = {tuple(text.get_position()): text.get_text() for text in axis.texts}
+    row = [label.get_text() for label in axis.get_yticklabels()].index("Ekf")
+    assert numbers[1, row] == "50" and len(numbers) == 2 * len(axis.get_yticks())  # the median of 1 and 100 um
     assert imread(figures.save(drawn.conditions(found), tmp_path / "conditions.png")).std() > 0.01
 
 

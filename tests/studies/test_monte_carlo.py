@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 from wrong_models import filter_parameters
 
-from gapsense import ledger
 from gapsense.estimators.rts import motions, smooth_record
+from gapsense.many import key as of
 from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 from gapsense.scenarios.soft_landing.comparison import (
     ESTIMATORS,
@@ -168,14 +170,14 @@ compare(study, json.loads(sys.argv[3]), int(sys.argv[4]), 2, Path(sys.argv[2]), 
 
 def test_killed_run_goes_on_without_computing_anything_twice(coarse, compared, tmp_path):
     """Before the kill with two workers, afterwards with one."""
-    given, file = tmp_path / "study.json", tmp_path / "found.jsonl"
+    given, file = tmp_path / "study.json", tmp_path / "found.sqlite"
     given.write_text(json.dumps(coarse.facts()))
     command = [sys.executable, "-c", COMPARE, str(given), str(file), json.dumps(COMPARED), str(RUNS)]
     assert subprocess.run(command, env={**os.environ, "PYTHONPATH": str(SRC)}, check=False).returncode == 9
-    done = lines(file)
+    with file.with_name("found.sqlite-wal").open("ab") as torn:
+        torn.write(b"torn by the kill")
+    done = kept(file)
     assert 3 <= done < 10
-    with file.open("a") as torn:
-        torn.write('{"key": "torn by the kill", "ind')
     found = compare(coarse, COMPARED, RUNS, 1, file)
     assert found.computed == 10 - done and compared.computed == 10
     np.testing.assert_array_equal(found.nrmse, compared.nrmse)
@@ -184,8 +186,10 @@ def test_killed_run_goes_on_without_computing_anything_twice(coarse, compared, t
     assert compare(coarse, [0.01, 0.02], RUNS, 1, file).computed == 0
 
 
-def lines(file: Path) -> int:
-    return file.read_text().count("\n") if file.is_file() else 0
+def kept(file: Path) -> int:
+    """Tasks whose results are there."""
+    with closing(sqlite3.connect(file)) as connection:
+        return int(connection.execute("SELECT count(*) FROM runs").fetchone()[0])
 
 
 def test_tasks_are_told_apart_by_their_content_only():
@@ -193,11 +197,11 @@ def test_tasks_are_told_apart_by_their_content_only():
 
 
 def test_changed_code_is_computed_again(coarse, tmp_path, monkeypatch):
-    file, task = tmp_path / "found.jsonl", [{"width": 0.01, "runs": 2}]
+    file, task = tmp_path / "found.sqlite", [{"width": 0.01, "runs": 2}]
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 0
     (tmp_path / "package").mkdir()
-    monkeypatch.setattr(ledger, "PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(of, "PACKAGE", tmp_path / "package")
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
 
 
@@ -222,7 +226,7 @@ def test_orderings_of_the_paper_come_out_in_few_runs(study):
 def test_figure_9_in_full(study, tmp_path):
     resource = pytest.importorskip("resource")
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    found = compare(study, WIDTHS, 10_000, 2, tmp_path / "found.jsonl")
+    found = compare(study, WIDTHS, 10_000, 2, tmp_path / "found.sqlite")
     elapsed, after = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     print(f"{elapsed:.0f} s, {busy:.0f} s of CPU, {after.ru_maxrss / 1024:.0f} MiB in a worker")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import driven
 from scipy.signal import lfilter
 
 from gapsense.actuators import solenoid_valve
@@ -21,7 +20,7 @@ from gapsense.scenarios.soft_landing.core_fit import (
     of_reference_cycle,
     standard_errors,
 )
-from gapsense.studies.devices import VALVE
+from gapsense.studies.devices import VALVE, driven
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})

@@ -43,7 +43,7 @@ def imported(name: str) -> Any:
 
 
 def facts(function: Callable[..., Any]) -> list[str]:
-    """Name of a function and hash of its module's file, for `ledger.key`."""
+    """Name of a function and hash of its module's file, for the key of what it computes."""
     from gapsense._os.files import sha256  # here, so that what needs no arrays starts fast
 
     return [importable_name(function), sha256(source_file(function))]

@@ -1,19 +1,18 @@
-"""Worker processes that answer numbers with results; what is in the ledger is not computed again."""
+"""Worker processes that answer numbers with results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from queue import Empty, Queue
 from threading import Lock, Thread
 from typing import Any, NamedTuple, Protocol
 
-from gapsense._os.checked import Entry
 from gapsense._os.interrupts import counted
 from gapsense._os.prestart import process
 from gapsense._os.processes import Died, Marks
-from gapsense.ledger import Ledger
 
+Entry = dict[str, Any]  # a number, `index`, and what was answered
 Answer = Callable[[Any], Mapping[str, Any]]
 Progress = Callable[[int, int], None]
 LOOK = 0.1  # seconds between two looks at the processes
@@ -34,32 +33,6 @@ class Job(NamedTuple):
     limit: float | None = None  # [s], see `Process`
     request: Callable[[int], Any] = int
     tries: int = 1  # how often a number is asked whose process dies
-
-
-def complete(
-    job: Job,
-    numbers: Collection[int],
-    known: dict[int, Entry],
-    ledger: Ledger,
-    progress: Progress | None,
-    executor: Executor | None = None,
-) -> bool:
-    """Compute the entries of `numbers` that are not in `known`, add them to it and to the ledger; true after Ctrl-C.
-
-    Without an executor it is the processes that the job asks for.
-    """
-    tell, total = progress or (lambda done, total: None), len(numbers)
-    missing = [number for number in numbers if number not in known]
-
-    def keep(came: Sequence[Entry]) -> None:
-        done = len(known)
-        known.update((answer["index"], answer) for answer in came)
-        ledger.append(*came)
-        for k, _ in enumerate(came, done + 1):
-            tell(k, total)
-
-    tell(len(known), total)
-    return work(executor or Local(job, len(missing)), missing, len(missing), keep)
 
 
 class Pending:

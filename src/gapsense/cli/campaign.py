@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from gapsense import campaign
 from gapsense.cli import common as cli
 from gapsense.problems import InputError
+
+if TYPE_CHECKING:
+    from gapsense.many.result import Campaign
 
 RUN = "run"
 
@@ -35,6 +37,11 @@ group = typer.Typer(
 )
 cli.app.add_typer(group, name="campaign")
 Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", show_default=False)]
+Export = Annotated[
+    Path | None,
+    cli.Output.FILE,
+    typer.Option(help="CSV or Parquet file to write, with a row per run", show_default=False),
+]
 
 
 @cli.command(RUN, group)
@@ -54,16 +61,23 @@ def run(
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run failed runs again")] = False,
     engine: cli.Engine = "auto",
+    export: Export = None,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a study. Runs that are in its folder already are not repeated: the same command continues it."""
+    from gapsense.many.campaign import campaign
+    from gapsense.many.prepare import check_study
+    from gapsense.many.result import check_export
+
     if only_check:
-        if problems := campaign.check(study, fmus):
+        if problems := check_study(study, fmus):
             raise InputError(problems)
         return cli.show(f"{study}: no problems.")
+    if export:
+        check_export(export)
     with cli.bar("running") as progress:
-        result = campaign.run(study, workers, to, fmus, scheduler, retry, progress, engine)
-    summarize(result)
+        result = campaign(study, workers, to, fmus, scheduler, retry, progress, engine)
+    summarize(result, export)
     done = f"{result.computed} of them done now{cli.as_vectors(result)}"
     cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
@@ -72,16 +86,22 @@ def run(
 
 
 @cli.command("show", group)
-def show(result: Result) -> None:
+def show(result: Result, export: Export = None) -> None:
     """Show quantiles of every metric, what it depends on, and what failed; also while the campaign runs."""
-    summarize(campaign.read(result))
+    from gapsense.many.result import check_export, read_campaign
+
+    if export:
+        check_export(export)
+    summarize(read_campaign(result, hold=True), export)
 
 
-def summarize(result: campaign.Campaign) -> None:
-    """Print the outcome."""
+def summarize(result: Campaign, export: Path | None) -> None:
+    """Print the outcome, and write its rows if that is wanted."""
     from gapsense.report import campaigns
 
     cli.show(*campaigns.summary(result))
+    if export:
+        cli.written(result.export(export))
 
 
 @cli.command("figure", group)
@@ -94,9 +114,10 @@ def figure(
     ] = None,
 ) -> None:
     """Draw every metric over every parameter: points, or a density if there are many."""
+    from gapsense.many.result import read_campaign
     from gapsense.report import campaigns, plot
 
     file = to or result.resolve().with_name(f"{result.resolve().name}.png")
     plot.check_file(file)
-    made = campaigns.figure(campaign.read(result), metric or (), factor or ())
+    made = campaigns.figure(read_campaign(result, hold=True), metric or (), factor or ())
     cli.written(plot.save(made, file))

@@ -15,7 +15,7 @@ from enum import Enum
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
 from rich.console import Console
@@ -28,6 +28,9 @@ from gapsense.problems import InputError
 from gapsense.report import table
 from gapsense.shipped import NATIVE_FOLDER, examples, record
 from gapsense.version import __version__
+
+if TYPE_CHECKING:
+    from gapsense.functions import Found
 
 ELSEWHERE = "or choose another folder"
 ADVICE = {
@@ -242,6 +245,28 @@ def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
 def written(*files: Path) -> None:
     """Say which files were written."""
     show(f"{', '.join(map(str, files))} written.")
+
+
+def shown(file: Path) -> None:
+    """Show a file in the browser, or say that there is none: it is written all the same."""
+    import webbrowser
+
+    if not webbrowser.open(file.resolve().as_uri()):
+        notice(f"no browser was found here. Open {file} in one yourself.")
+
+
+def tell(found: Found) -> NoReturn:
+    """Print what a function has found, and end the command."""
+    for text in found.notes:
+        problem(text, "yellow")
+    show(*found.shown)
+    pictures = [file for file in found.files if file.suffix in (".png", ".pdf", ".svg")]
+    for files in ([file for file in found.files if file not in pictures], pictures):
+        if files:
+            written(*files)
+    for text in found.doubts:
+        problem(text)
+    raise typer.Exit(0 if found.passed else FAILED)
 
 
 @contextmanager

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gapsense.cli import common as cli
-from gapsense.problems import InputError
+from gapsense.functions import EDGE_STEPS, RTOL
 
 if TYPE_CHECKING:
     from gapsense.cosim.result.compare import Comparison
-    from gapsense.cosim.scenario.records import Baseline
-
-RTOL, EDGE_STEPS = 1e-9, 1
 
 
 @cli.command("compare")
@@ -44,55 +40,21 @@ def compare(
 
     Signals that differ come first, three lines each. Exit code 1 if something differs.
     """
-    from gapsense.cosim.result.pairs import Window, compare_trajectories, paired, read_trajectories
+    from gapsense import functions
 
-    how = tolerance(rtol, atol, edge_steps, tolerances or ())
-    window = Window(tuple(signals or ("*",)), after, before)
-    pairs = [*paired(result, reference)]
-    read = [(read_trajectories(ours), read_trajectories(theirs)) for ours, theirs in pairs]
-    failed = 0
-    for (ours, _), both in zip(pairs, read):
-        found = compare_trajectories(*both, how, window)
-        failed += not found.passed
-        tell(found, str(ours) if len(pairs) > 1 else "")
+    window: dict[str, Any] = {"signal": signals or (), "after": after, "before": before}
+    made = functions.compare(
+        result, reference, rtol=rtol, atol=atol, tolerance=tolerances or (), edge_steps=edge_steps, **window
+    )
+    for name, found in made.items():
+        tell(found, name if len(made) > 1 else "")
         if figure:
-            draw(found, figure_of(figure, ours, result), f"{both[0].name} against {both[1].name}")
-    if len(pairs) > 1:
-        cli.show(f"{len(pairs) - failed} results as before, {failed} differ")
+            theirs = reference / Path(name).relative_to(result) if result.is_dir() else reference
+            draw(found, figure_of(figure, Path(name), result), f"{name} against {theirs}")
+    failed = sum(not found.passed for found in made.values())
+    if len(made) > 1:
+        cli.show(f"{len(made) - failed} results as before, {failed} differ")
     raise typer.Exit(cli.FAILED if failed else 0)
-
-
-def tolerance(rtol: float, atol: float, edge_steps: int, exceptions: Sequence[str]) -> Baseline:
-    """Tolerances of all signals; an InputError has all that is wrong with them."""
-    from gapsense.cosim.scenario.records import Baseline, Tolerance
-
-    own, problems = {}, []
-    for text in exceptions:
-        pattern, _, numbers = text.rpartition("=")
-        values = parsed(numbers)
-        if not pattern or not 1 <= len(values) <= 2 or not are_tolerances(values):
-            problems.append(f"--tolerance, {text}: `PATTERN=RTOL` or `PATTERN=RTOL,ATOL` expected. Correct it.")
-        else:
-            own[pattern] = Tolerance(values[0], values[1] if len(values) == 2 else atol, edge_steps)
-    for name, value in {"--rtol": rtol, "--atol": atol}.items():
-        if not are_tolerances([value]):
-            problems.append(f"{name}: {value} found, a number not below 0 expected. Correct the value.")
-    if problems:
-        raise InputError(problems)
-    return Baseline(Path(), None, Tolerance(rtol, atol, edge_steps), own)
-
-
-def parsed(text: str) -> list[float]:
-    """Numbers with commas between; none if something else is there."""
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        return []
-
-
-def are_tolerances(values: Sequence[float]) -> bool:
-    """True for finite numbers not below 0."""
-    return all(math.isfinite(value) and value >= 0.0 for value in values)
 
 
 def tell(found: Comparison, name: str) -> None:

@@ -9,7 +9,6 @@ import typer
 
 from gapsense import shipped
 from gapsense.cli.common import (
-    FAILED,
     Clipped,
     Column,
     Decimal,
@@ -18,9 +17,7 @@ from gapsense.cli.common import (
     Separator,
     bar,
     command,
-    problem,
-    show,
-    written,
+    tell,
 )
 
 
@@ -67,41 +64,21 @@ def estimate(
 
     Exit code 1 if one of them cannot be right, by what the record itself tells.
     """
-    from gapsense.cosim.prepare import find_fmus
-    from gapsense.fmi.components import components_folder, find_components
-    from gapsense.identification import estimate as judge
-    from gapsense.identification.estimate import (
-        choose_estimators,
-        estimate_figure,
-        estimate_tables,
-        estimators,
-        repeat_assumed,
-        run_all,
-        save,
-        subtract_given,
-    )
-    from gapsense.identification.measurements.prepare import thin
-    from gapsense.identification.measurements.reading import read_records, reading
-    from gapsense.identification.parameter_set import read_sets, take_values
-    from gapsense.identification.show import about
-    from gapsense.report import plot
+    from gapsense import functions
 
-    picture = figure or Path("results") / f"{data.stem}_estimates.png"
-    plot.check_file(picture)
-    every, folder = components_folder(), fmus or find_fmus(Path("here"))
-    record = thin(*read_records([data], reading(column, "end", separator, decimal, clipped), needs="samples"))
-    record, (values, assumed) = subtract_given(record, offset or []), read_sets(parameters or [])
-    names, left_out = choose_estimators(estimator, estimators(every), record, values)
-    for text in (*about(record), *(f"left out: {reason}" for reason in left_out)):
-        problem(text, "yellow")
-    take_values(find_components(every, names), parameters or [], find_components(every))  # before any run
     with bar("estimating") as progress:
-        estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
-    show(*estimate_tables(estimates), *repeat_assumed(values, assumed))
-    if to is not None:
-        written(save(to, record, estimates))
-    written(plot.save(estimate_figure(record, estimates), picture))
-    doubts = judge.doubts(record, estimates)
-    for text in doubts:
-        problem(text)
-    raise typer.Exit(FAILED if doubts else 0)
+        found = functions.estimate(
+            data,
+            estimator=estimator,
+            parameters=parameters or [],
+            column=column or [],
+            separator=separator,
+            decimal=decimal,
+            clipped=clipped,
+            offset=offset or [],
+            fmus=fmus,
+            out=to,
+            figure=figure or Path("results") / f"{data.stem}_estimates.png",
+            progress=progress,
+        )
+    tell(found)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
 from gapsense import shipped
 from gapsense.cli.common import (
-    FAILED,
     Assume,
     Clipped,
     Column,
@@ -21,13 +20,9 @@ from gapsense.cli.common import (
     Validate,
     bar,
     command,
-    show,
-    written,
+    tell,
 )
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
-
-if TYPE_CHECKING:
-    from gapsense.identification.identify import Asked, Finished
 
 MODELS = (AUTO, "coil", "solenoid_valve")
 
@@ -95,40 +90,32 @@ def identify(
     and core losses and fringes are found where the evidence is for them. Prints values, standard errors and
     correlations, names what the records do not identify, and with --assume all that was assumed.
     """
-    from gapsense.cli.commission import commissioned
-    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
-    from gapsense.identification.measurements.reading import reading
-    from gapsense.identification.valve.fit import fit_valve
-    from gapsense.identification.valve.gap import find_gap
+    from gapsense import functions
 
-    if model not in MODELS:
-        raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    how = reading(column, voltage, separator, decimal, clipped)
-    others = (model, period, temperatures, forms, hold or [], inductance, driver, accuracy)
-    if commission:
-        commissioned(data, how, check_believed(parameters, others), to, validate or [], figure, assume)
-    asked = Asked(data, how, to, validate or [], figure, parameters, assume, *others)
-    given = read(asked)
-    if model == "solenoid_valve":
-        given.ask()
-    with bar("looking for motion") as progress:
-        coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
-    if coil is not None:
-        end(asked, finish_coil(asked, given, coil), told)
-    given.ask()
-    start = find_gap(given.known.parameters, given.records, given.sought, inductance, given.conventions, period)
-    given.ask_for(start.parameters, start.sought)
     with bar("identifying") as progress:
-        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
-    end(asked, finish_valve(asked, given, start, result), told)
-
-
-def end(asked: Asked, result: Finished, told: list[str]) -> NoReturn:
-    """Show what was found; ends the command."""
-    from gapsense.report import plot
-
-    show(*result.shown, *told)
-    written(asked.to)
-    if asked.figure is not None:
-        written(plot.save(result.figure(), asked.figure))
-    raise typer.Exit(0 if result.is_explained else FAILED)
+        found = functions.identify(
+            data,
+            model=model,
+            commission=commission,
+            parameters=parameters,
+            assume=assume,
+            validate=validate or [],
+            period=period,
+            voltage=voltage,
+            temperature=temperatures,
+            forms=forms,
+            hold=hold or [],
+            inductance=inductance,
+            driver=driver,
+            accuracy=accuracy,
+            column=column or [],
+            separator=separator,
+            decimal=decimal,
+            clipped=clipped,
+            starts=starts,
+            seed=seed,
+            out=to,
+            figure=figure,
+            progress=progress,
+        )
+    tell(found)

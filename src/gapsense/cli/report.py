@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gapsense._os.plain_files import read_bytes, refuse_unwritable
-from gapsense.cli.common import Output, command, notice, written
+from gapsense.cli.common import Output, command, shown, written
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"
@@ -54,11 +54,3 @@ def beside(result: Path) -> Path:
     """File of the report on a result, or on a folder, where none is named."""
     folder = result.resolve()
     return folder.with_name(f"{folder.name}.html") if result.is_dir() else result.with_suffix(".html")
-
-
-def shown(file: Path) -> None:
-    """Show a file in the browser, or say that there is none: the report is written all the same."""
-    import webbrowser
-
-    if not webbrowser.open(file.resolve().as_uri()):
-        notice(f"no browser was found here. Open {file} in one yourself.")

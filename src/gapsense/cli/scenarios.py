@@ -13,8 +13,9 @@ from gapsense._os.interrupts import counted
 from gapsense._os.plain_files import refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli.compare import draw
-from gapsense.cosim.run.ahead import run_ahead, sweep_ahead
+from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.scenario.document import scenario_file
+from gapsense.many.ahead import runs_ahead
 from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed
@@ -127,7 +128,7 @@ def sweep(
     """
     engine = cli.engine_of(engine, native)
     fmus = cli.chosen(scenario, fmus, engine == "native")
-    with sweep_ahead(workers, engine), cli.bar("sweeping") as progress:
+    with runs_ahead(workers, engine, scenario_file(scenario)), cli.bar("sweeping") as progress:
         from gapsense.cosim.run.loop import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())
@@ -159,6 +160,7 @@ def figure(
         typer.Option("--out", help="PNG, PDF or SVG file", show_default="results/<scenario>.png"),
     ] = None,
     settings: cli.Set = None,
+    show: Annotated[bool, typer.Option("--show", help="Show it, in the browser")] = False,
 ) -> None:
     """Run a scenario and draw its figure, or draw that of a saved result."""
     from gapsense.report import plot
@@ -177,6 +179,8 @@ def figure(
             result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
         cli.stop_if_interrupted(result)
     cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+    if show:
+        cli.shown(file)
 
 
 def read_saved(file: Path, *options: object) -> cosim.Result:

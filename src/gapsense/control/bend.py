@@ -11,6 +11,7 @@ from gapsense.control.mover import gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
+from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import cond, floor, load, sqrt, square, where
 
@@ -20,7 +21,9 @@ HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [
 ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
-LITTLE = 1e-4  # flux linkage [Wb]
+LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
+SEATED = 0.5e-3  # time after the planned arrival at which it is told [s]
+CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -71,6 +74,24 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     plan, m, n = _plan(running, par), make_mover(par), piece(par)
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
+
+
+def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
+    running, n, T_s, m = state.running, piece(par), par.sample_time, make_mover(par)
+    is_kept = (running.due > n) & (running.due + n <= running.age) & (running.due + n < LONGEST)
+    at, is_closing = running.command * LONGEST + where(is_kept, running.due, n), running.command > 0.5
+    charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
+    opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
+    open_charge = 2.0 * n * T_s * flux * opened
+    is_closed, is_open = charge < CLOSED * open_charge, charge > OPENED * open_charge
+    is_told = is_kept & (flux > TELLING)
+    return is_told & where(is_closing, is_closed, is_open), is_told & where(is_closing, is_open, is_closed)
+
+
+def due(plan: Operation, par: Parameters) -> Scalar:
+    """Sample at which the mover is to have arrived."""
+    return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
 
 
 def piece(par: Parameters) -> Scalar:

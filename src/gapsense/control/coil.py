@@ -6,7 +6,7 @@ from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, fabs, not_, square, where
+from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
 
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
@@ -19,6 +19,7 @@ TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
+STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage is followed; error of that [Wb]
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
@@ -168,6 +169,20 @@ def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
     used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
     return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R)
+
+
+def wandering(coil: Coil, par: Parameters) -> Scalar:
+    """Error of the flux linkage at the end of a closing's travel that the noise of the current sums up to [Wb]."""
+    time = par.closing_lead + par.closing_travel
+    return coil.resistance * coil.noise * sqrt(par.sample_time * time)
+
+
+def steadied(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
+    """Drawn to the flux linkage of an estimator, which does not sum up the noise of the current."""
+    off = inputs.estimated_flux_linkage - coil.flux
+    share = coil.resistance * coil.noise * par.sample_time / WANDERING
+    is_near = (inputs.misfit < STEADY) & (fabs(off) < WANDERING)
+    return coil._replace(flux=coil.flux + where(is_near, share * off, 0.0))
 
 
 def topped(coil: Coil) -> Coil:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import landed
+from gapsense.control.bend import arrived, landed
 from gapsense.control.profile import arrival
-from gapsense.control.records import CLOSING, OPENING, Heard, Inputs, Law, Parameters, State
+from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import planned
 from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import cond, not_, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
+WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
@@ -19,6 +21,12 @@ TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed th
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FORGIVEN = 0.5  # hard impacts, by a soft one
 YOUNG = 8.0  # cycles in which approaches are still fast
+
+
+def warned(state: State) -> State:
+    """With the sum of what was noticed in this cycle, or in the last one, where something new was."""
+    noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
+    return state._replace(warnings=total(bit * is_so for bit, is_so in zip(WARNINGS, noticed)))
 
 
 def listened(state: State, inputs: Inputs) -> Heard:
@@ -53,7 +61,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     is_hard = is_soft & (speed > AUDIBLE)
-    is_short = is_soft & by_contact & (heard.landing < 1.0)
+    is_there, is_absent = arrived(state, par)
+    is_short = is_soft & where(by_contact, heard.landing < 1.0, is_absent & (running.command > 0.5))
+    law = laws.read(state.laws, running.command)
+    law = law._replace(missed=where(is_soft & is_there & not_(by_contact), 0.0, law.missed))
+    state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
 
@@ -111,7 +123,8 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
         ),
     )
     state = cond(is_last_due, lambda: _told(state, *last, inputs, par), lambda: state)
-    return cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    state = cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    return cond(is_due | is_last_due, lambda: warned(state), lambda: state)
 
 
 def _is_known(half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> Scalar:
@@ -160,10 +173,12 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     is_late = laws.is_late(has_landed, after, law)
-    plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0))
+    # an estimator may be wrong: it has to say so of three ordinary closings in a row
+    is_weak = (has_landed < 1.0) & ((state.by_model < 1.0) | (law.missed >= 2.0))
+    plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
     law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),
-        is_strong=where(half > 0.0, where(is_plain, 1.0 - has_landed, 0.0), state.is_strong),
+        is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, 0.0), state.is_strong),
     )

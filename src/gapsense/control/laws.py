@@ -6,12 +6,14 @@ floor below which it does not come for a while.
 
 from __future__ import annotations
 
+from gapsense.control.mover import NUMBERS
 from gapsense.control.records import LAW, Law, Parameters
 from gapsense.kernels.layout import Array, Scalar, triangle
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import load, store, where
 
-BEFORE = (0.2, 0.15, 0.2)  # standard deviations of a, b, q before anything is learnt
+BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anything is learnt
+DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
 UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged
@@ -19,20 +21,22 @@ LATE = 0.4  # travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
 UNFOLLOWED = 0.3  # of a travel at a limit: the flux linkage was another one than the profile
-PAIRS = triangle(3)
+PAIRS = triangle(NUMBERS)
+SPREAD = slice(NUMBERS, NUMBERS + len(PAIRS))  # entries of a covariance in memory
 
 
 def read(laws: Array, half: Scalar) -> Law:
     """What is known of a kind of operation."""
     entries = [load(laws, half * LAW + k) for k in range(LAW)]
-    P = entries[3:9]
-    cov = matrix([[P[PAIRS.index((min(i, j), max(i, j)))] for j in range(3)] for i in range(3)])
-    return Law(vector(entries[:3]), cov, vector(entries[9:12]), *entries[12:])
+    P, rest = entries[SPREAD], entries[SPREAD.stop :]
+    cov = matrix([[P[PAIRS.index((min(i, j), max(i, j)))] for j in range(NUMBERS)] for i in range(NUMBERS)])
+    slopes, trend, others = rest[:NUMBERS], rest[NUMBERS : 2 * NUMBERS], rest[2 * NUMBERS :]
+    return Law(vector(entries[:NUMBERS]), cov, vector(slopes), vector(trend), *others)
 
 
 def write(laws: Array, half: Scalar, law: Law) -> Array:
     """The memory with it."""
-    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law.slopes, *law[3:]]
+    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law.slopes, *law.trend, *law[4:]]
     for k, entry in enumerate(entries):
         laws = store(laws, half * LAW + k, entry)
     return laws
@@ -42,9 +46,10 @@ def first(travel: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
     cov = diagonal([s * s for s in BEFORE])
     return Law(
-        mean=vector([0.0] * 3),
+        mean=vector([0.0] * NUMBERS),
         cov=cov,
-        slopes=vector([0.0] * 3),
+        slopes=vector([0.0] * NUMBERS),
+        trend=vector([0.0] * NUMBERS),
         speed=par.approach_first,
         floor=par.approach_least,
         travel=travel,
@@ -58,7 +63,8 @@ def first(travel: Scalar, par: Parameters) -> Law:
 def doubted(law: Law, par: Parameters) -> Law:
     """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
     new = first(law.travel, par)
-    return law._replace(cov=new.cov, slopes=new.slopes, speed=new.speed, floor=new.floor)
+    cov = diagonal([s * s for s in DOUBTED])
+    return law._replace(cov=cov, slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor)
 
 
 def started(law: Law, is_plain: Scalar) -> Law:

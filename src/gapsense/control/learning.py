@@ -1,4 +1,4 @@
-"""What a contact teaches: three mechanical numbers of an operation, from when the mover took off and landed.
+"""What a contact teaches: four mechanical numbers of an operation, from when the mover took off and landed.
 
 The motion is computed without stops along the flux linkage that was measured, from rest at the take-off to the
 landing.  There it should be at the stop.  (The impact speed and the time of the landing themselves have a cusp where
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from gapsense.control import laws
 from gapsense.control.bend import SURE, speed_at
-from gapsense.control.mover import Motion, Mover, depth, make_mover, moved, squared_flux, squares, started
+from gapsense.control.mover import NUMBERS, Motion, Mover, depth, make_mover, moved, squared_flux, squares, started
 from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
@@ -19,6 +19,7 @@ from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, load, log, square, where
 
+TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
 # share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
@@ -31,7 +32,7 @@ FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT = 0.005  # of a, b, q from operation to operation
+DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -50,8 +51,8 @@ def _gone(state: State, par: Parameters) -> State:
 
 
 def with_law(m: Mover, mean: Array) -> Mover:
-    """A mover with a, b, q."""
-    return m._replace(balance=mean[0], slope=mean[1], lightness=mean[2])
+    """A mover with a, b, q, r."""
+    return m._replace(**dict(zip(("balance", "slope", "lightness", "drag"), mean)))
 
 
 def measured(state: State, at: Scalar) -> Scalar:
@@ -65,7 +66,7 @@ def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
     at = where(course.at <= course.last, course.at, course.last)
     z, v, *rest = course.motion
     squared = squares(measured(state, at - 1.0), measured(state, at))
-    new = moved(Motion(z, v, vector(rest[:3]), vector(rest[3:])), squared, par.sample_time, m)
+    new = moved(Motion(z, v, vector(rest[:NUMBERS]), vector(rest[NUMBERS:])), squared, par.sample_time, m)
     is_new = course.at <= course.last
     motion = vector([where(is_new, a, b) for a, b in zip(_entries(new), course.motion)])
     return course._replace(motion=motion, at=where(is_new, at + 1.0, course.at))
@@ -100,7 +101,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     before, after = measured(state, course.left - 1.0), measured(state, course.left)
     mean, step = 0.5 * (before + after), fabs(after - before)
     mean = where(mean > LITTLE, mean, LITTLE)
-    believed = squared_flux(z0, 0.0, 0.0, with_law(m, vector([0.0] * 3)))
+    believed = squared_flux(z0, 0.0, 0.0, with_law(m, vector([0.0] * NUMBERS)))
     x0 = depth(z0, m)
     late = (course.last - course.left) * par.sample_time / law.travel
     late = where(late > 1.0, late, 1.0)
@@ -108,7 +109,8 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     bent, doubt = speed_at(state, course.half, course.last, par)
     heard = where(course.half > 0.0, -1.0, 1.0) * where(is_measured, course.impact, bent)
     doubt = where(is_measured, square(SPEED * late * late), square(SURE) + square(doubt))
-    growth = slopes[3] / where(fabs(slopes[0]) > FLAT, slopes[0], FLAT)  # a motion that is late at its stop is slower
+    # a motion that is late at its stop is slower
+    growth = slopes[NUMBERS] / where(fabs(slopes[0]) > FLAT, slopes[0], FLAT)
     balance = log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0)
     innovation = vector([balance, z1 - z, heard - v - growth * (z1 - z)])
     noise = vector(
@@ -118,12 +120,13 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
             where(has_landed & (is_measured | (law.was_plain < 1.0)), doubt, UNKNOWN),
         ]
     )
-    by_law = _steady(law, slopes[:3], where(state.since_plain < YOUNG, EAGER, STEADY))
+    by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, EAGER, STEADY))
     is_soft = has_landed & (law.was_plain < 1.0) & (state.running.is_plain < 1.0)
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
-    by_speed = [change - growth * shift for change, shift in zip(slopes[3:], slopes[:3])]
-    H = matrix([[1.0, x0, 0.0], by_law, by_speed])
-    return state._replace(laws=laws.write(state.laws, course.half, _learnt(law, innovation, H, noise)))
+    by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
+    H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
+    learnt = _learnt(law, innovation, H, noise, is_soft & (state.since_plain > CLEAR))
+    return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
 def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
@@ -132,9 +135,10 @@ def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
-def _learnt(law: Law, innovation: Array, H: Array, noise: Array) -> Law:
+def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar) -> Law:
     """No number changes by much at once."""
     q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
-    mean = vector([clip(old + more, -LARGEST, LARGEST) for old, more in zip(law.mean, change)])
-    return law._replace(mean=mean, cov=P + diagonal([square(DRIFT)] * 3))
+    trend = vector([where(is_steady, KEEP * old + TREND * more, 0.0) for old, more in zip(law.trend, change)])
+    mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
+    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(drift) for drift in DRIFT]))

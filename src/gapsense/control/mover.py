@@ -1,6 +1,6 @@
 """What a controller believes of spring, mover and magnet, and the motion that follows from a flux linkage.
 
-    m e^-q dv/dt = F(z) (1 - lambda^2 / B(z)) - c e^-q v,    F = k (z_sp - z),    B = 2 F / R_g'(z) exp(a + b x),
+    m e^-q dv/dt = F(z) (1 - lambda^2 / B(z)) - c e^(r-q) v,    F = k (z_sp - z),    B = 2 F / R_g'(z) exp(a + b x),
 
 where x is 0 at the upper stop and 1 at the lower one, and B the square of the flux linkage that balances the spring.
 Neither the coil nor the core is in it.
@@ -16,6 +16,7 @@ from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, exp, square, where
 
 LIGHT, FLAT, FARTHEST, STRONGEST = 1e-3, 1e-3, 5.0, 1e6  # beyond these an estimator talks nonsense
+NUMBERS = 4  # a, b, q, r
 OUTSIDE = 0.1e-3  # way behind a stop on which the magnet's force still changes [m]
 
 
@@ -32,15 +33,16 @@ class Mover(NamedTuple):
     balance: Scalar = 0.0  # a
     slope: Scalar = 0.0  # b
     lightness: Scalar = 0.0  # q
+    drag: Scalar = 0.0  # r
 
 
 class Motion(NamedTuple):
-    """A motion without stops, and its derivatives by (a, b, q)."""
+    """A motion without stops, and its derivatives by (a, b, q, r)."""
 
     position: Scalar
     velocity: Scalar
-    by_position: Array  # (3,)
-    by_velocity: Array  # (3,)
+    by_position: Array  # (4,)
+    by_velocity: Array  # (4,)
 
 
 def make_mover(par: Any) -> Mover:
@@ -74,13 +76,13 @@ def balance(z: Scalar, m: Mover) -> Scalar:
 
 def squared_flux(z: Scalar, v: Scalar, a: Scalar, m: Mover) -> Scalar:
     """Square of the flux linkage with which the mover has velocity and acceleration; negative if none has [Wb^2]."""
-    inertia = exp(-m.lightness) * (m.mass * a + m.damping * v)
+    inertia = exp(-m.lightness) * (m.mass * a + m.damping * exp(m.drag) * v)
     return balance(z, m) * (1.0 - inertia / where(force(z, m) > LIGHT, force(z, m), LIGHT))
 
 
 def started(z: Scalar) -> Motion:
     """At rest."""
-    return Motion(z, 0.0, vector([0.0] * 3), vector([0.0] * 3))
+    return Motion(z, 0.0, vector([0.0] * NUMBERS), vector([0.0] * NUMBERS))
 
 
 def moved(at: Motion, squared: Scalar, dt: Scalar, m: Mover) -> Motion:
@@ -88,13 +90,13 @@ def moved(at: Motion, squared: Scalar, dt: Scalar, m: Mover) -> Motion:
     z = clip(at.position, m.gap.smallest - OUTSIDE, m.gap.largest + OUTSIDE)
     is_inside = where(z == at.position, 1.0, 0.0)
     slope, curvature = gap_slopes(z, m)
-    x, light, friction = depth(z, m), exp(m.lightness) / m.mass, m.damping / m.mass
+    x, light, friction = depth(z, m), exp(m.lightness) / m.mass, m.damping * exp(m.drag) / m.mass
     pull = 0.5 * squared * exp(-(m.balance + m.slope * x))
     free = light * (force(z, m) - pull * slope)
     a = free - friction * at.velocity
     rise = m.slope / (m.gap.largest - m.gap.smallest)
     by_z = -is_inside * light * (m.stiffness + pull * (curvature + slope * rise))
-    by_law = vector([light * pull * slope, light * pull * slope * x, free])
+    by_law = vector([light * pull * slope, light * pull * slope * x, free, -friction * at.velocity])
     by_a = by_z * at.by_position - friction * at.by_velocity + by_law
     half = 0.5 * dt
     return Motion(

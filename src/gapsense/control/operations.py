@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from gapsense.control import laws, learning
-from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, zeroed
-from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current
+from gapsense.control.bend import due
+from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, wandering, zeroed
+from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current, warned
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
 from gapsense.control.records import (
@@ -20,7 +21,7 @@ from gapsense.control.records import (
     Running,
     State,
 )
-from gapsense.control.tracking import believed, mover_of
+from gapsense.control.tracking import believed, mover_of, planned
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
@@ -31,14 +32,16 @@ EXPLAINED = 2.0  # operations in a row that an estimator has to explain well bef
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
+NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 PATIENT = 8.0  # cycles after which an estimator is to be followed
+TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 WARM = 0.85  # share of the voltage that the resistance may need
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
     """An operation ends, and the next one begins."""
     state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
-    return _begun(state, inputs, par)
+    return warned(_begun(state, inputs, par))
 
 
 # the end of an operation
@@ -50,13 +53,13 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     law = laws.read(known, half)._replace(length=running.age)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
-    is_limited = running.limited > laws.LIMITED
+    is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
     law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
     is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     noted = state.noted._replace(
-        too_fast=where(is_limited & not_(is_warm), 1.0, state.noted.too_fast),
-        used_up=where(is_limited & is_warm, 1.0, state.noted.used_up),
+        too_fast=where(is_told & not_(is_warm), 1.0, state.noted.too_fast),
+        used_up=where(is_told & is_warm, 1.0, state.noted.used_up),
     )
     state = state._replace(laws=laws.write(known, half, law), noted=noted)
 
@@ -125,7 +128,8 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
     is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
     state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
-    known = cond(state.cycles == YOUNG, lambda: _grown(state.laws, par), lambda: state.laws)
+    is_grown = (state.cycles == YOUNG) | (state.since_plain == YOUNG)
+    known = cond(is_grown, lambda: _grown(state.laws, par), lambda: state.laws)
     return state._replace(
         coil=new,
         laws=known,
@@ -151,7 +155,12 @@ def _noted(state: State, par: Parameters) -> Noted:
     unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
     unexplained = unexplained | (state.noted.unexplained > 0.0)
     shifted = fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most
-    return state.noted._replace(unexplained=where(unexplained, 1.0, 0.0), shifted=where(shifted, 1.0, 0.0))
+    is_noisy = wandering(state.coil, par) > NOISY * state.running.balance_flux
+    return state.noted._replace(
+        unexplained=where(unexplained, 1.0, 0.0),
+        shifted=where(shifted, 1.0, 0.0),
+        noisy=where(is_noisy, 1.0, 0.0),
+    )
 
 
 # the beginning of an operation
@@ -187,6 +196,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             wanted=0.0,
             limited=0.0,
             since_limit=0.0,
+            due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             is_judged=0.0,
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,

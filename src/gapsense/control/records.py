@@ -12,8 +12,8 @@ from gapsense.kernels.layout import COUNT, Array, Choice, Count, Memory, Scalar,
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 19  # numbers of a `Law`
-LAW_SPANS = (*[None] * 16, COUNT, None, None)  # its `length` is a count
+LAW = 29  # numbers of a `Law`
+LAW_SPANS = (*[None] * 26, COUNT, None, None)  # its `length` is a count
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -142,9 +142,10 @@ class Outputs(NamedTuple):
 class Law(NamedTuple):
     """What is known of one kind of operation."""
 
-    mean: Array  # a, b, q of the mover
-    cov: Array  # (3, 3)
-    slopes: Array  # of the position at a soft landing by a, b, q: their mean of late, (3,)
+    mean: Array  # a, b, q, r of the mover
+    cov: Array  # (4, 4)
+    slopes: Array  # of the position at a soft landing by a, b, q, r: their mean of late, (4,)
+    trend: Array  # change of a, b, q, r from operation to operation, (4,)
     speed: Scalar  # of the next approach [m/s]
     floor: Scalar  # below which that does not come [m/s]
     travel: Scalar  # [s]
@@ -163,11 +164,12 @@ class Running(NamedTuple):
     start_flux: Scalar  # where the profile begins [Wb]
     speed: Scalar
     travel: Scalar
-    learnt: Annotated[Array, Vector(8)]  # factor, bend, rest, mass, damping, a, b, q of its mover
+    learnt: Annotated[Array, Vector(9)]  # factor, bend, rest, mass, damping, a, b, q, r of its mover
     balance_flux: Scalar  # of the spring where it begins [Wb]
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
     since_limit: Scalar  # samples since the last one
+    due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that
@@ -221,7 +223,7 @@ class Pass(NamedTuple):
     landed: Scalar  # 1: there was one
     correction: Scalar  # of the resistance with which the samples were integrated [ohm]
     impact: Scalar  # impact speed that somebody has measured, or 0
-    motion: Annotated[Array, Vector(8)]  # a `Motion`
+    motion: Annotated[Array, Vector(10)]  # a `Motion`
 
 
 class Noted(NamedTuple):
@@ -235,6 +237,7 @@ class Noted(NamedTuple):
     shifted: Scalar  # the reading of the voltage has an offset
     hard: Scalar  # a soft operation landed hard
     changed: Scalar  # a soft operation landed hard or not at all, and what was learnt is not believed any more
+    noisy: Scalar  # the current is too noisy for the flux linkage that a soft landing needs
 
 
 NOTHING = Noted(*[0.0] * len(Noted._fields))
@@ -265,4 +268,5 @@ class State(NamedTuple):
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
     alarm: Scalar  # operations that are to be ordinary
     explained: Scalar  # 1: the estimator has explained a window in this cycle
-    remembered: Annotated[Array, Vector(8)]  # what was noticed in the last cycle
+    remembered: Annotated[Array, Vector(9)]  # what was noticed in the last cycle
+    warnings: Scalar  # sum of what was noticed in this cycle, or in the last one

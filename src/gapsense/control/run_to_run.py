@@ -13,8 +13,8 @@ import math
 
 from gapsense.control import correction, learning
 from gapsense.control.bend import watched
-from gapsense.control.coil import first_coil, integrated
-from gapsense.control.judging import judged_by_estimator, listened
+from gapsense.control.coil import first_coil, integrated, steadied
+from gapsense.control.judging import judged_by_estimator, listened, warned
 from gapsense.control.operations import turned
 from gapsense.control.records import (
     BAD,
@@ -39,13 +39,12 @@ from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import cond, fabs, where
 
 FASTEST = 1e3  # impact speed that can be [m/s]
-WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
-    learnt = vector([*believed(par), 0.0, 0.0, 0.0])
+    learnt = vector([*believed(par), 0.0, 0.0, 0.0, 0.0])
     state = State(
         coil=first_coil(inputs, par),
         running=Running(
@@ -60,6 +59,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             wanted=0.0,
             limited=0.0,
             since_limit=0.0,
+            due=0.0,
             is_judged=1.0,
             last_age=0.0,
             last_is_judged=1.0,
@@ -67,11 +67,12 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         ),
         heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         course=Pass(
-            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 8)
+            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 10)
         ),
         noted=NOTHING,
         explained=0.0,
         remembered=vector([*NOTHING]),
+        warnings=0.0,
         laws=zeros(2 * LAW),
         fluxes=zeros(2 * LONGEST),
         profiles=zeros(2 * LONGEST),
@@ -96,13 +97,15 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
     coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
+    coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, par), lambda: coil)
     noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
     state = state._replace(coil=coil, running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))
     is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)  # else it is lost, and the last one goes on
     command = where(is_command, where(inputs.command > 0.5, CLOSING, OPENING), running.command)
     goes_on = command == running.command
-    state = cond(goes_on, lambda: state, lambda: turned(state, _readable(state, inputs), par))
+    going = cond(is_lost, lambda: warned(state), lambda: state)
+    state = cond(goes_on, lambda: going, lambda: turned(going, _readable(going, inputs), par))
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
     state = state._replace(heard=watched(state, par))
@@ -140,12 +143,6 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
     )
 
 
-def _warnings(state: State) -> Scalar:
-    """What was noticed in this cycle, or in the last one."""
-    noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
-    return total(bit * is_so for bit, is_so in zip(WARNINGS, noticed))
-
-
 def _outputs(state: State, u: Scalar) -> Outputs:
     running = state.running
     ordinary = where(state.is_ready == 0.0, LEARNING, BACK)
@@ -159,5 +156,5 @@ def _outputs(state: State, u: Scalar) -> Outputs:
         balance_flux=running.balance_flux,
         cycle=state.cycles,
         state=where(state.cycles < 1.0, IDLE, where(running.is_plain > 0.0, ordinary, soft)),
-        warnings=_warnings(state),
+        warnings=state.warnings,
     )

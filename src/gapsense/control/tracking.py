@@ -35,9 +35,9 @@ def believed(par: Parameters) -> tuple[Scalar, ...]:
 
 def mover_of(learnt: Array, par: Parameters) -> Mover:
     """The mover of which the profile of an operation is made."""
-    factor, bend, rest, mass, damping, a, b, q = learnt
+    factor, bend, rest, mass, damping, a, b, q, r = learnt
     m = make_mover(par)._replace(factor=factor, bend=bend, rest=rest, mass=mass, damping=damping)
-    return m._replace(balance=a, slope=b, lightness=q)
+    return m._replace(balance=a, slope=b, lightness=q, drag=r)
 
 
 def is_late(running: Running, par: Parameters) -> Scalar:

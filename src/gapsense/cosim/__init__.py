@@ -37,17 +37,17 @@ if TYPE_CHECKING:
     from gapsense.cosim.run.master import Master as Master
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.run.run import run_once as run_once
-    from gapsense.cosim.scenario.changes import changed as changed
+    from gapsense.cosim.scenario.document import changed as changed
     from gapsense.cosim.scenario.read import load as load
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
-    from gapsense.cosim.sweep import sweep as sweep
-    from gapsense.cosim.sweep_table import Sweep as Sweep
+    from gapsense.many.sweep import sweep as sweep
+    from gapsense.many.sweep_table import Sweep as Sweep
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
-    "scenario.changes": ("changed",),
+    "scenario.document": ("changed",),
     "run.checkpoint": ("Checkpoint",),
     "result.compare": ("compare",),
     "junit": ("write_junit",),
@@ -65,11 +65,9 @@ OF_MODULES = {
     "scenario.records": ("Scenario",),
     "sensitivity": ("Growth", "sensitivity"),
     "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
-    "sweep": ("sweep",),
-    "sweep_table": ("Sweep",),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED["ScenarioError"] = "gapsense.problems"
+OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep_table"}
 
 
 def __getattr__(name: str) -> Any:

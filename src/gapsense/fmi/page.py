@@ -31,7 +31,9 @@ STYLE = """:root{color-scheme:light dark;--text:#1b1f24;--back:#fff;--faint:#576
 body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:var(--text);
 background:var(--back);overflow-wrap:break-word}
 a{color:var(--c0)}h1 small{font-weight:normal;color:var(--faint);font-size:.6em}
-.wide{overflow-x:auto;margin:.5rem 0 1.5rem}table{border-collapse:collapse;width:100%}
+.wide{overflow-x:auto;margin:.5rem 0 1.5rem}
+.wide tr>:first-child{position:sticky;left:0;background:var(--back)}.wide th:first-child{background:var(--box)}
+table{border-collapse:collapse;width:100%}
 td,th{border-bottom:1px solid var(--line);padding:.3rem .6rem;text-align:left;vertical-align:top}
 th{background:var(--box)}.number,td code{white-space:nowrap}.name code{white-space:normal}.meaning{min-width:12rem}
 code,pre{background:var(--box);padding:.1rem .3rem;border-radius:4px}pre{padding:.8rem;overflow-x:auto}
@@ -71,13 +73,26 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
         f"{render(taken.get(title, ''))}"
         for causality, title in TITLES.items()
     )
+    body = anchored(
+        f"{picture}{render(text)}\n{render(chapter(component))}\n{tables}\n"
+        f"{render(run.format(step=component.step_size) + TRY)}"
+    )
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{component.name}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
-        f"{picture}{render(text)}\n{render(chapter(component))}\n{tables}\n"
-        f"{render(run.format(step=component.step_size) + TRY)}</body></html>\n"
+        f"{body}</body></html>\n"
     )
+
+
+def anchored(body: str) -> str:
+    """A list of the chapters, which have anchors, before them."""
+    titles = re.findall(r"<h2>(.*?)</h2>", body)
+    names = [re.sub(r"\W+", "-", re.sub(r"<.*?>", "", title).lower()).strip("-") for title in titles]
+    for title, name in zip(titles, names):
+        body = body.replace(f"<h2>{title}</h2>", f'<h2 id="{name}">{title}</h2>', 1)
+    links = " · ".join(f'<a href="#{name}">{title}</a>' for title, name in zip(titles, names))
+    return f"<nav>{links}</nav>\n{body}"
 
 
 def taking(component: Component) -> str:

@@ -7,10 +7,14 @@ dampings of a step are tried at once (K. Levenberg 1944, D. Marquardt 1963); if 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes import is_compiled, stepped
+from gapsense.kernels.layout import flat
 
 Vector = npt.NDArray[np.float64]
 Matrix = npt.NDArray[np.float64]
@@ -18,6 +22,7 @@ Matrix = npt.NDArray[np.float64]
 STEP = 1e-5  # of a difference quotient, of a logarithm
 DAMPINGS = ((0.0, 0.01, 0.1, 1.0, 10.0, 100.0, 1e3), (1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10))  # the second if need be
 NEGLIGIBLE = 1e-12  # eigenvalue, relative to the largest, of a direction without effect
+FEW = 24  # models that scalar Python steps faster than numpy
 FAR = 1e3  # residual of what is no device
 
 
@@ -46,6 +51,16 @@ class Minimum(NamedTuple):
     residuals: Vector
     steps: int  # that lowered the cost
     at_limit: npt.NDArray[np.bool_]  # of each number
+
+
+def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
+    """Currents of several models with inputs of their own (samples, inputs, models); (models, samples)."""
+    if not is_compiled(kernel, len(inputs), ("current",)) and len(pars) <= FEW:
+        place = kernel.module.Outputs._fields.index("current")
+        runs = [kernel.run(inputs[:, :, k].tolist(), par)[1] for k, par in enumerate(pars)]
+        return np.array([[row[place] for row in run] for run in runs])
+    columns = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
+    return np.asarray(stepped(kernel, inputs, columns, ("current",))[:, 0].T)
 
 
 def differences(values: Callable[[list[Vector]], Matrix], x: Vector, high: Vector | float = np.inf) -> Matrix:

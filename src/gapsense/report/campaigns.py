@@ -13,8 +13,8 @@ from gapsense.report.table import add_row, quantity, table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gapsense.campaign.result import Campaign
-    from gapsense.campaign.summary import Cloud
+    from gapsense.many.result import Campaign
+    from gapsense.many.summary import Cloud
     from gapsense.report.distributions import Bars
 
 SHOWN = 5  # failures
@@ -23,7 +23,7 @@ PANELS = 4  # metrics and parameters of a figure, unless they are chosen
 
 def summary(campaign: Campaign) -> list[Table | str]:
     """What was varied, the metrics, and what failed."""
-    about = campaign.manifest.about
+    about = campaign.about
     state = f"{campaign.rows} of {campaign.runs} runs, {campaign.failed} failed"
     heading = f"{about['title']}: {about['scenario']}, {state}"
     shown: list[Table | str] = [heading, *factors(campaign), *metrics(campaign)]
@@ -35,7 +35,7 @@ def summary(campaign: Campaign) -> list[Table | str]:
 
 def factors(campaign: Campaign) -> list[Table]:
     """What was varied."""
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
 
     if not campaign.factors or not campaign.rows:
         return []
@@ -53,11 +53,11 @@ def factors(campaign: Campaign) -> list[Table]:
 
 def metrics(campaign: Campaign) -> list[Table]:
     """Quantiles of each metric, and the parameter that it goes with."""
-    from gapsense.campaign import summary as of
+    from gapsense.many import summary as of
 
     made: dict[str, Table] = {}
     leading = of.leading(campaign)
-    for name, (title, label) in campaign.manifest.about["labels"].items() if campaign.rows else ():
+    for name, (title, label) in campaign.about["labels"].items() if campaign.rows else ():
         title = title or "Metrics"
         heads = ("metric", "least", "5 %", "median", "95 %", "greatest", "goes with", "missing")
         shown = made.setdefault(title, table(title, heads))
@@ -83,7 +83,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     -------
     Figure
     """
-    from gapsense.campaign.summary import levels
+    from gapsense.many.summary import levels
     from gapsense.report import plot
     from gapsense.report.distributions import Bars, Distributions, Points
 
@@ -93,8 +93,8 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
     found = Distributions(campaign, dict.fromkeys(metrics, factors), {name: levels(campaign, name) for name in factors})
     words = f"{campaign.rows} runs{'; dark where many lie' if found.is_counted else ''}"
-    title, size = f"{campaign.manifest.about['title']}: {words}", (len(metrics), 1 + len(factors))
-    made, axes = plot.panels(title, *size, (1.0 + 3.6 * size[1], 0.9 + 2.6 * size[0]), sharey="row")
+    title, size = f"{campaign.about['title']}: {words}", (len(metrics), 1 + len(factors))
+    made, axes = plot.panels(title, *size, (1.0 + 2.0 * size[1], 0.9 + 2.0 * size[0]), sharey="row")
     for row, metric in zip(axes, metrics):
         bins, counts = found.alone(metric)
         row[0].stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
@@ -109,7 +109,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
             else:
                 density(axis, over)
     for axis, name in zip(axes[-1], ("runs", *factors)):
-        axis.set_xlabel(name if name == "runs" else labelled(campaign, name))
+        axis.set_xlabel(name if name == "runs" else labelled(campaign, name), fontsize="small")
     return made
 
 
@@ -130,11 +130,12 @@ def bars(axis: Any, found: Bars) -> None:
     """Median and 5-95 % range at each value of a parameter."""
     from gapsense.report import plot
 
-    for k, (low, median, high) in enumerate(found.quantiles):
-        axis.plot([k, k], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
-        axis.plot([k], [median], "o", color=plot.FIRST)
-    names = found.names
-    axis.set_xticks(range(len(names)), names, rotation=30 if max(map(len, names), default=0) > 6 else 0)
+    for place, (low, median, high) in zip(found.places, found.quantiles):
+        axis.plot([place, place], [low, high], color=plot.FAINT, linewidth=4, solid_capstyle="butt")
+        axis.plot([place], [median], "o", color=plot.FIRST)
+    names = [found.names[k] for k in found.labelled]
+    slope = 30 if max(map(len, names), default=0) > 6 else 0
+    axis.set_xticks(found.places[found.labelled], names, rotation=slope)
 
 
 def density(axis: Any, cloud: Cloud) -> None:

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.campaign import summary
-from gapsense.campaign.result import Campaign
+from gapsense.many import summary
+from gapsense.many.result import Campaign
 
 Vector = npt.NDArray[np.float64]
 POINTS = 2000  # runs that are drawn as points; more are counted
+MOST_LABELS = 7  # below an axis
 
 
 class Bars(NamedTuple):
@@ -20,6 +21,17 @@ class Bars(NamedTuple):
 
     names: list[str]
     quantiles: Vector
+    places: Vector  # on the axis: the values themselves, or the numbers of texts
+
+    @property
+    def labelled(self) -> list[int]:
+        """Rows whose names fit below the axis, from the left: a seventh of its length lies between two at least."""
+        least = float(np.ptp(self.places)) / MOST_LABELS
+        kept: list[int] = []
+        for k in np.argsort(self.places, kind="stable").tolist():
+            if not kept or self.places[k] - self.places[kept[-1]] >= least:
+                kept.append(k)
+        return kept
 
 
 class Points(NamedTuple):
@@ -62,8 +74,14 @@ class Distributions:
         if (values := self.levels[factor]) is not None:
             groups = summary.grouped(self.campaign, factor, metric, values)
             quantiles = np.array([group.quantiles for group in groups]).reshape(-1, 3)
-            return Bars([named(group.value) for group in groups], quantiles)
+            return Bars([named(group.value) for group in groups], quantiles, places_of([g.value for g in groups]))
         return self.clouds[factor, metric] if self.is_counted else Points(factor, metric)
+
+
+def places_of(values: Sequence[Any]) -> Vector:
+    """Where values of a parameter stand on an axis: numbers to scale, texts and flags one after the other."""
+    is_number = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+    return np.array(values, dtype=float) if is_number and len(values) > 1 else np.arange(float(len(values)))
 
 
 def named(value: Any) -> str:

@@ -28,12 +28,24 @@ Vector = npt.NDArray[np.float64]
 ENDINGS = (".png", ".pdf", ".svg")
 SOURCE = "Source"  # chunk of a PNG file that tells what it shows, in ASCII
 GRID = "#d0d7de"
+PAGE = 9.0  # width of a figure for a page [in], on which its text has 10 of the 16 pixels of the page's
 MOST, ROOM = 5, 14  # curves in a panel of an overview, and characters in a line beside it
 TRUE, FIRST, SECOND, THIRD, FAINT = "black", "#0969da", "#bc4c00", "#1a7f37", "#8c959f"
 
 
 class Picture(Figure):
-    """A figure that notebooks show by themselves."""
+    """A figure that notebooks show by themselves, and `show` in a window of the system, where there is one."""
+
+    def show(self, warn: bool = True) -> None:
+        """Show it in the browser; without a display, say where the file is."""
+        import webbrowser
+        from tempfile import mkstemp
+
+        handle, name = mkstemp(prefix="gapsense_", suffix=".png")
+        os.close(handle)
+        self.savefig(name)
+        if not webbrowser.open(Path(name).as_uri()) and warn:
+            print(f"There is no display here. The figure is in {name}.")
 
     def _repr_png_(self) -> bytes:
         file = BytesIO()
@@ -112,7 +124,7 @@ def panels(
     title: str, rows: int, columns: int = 1, size: tuple[float, float] | None = None, **more: Any
 ) -> tuple[Figure, Any]:
     """An empty figure and its axes (rows, columns), with a grid and without a box."""
-    figure = Picture(figsize=size or (1.0 + 5.0 * columns, 5.0), layout="constrained")
+    figure = Picture(figsize=size or (min(1.0 + 5.0 * columns, PAGE), 5.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **more)
     for axis in axes.flat:
         dress(axis)
@@ -129,7 +141,7 @@ def dress(axis: Any) -> None:
 
 def stack(title: str, labels: list[str], heights: list[float] | None = None) -> tuple[Figure, list[Any]]:
     """An empty figure with one panel per label, sharing the time axis."""
-    size = (9.0, 0.9 + 1.25 * len(labels))
+    size = (PAGE, 0.9 + 1.25 * len(labels))
     figure, axes = panels(title, len(labels), size=size, sharex=True, height_ratios=heights)
     for axis, label in zip(axes[:, 0], labels):
         axis.set_ylabel(label)

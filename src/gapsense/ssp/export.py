@@ -11,8 +11,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from gapsense._os.files import write_atomically
-from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.prepare import prepare
 from gapsense.cosim.scenario.document import Document, Source, read_document
 from gapsense.cosim.scenario.elements import Connection, Port

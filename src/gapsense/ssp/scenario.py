@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
 from gapsense.cosim.fmu.archive import shown
-from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.problems import listing, suggest
 from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Path

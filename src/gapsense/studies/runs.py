@@ -19,8 +19,8 @@ from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
 from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.run.worker import by_port
 from gapsense.cosim.scenario.document import Document, Source, read_document
+from gapsense.many.worker import by_port
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value, merged
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense._os.checked import fingerprint
 from gapsense._os.importable import facts, importable_name, imported
-from gapsense._os.workers import Job, Progress, complete
-from gapsense.ledger import Ledger, key
+from gapsense._os.workers import Entry, Job, Local, Progress
+from gapsense.many.execute import computed
+from gapsense.many.key import key
+from gapsense.many.store import RUNS, Store, alone
 
 Facts = Mapping[str, Any]  # of JSON
 
@@ -32,21 +35,27 @@ def compute(
     """Results of `function(setting, task)` for all tasks; the number of `workers` does not change them.
 
     The function stands at the top level of a module, which the workers import.  `setting`, which all tasks share, the
-    tasks and the results are of JSON.  `file` takes a line per task as soon as it is done, and has it after a Ctrl-C,
+    tasks and the results are of JSON.  `file` takes each result as soon as it is there, and has it after a Ctrl-C,
     which is a KeyboardInterrupt; what is there for the same code, setting and task is not computed again.  `progress`
     is called after each task with tasks done and tasks in all.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers found, at least 1 expected. Correct `--workers`.")
     numbers = {number(task): task for task in tasks}
-    ledger = Ledger(file, key([facts(function), setting]))
     request = {"function": importable_name(function), "setting": setting, "tasks": numbers}
-    with ledger.alone():
-        known = {n: entry for n, entry in ledger.read().items() if n in numbers}
-        before = len(known)
-        if complete(Job(answers, request, workers, function), numbers, known, ledger, progress):
+    job = Job(answers, request, workers, function)
+    with alone(file), Store(file, key([facts(function), setting])) as store:
+        store.describe({"function": request["function"]})
+        missing = [n for n in numbers if store.content(RUNS, n) is None]
+
+        def keep(came: Sequence[Entry]) -> None:
+            store.add({entry["index"]: json.dumps(entry["result"]).encode() for entry in came})
+
+        count, interrupted = computed(Local(job, len(missing)), missing, len(numbers), keep, progress)
+        if interrupted:
             raise KeyboardInterrupt
-    return Answers([known[number(task)]["result"] for task in tasks], len(known) - before)
+        found = {n: json.loads(store.content(RUNS, n) or b"null") for n in numbers}
+    return Answers([found[number(task)] for task in tasks], count)
 
 
 def answers(request: Facts) -> Callable[[int], Facts]:

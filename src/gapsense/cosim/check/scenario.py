@@ -27,9 +27,15 @@ from gapsense.cosim.check.values import (
 from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import check_events, varied
 from gapsense.cosim.fmu.archive import UnusableError
-from gapsense.cosim.fmu.descriptions import Description, Descriptions, describe, find_fmu
-from gapsense.cosim.fmu.rules import broken_rules
-from gapsense.cosim.fmu.variables import NUMERIC, Variable
+from gapsense.cosim.fmu.descriptions import (
+    NUMERIC,
+    Description,
+    Descriptions,
+    Variable,
+    broken_rules,
+    describe,
+    find_fmu,
+)
 from gapsense.cosim.scenario.elements import Component, Connection, Experiment, Port
 from gapsense.cosim.scenario.input_signals import SLACK, Played
 from gapsense.cosim.scenario.order import FeedthroughCycleError, execution_order

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from gapsense._os.files import state
 from gapsense.cosim.fmu.archive import UnusableError, read_description
-from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable, mended
-from gapsense.cosim.fmu.variables import NUMERIC
+from gapsense.cosim.fmu.descriptions import NUMERIC, Description, Descriptions, Variable, mended
 from gapsense.cosim.scenario.elements import Component, Experiment
 from gapsense.cosim.scenario.records import RowsColumn, Scenario
 from gapsense.problems import listing, suggest

@@ -11,8 +11,7 @@ from hashlib import sha256
 from struct import unpack
 from typing import Any
 
-from gapsense.cosim.events.event import Event
-from gapsense.cosim.events.watch import Buffer, Watch
+from gapsense.cosim.events.event import Buffer, Event, Watch
 from gapsense.cosim.scenario.elements import Component, Experiment, index_of, steps_of
 from gapsense.tables import Value
 

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from gapsense._os.processes import Marks
 from gapsense.cosim.events.actor import NEVER, Actor, Effect
-from gapsense.cosim.events.event import Event
-from gapsense.cosim.events.watch import Watch, reporter
+from gapsense.cosim.events.event import Event, Watch, reporter
 from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.part import Layout, Part, Stage
 from gapsense.cosim.run.recording import COMPONENT, MASTER

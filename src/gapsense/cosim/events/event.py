@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from gapsense.tables import Value
 
@@ -12,6 +15,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.fmu.descriptions import Descriptions
     from gapsense.cosim.scenario.elements import Connection, Port
 
+Buffer = npt.NDArray[np.float64]
 TIMES = ("at", "until", "duration", "over", "when.for", "when.after")  # keys in seconds
 NEEDED, MAY_BE = "needed", "may be given"
 SECTION = "events"  # of the file; in a sweep it stands where others have a component
@@ -117,3 +121,27 @@ def unit_of_key(key: str, event: Event, descriptions: Descriptions) -> str:
     if port is None:
         return ""
     return descriptions[port.component].variables[port.variable].unit or ""
+
+
+# Conditions on signals, which the loop over base steps looks at: it comes back when one begins or ends to hold.
+
+
+@dataclass
+class Watch:
+    """Whether the value in a place of the buffer is above (or below) a level, as it was known last."""
+
+    place: int
+    level: float
+    is_above: bool
+    is_on: bool = False  # somebody wants to know
+    holds: bool = False
+
+    def look(self, buffer: Buffer) -> bool:
+        """True if the condition holds now; NaN is neither above nor below."""
+        value = buffer[self.place]
+        return bool(value > self.level if self.is_above else value < self.level)
+
+
+def reporter(watches: Sequence[Watch], buffer: Buffer) -> Callable[[], bool]:
+    """Function that says if there is news of some conditions."""
+    return lambda: any(watch.is_on and watch.look(buffer) != watch.holds for watch in watches)

@@ -9,8 +9,7 @@ from typing import Any
 from gapsense.cosim.check.values import is_whole, limits, misfit, within
 from gapsense.cosim.events import keys
 from gapsense.cosim.events.event import ACTIONS, NEEDED, SECTION, Event, When, resolved
-from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
-from gapsense.cosim.fmu.rules import broken_rules
+from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable, broken_rules
 from gapsense.cosim.scenario.elements import Experiment, Port, index_of, is_on_grid, neighbours
 from gapsense.cosim.scenario.read_sections import split
 from gapsense.cosim.scenario.records import MOST_STEPS, NAME, Scenario

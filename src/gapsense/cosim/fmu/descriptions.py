@@ -5,24 +5,244 @@ from __future__ import annotations
 import math
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
 from gapsense._os.files import sha256
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
-from gapsense.cosim.fmu.rules import read_rules
-from gapsense.cosim.fmu.variables import Variable, scalars
-from gapsense.fmi.ports import Component
+from gapsense.fmi.ports import Component, Limit, Port
+from gapsense.fmi.values import KINDS, ValuesError, fields
+from gapsense.tables import Value
 
+NUMERIC = ("Real", "Integer", "Enumeration")
+TYPES: Mapping[str, str] = {  # of FMI 3.0, by those of FMI 2.0
+    "Float64": "Real",
+    "Float32": "Real",
+    **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
+}
+RANGES: Mapping[str, tuple[int, int]] = {
+    **{f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)},
+    **{f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)},
+}
+HAVE_STARTS = ("output", "local")  # causalities besides inputs and parameters
+NOT_MOVED = ("Binary", "Clock")  # types that a run leaves alone
+MOST_ELEMENTS = 100  # of an array; larger ones are left alone too
+STRUCTURAL = "structuralParameter"  # causality of the numbers that sizes of arrays are
+OF_TYPES = {kind: RANGES["Int32"] for kind in ("Integer", "Enumeration")}  # where the type names no size
+PLACES = (  # of FMI 2.0 and of FMI 3.0
+    "VendorAnnotations/Tool[@name='Gapsense']/Rules",
+    "Annotations/Annotation[@type='gapsense.rules']/Rules",
+)
+HIGHEST_POWER = 9
 PARAMETERS = ("parameter", "calculatedParameter")
 NOT_REAL = ("Integer", "Boolean", "String", "Enumeration")
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
 NO_SIZES: Mapping[str, int] = {}
+
+
+# Variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts, arrays by their elements.
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A scalar variable, or an element of an array: its type and causality as FMI names them, limits and start."""
+
+    name: str
+    reference: int
+    type: str  # Real, Integer, Boolean, String or Enumeration
+    causality: str
+    unit: str | None
+    min: float | None
+    max: float | None
+    nominal: float
+    start: Value | None
+    size: str = ""  # its type in FMI 3.0, such as Int16; empty for FMI 2.0
+    has_start: bool = False  # an output or a local variable with a start value that may be set
+    items: Mapping[str, int] = field(default_factory=dict)  # of an Enumeration
+    variability: str = ""
+    array: str = ""  # that it is an element of
+    place: int = 0  # in that, row by row
+    is_structural: bool = False  # a parameter that decides sizes of arrays
+
+    @property
+    def is_parameter(self) -> bool:
+        """True if a scenario may set it."""
+        return self.causality == "parameter"
+
+    @property
+    def is_tunable(self) -> bool:
+        """True for a parameter that may be set during a run."""
+        return self.is_parameter and self.variability == "tunable"
+
+    @property
+    def is_settable(self) -> bool:
+        """True if a value may be given before the initialisation: parameters, inputs, and what has a start value."""
+        return self.causality in ("parameter", "input") or self.has_start
+
+    @property
+    def range(self) -> tuple[int, int] | None:
+        """Smallest and largest number of an integer type, or None for another."""
+        return RANGES.get(self.size) or OF_TYPES.get(self.type)
+
+    def number(self, value: Value) -> Value:
+        """The value as FMI takes it: an item of an enumeration becomes its number."""
+        return self.items.get(value, value) if isinstance(value, str) else value
+
+
+def scalars(v: Any, sizes: Mapping[str, int]) -> list[Variable]:
+    """A variable of fmpy's model description, or the elements of an array: `y[1]`, `A[2,1]`, row by row.
+
+    `sizes` are values of structural parameters that are not their start values.  What a run does not move has none.
+    """
+    if v.type in NOT_MOVED or (v.dimensions and v.type == "String"):
+        return []
+    if not v.dimensions:
+        return [variable(v)]
+    shape = [sizes.get(d.variable.name, n) if d.variable else n for d, n in zip(v.dimensions, v.shape)]
+    count = math.prod(shape)
+    if count > MOST_ELEMENTS and v.causality != "input":
+        return []
+    if count > MOST_ELEMENTS:
+        size = "x".join(map(str, shape))
+        found = f"its input `{shown(v.name)}` is an array of {size}, at most {MOST_ELEMENTS} elements are supported"
+        raise UnusableError(f"{found}. Make it smaller.")
+    texts = (v.start or "").split()
+    if len(texts) not in (0, 1, count) and count == math.prod(v.shape):
+        found = f"its array `{shown(v.name)}` has {len(texts)} start values, {count} or one expected"
+        raise UnusableError(f"{found}. Export it again.")
+    starts = texts * count if len(texts) == 1 else texts if len(texts) == count else [None] * count
+    like, places = variable(v, None), product(*(range(1, n + 1) for n in shape))
+    return [
+        replace(
+            like, name=f"{v.name}[{','.join(map(str, at))}]", start=start_value(like.type, text), array=v.name, place=k
+        )
+        for k, (at, text) in enumerate(zip(places, starts))
+    ]
+
+
+def variable(v: Any, start: str | None = "") -> Variable:
+    """A variable of fmpy's model description with its texts turned into numbers; another start if one is given."""
+    kind, start = TYPES.get(v.type, v.type), v.start if start == "" else start
+    low, high, nominal = (number(v, name) for name in ("min", "max", "nominal"))
+    return Variable(
+        name=v.name,
+        reference=v.valueReference,
+        type=kind,
+        causality="parameter" if v.causality == STRUCTURAL else v.causality or "local",
+        unit=of_type(v, "unit"),
+        min=low,
+        max=high,
+        nominal=abs(nominal or 1.0),
+        start=start_value(kind, start),
+        size=v.type if v.type in TYPES else "",
+        has_start=v.causality in HAVE_STARTS and v.initial in ("exact", "approx") and v.variability != "constant",
+        variability="fixed" if v.causality == STRUCTURAL else v.variability or "",
+        is_structural=v.causality == STRUCTURAL,
+        items={item.name: int(item.value) for item in v.declaredType.items} if v.declaredType else {},
+    )
+
+
+def of_type(v: Any, attribute: str) -> str | None:
+    """Attribute of the variable, or else of its declared type."""
+    own: str | None = getattr(v, attribute)
+    declared: str | None = getattr(v.declaredType, attribute, None)
+    return declared if own is None else own
+
+
+def number(v: Any, attribute: str) -> float | None:
+    """Numeric attribute of the variable or of its declared type."""
+    text = of_type(v, attribute)
+    value = None if text is None else float(text)
+    if value is not None and math.isnan(value):
+        raise UnusableError(f"`{attribute}` of its variable `{shown(v.name)}` is no number. Export it again.")
+    return value
+
+
+def start_value(kind: str, text: str | None) -> Value | None:
+    """Start value in its own type, or None for none."""
+    if text is None or kind == "String":
+        return text
+    if kind == "Boolean":
+        return text in ("true", "1")
+    return float(text) if kind == "Real" else int(text)
+
+
+# Rules for parameters that an FMU states in its annotations: choices, tables, parameters that belong together.
+#
+# FMI has no words for them, so that otherwise only the run would tell. They are written by `fmi/describe.py`.
+
+
+def read_rules(root: Element, variables: Mapping[str, Variable]) -> Component | None:
+    """Rules of a model description, as a port table of the parameters that they can be applied to; None for none."""
+    rules = next((found for place in PLACES if (found := root.find(place)) is not None), None)
+    if rules is None:
+        return None
+    try:
+        texts = {tag: {e.attrib["variable"]: items(e) for e in rules.findall(tag)} for tag in ("Choices", "Table")}
+        ports = tuple(
+            Port(
+                name=v.name,
+                causality="parameter",
+                unit=v.unit or "1",
+                description="",
+                start=v.start,
+                min=v.min,
+                max=v.max,
+                kind=v.type,
+                choices=texts["Choices"].get(v.name, ()),
+                columns=texts["Table"].get(v.name, ()),
+            )
+            for v in variables.values()
+            if v.is_parameter and v.start is not None and v.type in KINDS
+        )
+        known = {port.name for port in ports if port.kind == "Real"}
+        rising = tuple((e.attrib["lower"], e.attrib["upper"]) for e in rules.findall("Rising"))
+        limits = tuple(limit(element) for element in rules.findall("Limit"))
+        named = {*sum(rising, ()), *(name for own in limits for name, _ in own.powers)}
+        if not named <= known:
+            raise ValueError(f"no Real parameter `{min(named - known)}`")
+    except (KeyError, ValueError) as error:
+        raise UnusableError(f"its annotations for Gapsense are wrong: {error}. Build or export it again.") from error
+    return Component("", "", "", ports, rising=rising, limits=limits)
+
+
+def items(element: Element) -> tuple[str, ...]:
+    """Texts of the items in an element."""
+    return tuple(item.text or "" for item in element.findall("Item"))
+
+
+def limit(element: Element) -> Limit:
+    """Limit of a product."""
+    powers = tuple((e.attrib["variable"], int(e.attrib["power"])) for e in element.findall("Factor"))
+    if any(not 0 < abs(power) <= HIGHEST_POWER for _, power in powers):
+        raise ValueError(f"powers from 1 to {HIGHEST_POWER} expected")
+    return Limit(powers, float(element.attrib["below"]), element.attrib["reason"])
+
+
+def broken_rules(rules: Component, values: Mapping[str, Value]) -> list[str]:
+    """What is wrong with values of parameters that fit their types and ranges; tables within the FMU are not read."""
+    ports = tuple(port for port in rules.ports if is_known(port, values))
+    try:
+        fields(rules._replace(ports=ports), {p.name: values[p.name] for p in ports if p.name in values}, Path())
+    except ValuesError as error:
+        return error.problems
+    except ArithmeticError:  # a limit by a parameter that is 0
+        return []
+    return []
+
+
+def is_known(port: Port, values: Mapping[str, Value]) -> bool:
+    """True for a parameter that can be judged without the FMU: no free text, no table that it brings along or lacks."""
+    if port.columns:
+        file = Path(str(values.get(port.name, "")))
+        return file.is_absolute() and file.is_file()
+    return port.kind != "String" or bool(port.choices)
 
 
 @dataclass(frozen=True)

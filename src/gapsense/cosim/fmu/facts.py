@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.fmu.archive import UnusableError, printable
-from gapsense.cosim.fmu.descriptions import describe, opened
-from gapsense.cosim.fmu.variables import NOT_MOVED, Variable, variable
+from gapsense.cosim.fmu.descriptions import NOT_MOVED, Variable, describe, opened, variable
 from gapsense.problems import InputError, suggest
 from gapsense.tables import Value
 

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from gapsense._os.processes import new_marks
 from gapsense.cosim.check.values import value_problem
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.fmu.instance import instance_of
-from gapsense.cosim.fmu.unpacked import unpacked
+from gapsense.cosim.fmu.instance import instance_of, unpacked
 from gapsense.cosim.run.loop import Work, advancer
 from gapsense.cosim.run.part import Layout, Part, part_of
 from gapsense.cosim.run.recording import Recording

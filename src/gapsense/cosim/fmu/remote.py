@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from gapsense._os.prestart import process
 from gapsense._os.processes import Died
-from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.fmu.instance import (
     ENDS,
     ENDS_WITHIN,
@@ -38,7 +38,6 @@ from gapsense.cosim.fmu.instance import (
     Message,
     kind_of,
 )
-from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.run.failure import FmuError
 from gapsense.tables import Value
 

@@ -1,4 +1,4 @@
-"""Processes for runs and sweeps, which load what they need while their task is prepared."""
+"""The engines, and a process for a run, which loads what it needs while its task is prepared."""
 
 from __future__ import annotations
 
@@ -22,13 +22,4 @@ def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
     if likely_vectors(engine):
         return (yield)
     with ahead("gapsense.cosim.run.apart", "fmpy.fmi2", again=again):
-        yield
-
-
-@contextmanager
-def sweep_ahead(workers: int, engine: str = FMU) -> Iterator[None]:
-    """Start the processes of a sweep now."""
-    if likely_vectors(engine):
-        return (yield)
-    with ahead("gapsense.cosim.run.worker", "fmpy.fmi2", count=workers):
         yield

@@ -17,9 +17,8 @@ from gapsense.cosim.events.director import Director, explained
 from gapsense.cosim.events.event import Event, resolved
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of
+from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
 from gapsense.cosim.fmu.remote import RemoteInstance
-from gapsense.cosim.fmu.unpacked import unpacked
 from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.loop import Advance, Work, advancer
 from gapsense.cosim.run.part import Layout, Part, Texts, constants, part_of, place

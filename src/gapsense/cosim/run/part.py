@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 from gapsense.cosim.events.actor import Effect
 from gapsense.cosim.events.event import Event
-from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.fmu.descriptions import Descriptions, Variable
 from gapsense.cosim.fmu.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance, referring
-from gapsense.cosim.fmu.variables import Variable
 from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.scenario.elements import Component, Connection, Port
 from gapsense.cosim.scenario.records import Scenario

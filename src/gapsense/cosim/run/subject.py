@@ -19,11 +19,9 @@ from gapsense.cosim.events.event import Span
 from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.fmu.instance import WARNING, summary
-from gapsense.cosim.result.measure import measure_all
-from gapsense.cosim.result.result import Result, Run, Signal, Timing
-from gapsense.cosim.run.durations import median
+from gapsense.cosim.result.result import Result, Run, Signal, Timing, measure_all
 from gapsense.cosim.run.loop import language
-from gapsense.cosim.run.recording import Recording, Take
+from gapsense.cosim.run.recording import Recording, Take, median
 from gapsense.cosim.scenario.elements import Connection, Port
 from gapsense.cosim.scenario.order import Order, execution_order
 from gapsense.cosim.scenario.records import Scenario

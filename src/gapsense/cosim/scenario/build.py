@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gapsense.cosim.check.scenario import described
 from gapsense.cosim.fmu.descriptions import Description, find_fmu
@@ -18,10 +18,12 @@ from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.document import Document, read_document, scenario_file
 from gapsense.cosim.scenario.write import write_document
 from gapsense.cosim.show import scenario_html
-from gapsense.cosim.sweep import sweep
-from gapsense.cosim.sweep_table import Sweep
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
+
+if TYPE_CHECKING:
+    from gapsense.many.sweep_table import Sweep
+
 
 Self = TypeVar("Self", bound="Content")
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
@@ -305,6 +307,8 @@ class Scenario(Content):
         -------
         Sweep
         """
+        from gapsense.many.sweep import sweep  # which stands above this package
+
         if grid is not None:
             self.data["sweep"] = {name: [plain(value) for value in values] for name, values in grid.items()}
         options = {"out": out, "fmus": self.fmus, "measure": measure, "progress": progress}

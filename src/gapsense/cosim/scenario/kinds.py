@@ -9,7 +9,7 @@ from shlex import quote
 from gapsense._os.plain_files import read_bytes
 from gapsense.tables import read_toml
 
-MANIFEST = "campaign.json"
+CAMPAIGN_FILE = "campaign.sqlite"
 SCENARIO, STUDY, RESULT, RECORD, REPORTED, CAMPAIGN = "scenario", "study", "result", "record", "reported", "campaign"
 TAKEN = {  # kinds that are right, by what is expected
     SCENARIO: ("scenario",),
@@ -22,9 +22,7 @@ TAKEN = {  # kinds that are right, by what is expected
 CAMPAIGNS = "gapsense campaign show {%s}` or `gapsense report {%s}"
 WORDS = {  # what it is, and what to do
     "campaign": ("the folder of a campaign's result", f"See it with `{CAMPAIGNS % ('path', 'path')}`"),
-    "manifest": ("a file of a campaign's result", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
-    "journal": ("the journal of a campaign", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
-    "part": ("a table of a campaign", f"Name its folder: `{CAMPAIGNS % ('above', 'above')}`"),
+    "store": ("a file of a campaign's result", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
     "ledger": ("what a sweep goes on from", "Name the table beside it: `gapsense report {table}`"),
     "sweep": ("the table of a sweep", "See it with `gapsense report {path}`"),
     "sidecar": ("the side-car of a result", "Name the CSV file beside it, `{table}`"),
@@ -41,6 +39,7 @@ WORDS = {  # what it is, and what to do
 ENDINGS = {
     ".fmu": "fmu",
     ".checkpoint": "checkpoint",
+    ".parquet": "parquet",
     **dict.fromkeys((".png", ".pdf", ".svg", ".html"), "picture"),
 }
 
@@ -51,7 +50,7 @@ def other_kind(path: Path, expected: str) -> str:
     if not kind or kind in TAKEN[expected]:
         return ""
     what, remedy = WORDS[kind]
-    places = {"path": path, "folder": path.parent, "above": path.parent.parent, "table": path.with_suffix(".csv")}
+    places = {"path": path, "folder": path.parent, "table": path.with_suffix(".csv")}
     named = {name: quote(str(place)) for name, place in places.items()}  # commands are to be copied
     return f"`{path}`: it is {what}. {remedy.format(**named)}."
 
@@ -60,17 +59,15 @@ def kind_of(path: Path) -> str:
     """Kind of a file or folder, by its name and by what stands beside it; nothing if it may be anything."""
     ending = path.suffix.lower()
     if path.is_dir():
-        return "campaign" if (path / MANIFEST).is_file() else ""
+        return "campaign" if (path / CAMPAIGN_FILE).is_file() else ""
     if not path.is_file():
         return ""
-    if ending == ".jsonl":
-        return "journal" if (path.parent / MANIFEST).is_file() else "ledger"
-    if ending == ".parquet":
-        return "part" if (path.parent.parent / MANIFEST).is_file() else "parquet"
+    if ending == ".sqlite":
+        return "store" if path.name == CAMPAIGN_FILE else "ledger"
     if ending == ".csv":
         return {"result": "result", "sweep": "sweep"}.get(format_of(path.with_suffix(".json")), "table")
     if ending == ".json":
-        return {"result": "sidecar", "sweep": "sidecar", "campaign": "manifest"}.get(format_of(path), "json")
+        return {"result": "sidecar", "sweep": "sidecar", "campaign": "json"}.get(format_of(path), "json")
     if ending == ".toml":
         data = read_toml(path, []) or {}
         return "scenario" if "components" in data else "study" if isinstance(data.get("scenario"), str) else ""

@@ -16,8 +16,7 @@ from gapsense._os.files import SHOWN, Sheet, no_numbers, number, read_sheet, spl
 from gapsense._os.plain_files import LONGEST_NAME, unfit
 from gapsense.cosim.events.event import SECTION, Event
 from gapsense.cosim.events.read import read_events
-from gapsense.cosim.scenario.changes import OVER, Changes
-from gapsense.cosim.scenario.document import Document, Source, read_document
+from gapsense.cosim.scenario.document import OVER, Changes, Document, Source, read_document
 from gapsense.cosim.scenario.elements import Component, Experiment, Port
 from gapsense.cosim.scenario.input_signals import Played, Vector
 from gapsense.cosim.scenario.keys import COMPONENT, EXPERIMENT, FILE, SIGNAL, VARIANT

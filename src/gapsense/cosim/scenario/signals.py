@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterable
 from fnmatch import translate
 
-from gapsense.cosim.fmu.descriptions import Description, Descriptions
-from gapsense.cosim.fmu.variables import Variable
+from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.records import Scenario
 

@@ -80,6 +80,9 @@ from gapsense.kernels.trace import (
 LOGARITHMS = 9  # the first corrections are logarithms
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
+RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping where more is learnt
+# arrival cost of a change that is expected, and what comes to it until all may change as before the first window
+EXPECTED, SURPRISING = 2.0, 10.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
@@ -611,8 +614,11 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     fit, old = work.fit, work.learnt
     P = where(misfit > 1.0, misfit, 1.0) * (1.0 + damping(work, fit.shortenings, par)) * -get_matrix(fit.normal)
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
+    d = get(fit.q, N) - get(fit.q_prior, N)
+    change = (d @ (get_matrix(fit.prior) @ d) - EXPECTED) / SURPRISING
+    share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
-        P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance)
+        P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, variance + share * square(s))
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
     explained = old.explained + flag(has_moved(work.walk))
@@ -626,7 +632,8 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
 def _drifts(work: Work, par: Parameters) -> list[Scalar]:
     """Variances that come to the corrections, D of (8): to R with time, to the others with an operation."""
     warming = square(DRIFT[0]) * work.window.end * par.sample_time / WARMING
-    return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in DRIFT[1:])]
+    usual = [where(is_set(par.option_further), RESTLESS.get(k, drift), drift) for k, drift in enumerate(DRIFT)]
+    return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in usual[1:])]
 
 
 def _reject(work: Work, par: Parameters) -> Work:

@@ -33,6 +33,7 @@ START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
 PAIRS = triangle(N)
 FIXED = 1e-6  # least standard deviation of a correction
+LOOSE = 13.0  # the same of damping, which dirt and wear change
 MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
 GUESSED = 3.0  # the same of eddy currents and hysteresis, of which only guesses are told
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
@@ -211,8 +212,9 @@ def priors(par: Parameters) -> list[Scalar]:
 
 def bounds(par: Parameters) -> list[Scalar]:
     """How far each correction may go: what is farther off than that is another device, or a fault."""
-    most = Device(*[FARTHEST] * START)._replace(eddy=GUESSED, hysteresis=GUESSED)
-    return [where(MOST * s < far, MOST * s, far) for s, far in zip(priors(par), most)]
+    most = Device(*[MOST] * START)._replace(damping=LOOSE)
+    far = Device(*[FARTHEST] * START)._replace(eddy=GUESSED, hysteresis=GUESSED)
+    return [where(m * s < f, m * s, f) for m, f, s in zip(most, far, priors(par))]
 
 
 def start_deviation(par: Parameters) -> Scalar:

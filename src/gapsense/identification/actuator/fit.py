@@ -19,15 +19,13 @@ from gapsense.estimators.mhe.model import Parameters, device
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
-from gapsense.identification.least_squares import STEP, Matrix, Vector, finite, minimise, promise
+from gapsense.identification.least_squares import STEP, Matrix, Vector, currents, finite, minimise, promise
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.residual import EXPLAINED, Residual, rounding
 from gapsense.identification.residual import residual as of_all
 from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import is_compiled, stepped
-from gapsense.kernels.layout import flat
 
 DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10 %, all alike, is 6 %
     "coil_resistance": 0.15,
@@ -45,7 +43,6 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "damping": 0.075,
 }
 PLACE_STEP = 1e-3  # of a difference quotient
-FEW = 24  # models that scalar Python steps faster than numpy
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
 
@@ -104,7 +101,7 @@ class Problem(NamedTuple):
         for k, drive in enumerate(self.drives):
             volts = np.stack([drive.voltage(self.places(x)[k]) for x in points], axis=1)
             offsets = np.array([[self.offsets(x)[k]] for x in points])
-            found.append(drive.weights * (drive.current - offsets - currents(pars, drive, volts)))
+            found.append(drive.weights * (drive.current - offsets - sampled_currents(pars, drive, volts)))
         return finite(np.hstack([*found, np.array(points) / self.deviations]))
 
     def jacobian(self, x: Vector) -> Matrix:
@@ -124,7 +121,7 @@ def slopes(pars: Sequence[Parameters], drive: Excitation, places: Vector) -> tup
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
     volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
     models = [*pars, *[pars[0]] * places.size]
-    at, *others = -drive.weights * currents(models, drive, np.hstack([volts, drive.moved(places, by)]))
+    at, *others = -drive.weights * sampled_currents(models, drive, np.hstack([volts, drive.moved(places, by)]))
     off = (np.array(others) - at).T
     each = off[:, len(pars) - 1 :] / by
     return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
@@ -136,14 +133,11 @@ def parameters_at(p: Problem, x: Vector) -> Parameters:
     return p.known._replace(**{name: getattr(p.known, name) * factor for name, factor in factors})
 
 
-def currents(pars: Sequence[Parameters], drive: Excitation, volts: Matrix) -> Matrix:
+def sampled_currents(pars: Sequence[Parameters], drive: Excitation, volts: Matrix) -> Matrix:
     """Currents of several models at the samples, (models, samples); `volts` are those of each, (steps, models)."""
     every = np.vstack([np.zeros((1, len(pars))), volts])
     pars = [par._replace(sample_time=drive.step) for par in pars]
-    if not is_compiled(KERNEL, len(every), ("current",)) and len(pars) <= FEW:
-        return np.array([run(par, u.tolist())[:, 0] for par, u in zip(pars, every.T)])[:, :: drive.parts]
-    columns = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
-    return stepped(KERNEL, every[:, None, :], columns, ("current",))[:: drive.parts, 0].T
+    return currents(KERNEL, pars, every[:, None, :])[:, :: drive.parts]
 
 
 def simulate(par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0) -> Trajectory:

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from gapsense._os.workers import Progress
 from gapsense.identification.coil import kernel as device
 from gapsense.identification.coil.kernel import NO_SATURATION, Outputs, Parameters
-from gapsense.identification.least_squares import differences, finite, long_run, minimise
+from gapsense.identification.least_squares import currents, differences, finite, long_run, minimise
 from gapsense.identification.measurements.operations import (
     coil,
     estimate,
@@ -39,7 +39,6 @@ from gapsense.identification.residual import FLOOR, REST, Residual, noise_of, re
 from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory, take_out_causes
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import is_compiled, stepped
 
 ALWAYS = ("resistance", "air")
 PARTS = {"core": ("core", "saturation"), "eddy": ("eddy",), "hysteresis": ("hysteresis", "turnover")}
@@ -214,7 +213,9 @@ class Problem(NamedTuple):
         run = self.runs[k]
         offsets = np.array([self.offset(point, k) for point in points])
         voltages: Matrix = run.voltages[:, :, None] + offsets[:, 0]
-        return np.asarray(currents([self.parameters(point, run) for point in points], voltages) + offsets[:, 1:])
+        return np.asarray(
+            currents(KERNEL, [self.parameters(point, run) for point in points], voltages) + offsets[:, 1:]
+        )
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
         """Residuals over the noise (points, samples of all runs)."""
@@ -259,13 +260,6 @@ def minimum(problem: Problem, start: Vector | None = None) -> Fitted:
     """The minimum next to the usual start, or to a point."""
     found = minimise(problem, problem.start if start is None else start, LONGEST)
     return Fitted(problem, found.point, found.residuals)
-
-
-def currents(pars: Sequence[Parameters], voltages: Matrix) -> Matrix:
-    """Currents of several coils with voltages of their own (samples, 3, coils); (coils, samples)."""
-    if not is_compiled(KERNEL, len(voltages), ("current",)):
-        return np.array([simulate(par, voltages[:, :, k])[:, 0] for k, par in enumerate(pars)])
-    return stepped(KERNEL, voltages, [*np.array(pars).T], ("current",))[:, 0].T
 
 
 def simulate(par: Parameters, voltages: Matrix) -> Matrix:

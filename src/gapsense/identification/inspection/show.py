@@ -15,7 +15,7 @@ from gapsense.identification.inspection.facts import WHITE, Facts, Kink, Signal
 from gapsense.identification.measurements.operations import estimate
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, MOST_OFFSET
 from gapsense.identification.measurements.record import SHOWN, Record, Vector
-from gapsense.report.plot import FAINT, FIRST, GRID, SECOND, THIRD, TRUE, panels, suited
+from gapsense.report.plot import FAINT, FIRST, GRID, PAGE, SECOND, THIRD, TRUE, panels, suited
 from gapsense.report.table import quantity, table
 
 FEW = 20  # samples in the rise of the current below which the place of an edge between two samples counts
@@ -450,7 +450,7 @@ MOST_MARKED = 20  # operations in sight; of more none is marked
 
 def inspection_figure(records: Sequence[Record], found: Sequence[Facts]) -> Figure:
     """Three rows for each record: voltage, current and flux linkage."""
-    size, title = (10.0, 0.6 + 4.2 * len(records)), records[0].name if len(records) == 1 else ""
+    size, title = (PAGE, 0.6 + 4.2 * len(records)), records[0].name if len(records) == 1 else ""
     figure, axes = panels(title, 3 * len(records), 2, size, sharex=False, width_ratios=[1.0, 1.0])
     for k, (record, facts) in enumerate(zip(records, found)):
         draw(axes[3 * k : 3 * k + 3], record, facts, record.name if len(records) > 1 else "")

@@ -40,6 +40,7 @@ from gapsense.identification.valve.model import (
     mean_resistance,
     part,
     pooled_resistance,
+    residuals,
     simulate_batch,
     weight,
     with_factors,
@@ -153,8 +154,7 @@ def scales(experiments: Sequence[Experiment]) -> dict[str, float]:
 
 def left_at(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> tuple[Vector, float]:
     """Weighted residuals, and the logarithm of the resistance."""
-    r = np.concatenate([weight(e, simulate_batch([form.at(ratios)], e)[0]) for e in experiments])
-    return r, float(np.log(pooled_resistance(experiments)))
+    return residuals(form, [ratios], experiments)[0], float(np.log(pooled_resistance(experiments)))
 
 
 def signals(experiment: Experiment) -> Signals:

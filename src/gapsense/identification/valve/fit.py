@@ -35,7 +35,7 @@ from gapsense.identification.valve.form import (
     replace_values,
     value_of,
 )
-from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading, expect
+from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
@@ -46,6 +46,10 @@ from gapsense.identification.valve.model import (
     simulate_experiment,
 )
 from gapsense.identification.valve.search import search
+
+STEPS, WHOLE = 12, 8  # of a fit to the first operations, and of those to everything, about
+POINTS = 14  # at which a step simulates: for slopes, and with several dampings
+TRIALS = 9  # fits for each level of forms, three forms from three starts; as many for the readings of the voltage
 
 
 class Method(NamedTuple):
@@ -60,7 +64,14 @@ def course_of(prepared: Prepared, method: Method, sought: Sought, progress: Prog
     """What is to be expected of a fit."""
     firsts = sum(first.experiment.current.size for first in prepared.firsts)
     whole = sum(e.current.size for e in prepared.experiments)
-    phases = expect(firsts, whole, method.starts, len(method.conventions), len(sought.forms))
+    one = float(STEPS * POINTS * firsts)
+    tried, readings = TRIALS * one if sought.forms else 0.0, len(method.conventions)
+    phases = {
+        "starts": method.starts * one,
+        "readings": readings * one + tried if readings else 0.0,
+        "forms": tried,
+        "whole": float(WHOLE * POINTS * whole),
+    }
     return Course(progress, phases, whole)
 
 

@@ -12,7 +12,7 @@ autocorrelation of what is left afterwards tells.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,40 +31,12 @@ from gapsense.identification.valve.model import (
     simulate_currents,
 )
 
-JACOBIANS = 12  # of a fit to the first operations, about
-PARAMETERS = 7
-TRIALS = 9  # fits for each level of forms, three forms from three starts; as many for the readings of the voltage
-WHOLE = 8  # Jacobians of the fits to everything
-
-
-class Expected(NamedTuple):
-    """Samples that the phases simulate."""
-
-    starts: float
-    readings: float
-    forms: float
-    whole: float
-
-
-NOTHING = Expected(0.0, 0.0, 0.0, 0.0)
-
-
-def _silent(done: int, total: int) -> None:
-    """Nobody looks."""
-
-
-def expect(firsts: int, samples: int, starts: int, readings: int, forms: int) -> Expected:
-    """For so many samples of the first operations and of all, and so many of what is tried."""
-    one = float(JACOBIANS * PARAMETERS * firsts)
-    tried = TRIALS * one * min(forms, 1)
-    return Expected(starts * one, min(readings, 1) * (readings * one + tried), tried, WHOLE * PARAMETERS * samples)
-
 
 class Course:
-    """Counts what is simulated; what a phase took less or more than expected changes the end."""
+    """Counts samples that are simulated; what a phase took less or more than was expected of it changes the end."""
 
-    def __init__(self, progress: Progress = _silent, phases: Expected = NOTHING, samples: int = 1) -> None:
-        self.progress, self.phases, self.samples = progress, phases._asdict(), samples
+    def __init__(self, progress: Progress, phases: Mapping[str, float], samples: int) -> None:
+        self.progress, self.phases, self.samples = progress, {**phases}, samples
         self.done, self.since = 0, 0  # samples simulated, and when the phase began
 
     def __call__(self, simulated: int) -> None:
@@ -126,7 +98,8 @@ class Fit:
     """The minimisation; counts the samples that it simulates, and tells them."""
 
     def __init__(self, form: Form, course: Course | None = None) -> None:
-        self.form, self.course, self.samples = form, course or Course(), 0  # simulated so far
+        self.form, self.samples = form, 0  # simulated so far
+        self.course = course or Course(lambda done, total: None, {"": 0.0}, 1)
 
     def count(self, samples: int) -> None:
         """More have been simulated."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result
-from gapsense.cosim.result.measure import Samples, finder, reference
+from gapsense.cosim.result.result import Samples, finder, reference
 from gapsense.cosim.scenario.records import Metric
 
 Vector = npt.NDArray[np.float64]

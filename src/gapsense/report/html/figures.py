@@ -20,7 +20,7 @@ from gapsense.report.table import prefixed
 bk: Any = bokeh.models  # whose annotations lack much of it
 LEFT = 64  # pixels for the numbers of the upright axis, so that all panels have one width
 EVENT = "#8f6a00"
-HEIGHT, LOW, ROW = 190, 150, 34  # of panels, of those of errors, and of one strip [pixels]
+HEIGHT, LOW, ROW = 208, 168, 34  # of panels, of those of errors, and of one strip [pixels]
 TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
 GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
@@ -58,7 +58,7 @@ def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
     )
 
 
-def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
+def empty(axes: Axes, height: int) -> Any:
     """A figure without curves."""
     zoom = bk.BoxZoomTool(dimensions="width")
     made: Any = figure(
@@ -79,7 +79,7 @@ def empty(axes: Axes, height: int, is_last: bool = False) -> Any:
     )
     made.toolbar.logo, made.toolbar.autohide, made.toolbar_inner = None, True, True
     made.y_range.only_visible = True
-    dress(made, axes.unit if is_last else "")
+    dress(made, axes.unit)
     for event in axes.events:
         made.add_layout(box(event, axes.factor))
     return made
@@ -130,9 +130,9 @@ class Drawn(NamedTuple):
     remark: str = ""
 
 
-def panel(of: Panel, axes: Axes, key: str, is_last: bool = False) -> Drawn:
+def panel(of: Panel, axes: Axes, key: str) -> Drawn:
     """Curves over time, with their bands."""
-    made = empty(axes, LOW if of.is_error else HEIGHT, is_last)
+    made = empty(axes, LOW if of.is_error else HEIGHT)
     scale, unit = fitting(of.unit, *(curve.values for curve in of.curves))
     legend, shown, rows = [], 0, 0
     for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
@@ -224,7 +224,7 @@ def short(values: Any) -> Any:
 
 def strips(of: Sequence[Strip], axes: Axes, key: str) -> Drawn:
     """A row for each signal, with a piece in the colour of each value; below all other figures."""
-    made = empty(axes, ROW * len(of) + 50, is_last=True)
+    made = empty(axes, ROW * len(of) + 50)
     made.y_range, made.yaxis.visible, made.ygrid.visible = bk.Range1d(0.0, float(len(of))), False, False
     for k, strip in enumerate(of):
         place(made, strip, len(of) - 1 - k, axes)
@@ -256,7 +256,7 @@ def colour_of(value: float) -> str:
 
 def tube(of: Difference, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     """A signal in its tube, and below its difference in the band that is allowed; failing points are marked."""
-    over, under = empty(axes, HEIGHT), empty(axes, LOW, is_last=True)
+    over, under = empty(axes, HEIGHT), empty(axes, LOW)
     whole = of.values, of.reference, *of.tube
     less = tuple(values - of.reference for values in whole)
     remark = few(min(axes.most, of.times.size), of.times.size).strip()

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gapsense import campaign
 from gapsense._os.files import Sheet, number, read_sheet
-from gapsense.cosim import sweep_table
-from gapsense.cosim.provenance import bounds
 from gapsense.cosim.result.sidecar import absolute
+from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
+from gapsense.many.columns import OWN, Columns, contents
+from gapsense.many.provenance import bounds
+from gapsense.many.result import KEY, Campaign, is_older, read_campaign
+from gapsense.many.store import Store
+from gapsense.many.sweep_table import AGAIN, is_table, read_sidecar
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
 
 if TYPE_CHECKING:
-    from gapsense.campaign.result import Campaign
-    from gapsense.campaign.summary import Leading, Spread
-    from gapsense.campaign.worst import Extremes
+    from gapsense.many.summary import Extremes, Leading, Spread
 
 WORST = 3  # runs that are named for each metric
 FAILED = 20  # runs that are named with their errors
@@ -37,7 +38,7 @@ class Many:
     @property
     def about(self) -> Mapping[str, Any]:
         """What was run."""
-        return self.campaign.manifest.about
+        return self.campaign.about
 
     @property
     def scenario(self) -> str:
@@ -52,7 +53,7 @@ class Many:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """Quantiles of each metric and of each parameter that is a number."""
-        from gapsense.campaign import summary
+        from gapsense.many import summary
 
         names = [*self.campaign.metrics, *summary.numeric(self.campaign)] if self.campaign.rows else []
         return {name: summary.spread(self.campaign, name) for name in names}
@@ -60,21 +61,21 @@ class Many:
     @cached_property
     def correlations(self) -> dict[str, list[Leading]]:
         """Correlations of each metric with the parameters."""
-        from gapsense.campaign import summary
+        from gapsense.many import summary
 
         return summary.correlations(self.campaign)
 
     @cached_property
     def levels(self) -> dict[str, list[Any] | None]:
         """Values of each parameter that has few."""
-        from gapsense.campaign import summary
+        from gapsense.many import summary
 
         return {name: summary.levels(self.campaign, name) for name in self.campaign.factors}
 
     @cached_property
     def extremes(self) -> dict[str, Extremes]:
         """The worst runs of each metric that has any value."""
-        from gapsense.campaign.worst import extremes
+        from gapsense.many.summary import extremes
 
         metrics = self.campaign.metrics if self.campaign.rows else ()
         return {m: extremes(self.campaign, self.spreads[m], self.bounds(m), WORST) for m in metrics}
@@ -87,7 +88,7 @@ class Many:
     @cached_property
     def rows(self) -> dict[int, dict[str, Any]]:
         """Parameters and seeds of the runs that are named."""
-        from gapsense.campaign.worst import rows
+        from gapsense.many.summary import rows
 
         named = [one.run for found in self.extremes.values() for one in found.worst]
         return rows(self.campaign, [*named, *(run for run, _ in self.failed)])
@@ -120,44 +121,44 @@ class Many:
 
 def is_many(file: Path) -> bool:
     """True for what holds many runs."""
-    return (file / "campaign.json").is_file() or sweep_table.is_table(file)
+    return (file / CAMPAIGN_FILE).is_file() or is_older(file) or is_table(file)
 
 
 def read_many(file: Path) -> Many:
-    """A campaign or a sweep; an InputError says what is wrong with it, or what is not installed."""
+    """A campaign or a sweep; an InputError says what is wrong with it."""
     if file.is_dir():
-        return Many(file, campaign.read(file), "campaign")
+        return Many(file, read_campaign(file, hold=True), "campaign")
     return Many(file, of_sweep(file), "sweep")
 
 
 def of_sweep(file: Path) -> Campaign:
     """The table of a sweep, as a campaign has it."""
-    made = campaign.Campaign  # first: it says what is to be installed
-    from gapsense.campaign.columns import from_facts
-    from gapsense.campaign.prepare import OWN_COLUMNS
-    from gapsense.campaign.store import Manifest
-
-    about, problems = sweep_table.read_sidecar(file), list[str]()
+    about, problems = read_sidecar(file), list[str]()
     sheet = read_sheet(file, problems)
-    problems += [f"{file}: a metric is called `{n}`. Rename it." for n in about["metrics"] if n in OWN_COLUMNS]
+    problems += [f"{file}: a metric is called `{n}`. Rename it." for n in about["metrics"] if n in OWN]
     known = {"run", *about["factors"], *about["metrics"]}
     if problems or {*sheet.names} != known:
-        raise InputError(problems or [f"{file}: other columns than its side-car tells. {sweep_table.AGAIN}."])
-    columns = from_facts({name: about.pop(name) for name in ("factors", "metrics")} | {"signals": {}})
-    failed = [{**entry, "seed": entry["run"]} for entry in about.pop("failed")]
-    kinds = {name: kind for name, (kind, _) in columns.factors.items()}
-    return made(file, Manifest(about, columns), columns.table([*lines(sheet, kinds), *failed]))
+        raise InputError(problems or [f"{file}: other columns than its side-car tells. {AGAIN}."])
+    kinds, failed = {name: kind for name, (kind, _) in about["factors"].items()}, about["failed"]
+    rows = list(cells(sheet, kinds))
+    given = [*rows, *(entry["values"] for entry in failed)]
+    texts = {n: list(dict.fromkeys(str(row[n]) for row in given)) for n, kind in kinds.items() if kind == "string"}
+    columns = Columns(about["factors"], about["metrics"], texts=texts)
+    store = Store(None, KEY)
+    store.describe({})
+    entries = [{**entry, "index": entry["run"], "shift": entry["run"]} for entry in failed]
+    for row in rows:
+        measured = {name: row[name] for name in columns.metrics}
+        entries.append({"index": row["run"], "shift": row["run"], "values": row, "metrics": measured})
+    store.add(*contents(columns, entries))
+    return Campaign(file, store, about, columns, store.count())
 
 
-def lines(sheet: Sheet, kinds: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Rows of a table as a campaign's journal has them."""
-    found = []
+def cells(sheet: Sheet, kinds: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    """Rows of a table, with the number of the run."""
     for row in sheet.rows:
-        cells = {name: value(text, kinds.get(name, "double")) for name, text in zip(sheet.names, row)}
-        run = int(cells.pop("run") or 0)
-        values = {name: cells.pop(name) for name in kinds}
-        found.append({"run": run, "seed": run, "values": values, "metrics": cells})
-    return found
+        found = {name: value(text, kinds.get(name, "double")) for name, text in zip(sheet.names, row)}
+        yield {**found, "run": int(found["run"] or 0)}
 
 
 def value(text: str, kind: str) -> Any:

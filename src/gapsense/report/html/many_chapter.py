@@ -13,8 +13,8 @@ import bokeh.models
 import numpy as np
 from bokeh.plotting import figure
 
-from gapsense.campaign import summary
-from gapsense.cosim.provenance import EVENTS
+from gapsense.many import summary
+from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
 from gapsense.report.distributions import Bars, Distributions, Points, named
 from gapsense.report.html import style
@@ -24,7 +24,7 @@ from gapsense.report.html.many import Many
 from gapsense.tables import parsed_value
 
 if TYPE_CHECKING:
-    from gapsense.campaign.worst import Extremes, Worst
+    from gapsense.many.summary import Extremes, Worst
 
 bk: Any = bokeh.models
 FEW = 500  # points, which are drawn strongly
@@ -34,6 +34,7 @@ HEIGHT = 230  # [pixels]
 MEDIAN, BOUNDS, RANGE = Entry("", "median", style.INK), Entry("", "bounds", style.FAIL), "median and 5 to 95 %"
 BLUE = (58, 143, 208)  # seen on light and on dark ground
 FAINTEST = 60  # of 255, where a single run lies
+LONG_NAME, SLOPE = 5, 0.6  # characters of values that stand upright below an axis, and the slope of longer ones [rad]
 BENT = 0.2  # share of a metric that must go with a parameter, if it does not so in one direction
 
 
@@ -244,7 +245,7 @@ class Drawer:
         made, found, scale = bare(), self.found.over(metric, factor), self.scales[metric][0]
         unit = self.many.unit(factor)
         if isinstance(found, Bars):
-            bars(made, found.names, found.quantiles * scale)
+            bars(made, found, scale)
         elif isinstance(found, Points):
             x, y = self.keys[factor], self.keys[metric]
             made.scatter(x, y, source=self.source, size=5, **dots(self.many.campaign.rows))
@@ -261,15 +262,18 @@ class Drawer:
         return Drawn(figure=made, key=key, label=f"{label} over {factor}")
 
 
-def bars(made: Any, names: list[str], quantiles: Any) -> None:
-    """Median and 5 to 95 % range at each value of a parameter."""
-    places = np.arange(len(names))
+def bars(made: Any, found: Bars, scale: float) -> None:
+    """Median and 5 to 95 % range at each value of a parameter, to scale."""
+    places, quantiles = found.places, found.quantiles * scale
     bar = {"line_color": style.CURVES[0], "line_width": 5, "line_alpha": 0.5}
     made.segment(places, quantiles[:, 0], places, quantiles[:, 2], **bar)
     made.scatter(places, quantiles[:, 1], size=8, color=style.CURVES[0])
-    made.xaxis.ticker = bk.FixedTicker(ticks=places.tolist())
-    made.xaxis.major_label_overrides = dict(zip(places.tolist(), names))
-    made.x_range = bk.Range1d(-0.6, len(names) - 0.4)
+    made.xaxis.ticker = bk.FixedTicker(ticks=places[found.labelled].tolist())
+    made.xaxis.major_label_overrides = {float(places[k]): found.names[k] for k in found.labelled}
+    if max(len(found.names[k]) for k in found.labelled) > LONG_NAME:
+        made.xaxis.major_label_orientation = SLOPE
+    margin = 0.1 * float(np.ptp(places)) or 0.6
+    made.x_range = bk.Range1d(float(places.min()) - margin, float(places.max()) + margin)
 
 
 def density(made: Any, x: Any, y: Any, counts: Any) -> None:

@@ -74,7 +74,12 @@
   function watch(view) {
     const stack = view.el.closest(".stack");
     if (!stack) return;
-    const tell = (at) => stack.querySelectorAll("button[data-curve]").forEach((chip) => told(chip, at));
+    const unit = (view.model.below[0].axis_label || "").replace("time / ", "");
+    const place = document.querySelector(`[data-at="${stack.dataset.of}"]`);
+    const tell = (at) => {
+      if (place) place.textContent = at === null ? "" : `at ${at.toPrecision(5)} ${unit}`;
+      stack.querySelectorAll("button[data-curve]").forEach((chip) => told(chip, at));
+    };
     view.model.on_event("mousemove", (event) => tell(event.x));
     view.model.on_event("mouseleave", () => tell(null));
   }

@@ -67,7 +67,7 @@ def report(results: Sequence[Path]) -> str:
 
 def chapter_of(shown: Shown | Many, key: str) -> Chapter:
     """Everything about one of the results."""
-    if isinstance(shown, Many):  # which alone needs pyarrow
+    if isinstance(shown, Many):
         from gapsense.report.html.many_chapter import chapter_of_many
 
         return chapter_of_many(shown, key)

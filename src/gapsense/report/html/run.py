@@ -161,8 +161,7 @@ def time_plots(shown: Shown, drawn: Sequence[Panel], key: str) -> tuple[Axes, tu
     truths = [c.component for p in drawn for c in p.curves]
     columns = sum(4 if c.band is not None else 2 for p in drawn for c in p.curves) // 2  # times, values, two for a band
     axes = figures.shared(shown, style.colours([*names, *truths]), most(columns))
-    last = len(drawn) - 1 if not flags else None
-    made = [figures.panel(p, axes, f"{key}-p{k}", k == last) for k, p in enumerate(drawn)]
+    made = [figures.panel(p, axes, f"{key}-p{k}") for k, p in enumerate(drawn)]
     return axes, (*made, *([figures.strips(flags, axes, f"{key}-s")] if flags else []))
 
 

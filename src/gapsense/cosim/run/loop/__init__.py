@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from gapsense.cosim.run.loop.compiled import in_c
-from gapsense.cosim.run.loop.library import entry
+from gapsense.cosim.run.loop.compiled import entry, in_c
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.loop.work import Advance, Work
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense._os.native import Library
-from gapsense.cosim.run.loop.library import BINARY, SOURCE
+from gapsense.cosim.run.loop.compiled import BINARY, SOURCE
 
 LOOP = Library(
     module="gapsense.cosim.run.loop.build",

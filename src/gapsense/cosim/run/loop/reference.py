@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import perf_counter
 
-from gapsense.cosim.events.watch import reporter
-from gapsense.cosim.run.durations import place
+from gapsense.cosim.events.event import reporter
 from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
-from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STEP, STOP
+from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STEP, STOP, bin_of
 
 Do = Callable[[int], None]
 
@@ -77,7 +76,7 @@ def counter(work: Work) -> Do:
         counted[i] = seconds[i]
         if took > longest[i]:
             longest[i] = took
-        spread[i][place(took)] += 1
+        spread[i][bin_of(took)] += 1
         calls[i] += 1
 
     return count

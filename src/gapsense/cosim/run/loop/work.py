@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.processes import Marks
-from gapsense.cosim.events.watch import Watch
+from gapsense.cosim.events.event import Watch
 from gapsense.cosim.run.part import Part
 from gapsense.cosim.run.recording import Recording
 from gapsense.cosim.scenario.elements import Component, Experiment

@@ -1,0 +1,77 @@
+"""Pictures of the gallery: one for each scenario and each study that draws, made anew where older than the sources."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from gapsense.cosim import load
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "build" / "gallery"
+STUDIES = {  # what a study draws with which options, and its file; studies that print tables only are not here
+    "ukf-noise --seeds 2": ("Errors of the bounded UKF over the noise, [UKF] Fig. 8", "ukf_noise.png"),
+    "faults": ("Faults of the current sensor, and what three estimators do with them", "faults.png"),
+    "hybrid-ekf --seeds 10": (
+        "Deviations of the hybrid Kalman filter over the noise, [HEKF] Figs. 8 to 11",
+        "hybrid_ekf_consistent_noise.png",
+    ),
+    "measuring --seeds 0": ("A good record of a valve", "measuring_good.png"),
+    "observability-rts": ("Samples that make the state observable, [RTS] Fig. 6", "observability_rts.png"),
+    "reference-cycle": ("The cycle with soft landing of [RTS] Fig. 5", "reference_cycle.png"),
+    "monte-carlo --runs 100": ("Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte_carlo.png"),
+    "consistency --runs 200": ("Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency_nees.png"),
+    "run-to-run --runs 8 --cycles 12 --conditions plain --laws contact,model": (
+        "Soft landing from cycle to cycle, eight valves that nobody knows",
+        "run_to_run_plain_speeds.png",
+    ),
+}
+
+
+class Entry(NamedTuple):
+    """A picture: what it shows, the words of its command after `gapsense`, and its file."""
+
+    title: str
+    command: str
+    file: Path
+
+
+def entries() -> list[Entry]:
+    """All of them, scenarios first."""
+    scenarios = [folder.parent for folder in sorted((ROOT / "scenarios").glob("*/scenario.toml"))]
+    figures = [Entry(load(f).title, f"figure {f.name}", FOLDER / f"{f.name}.png") for f in scenarios]
+    drawn = [Entry(title, f"study {words}", FOLDER / "studies" / file) for words, (title, file) in STUDIES.items()]
+    return [*figures, *drawn]
+
+
+def made(entry: Entry) -> Path:
+    """Its picture, drawn by the command where there is none as new as the sources and scenarios."""
+    if not entry.file.is_file() or entry.file.stat().st_mtime < newest():
+        entry.file.parent.mkdir(parents=True, exist_ok=True)
+        words = entry.command.split()
+        is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
+        to = entry.file if is_file else entry.file.parent
+        command = [sys.executable, "-m", "gapsense", *words, "--out", str(to)]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        entry.file.touch()
+    return entry.file
+
+
+def newest() -> float:
+    """Time of the newest file that decides how pictures look."""
+    folders = [ROOT / name for name in ("src", "fmus", "scenarios")]
+    files = (p for folder in folders for p in folder.rglob("*") if p.suffix in (".py", ".toml", ".csv", ".c"))
+    return max(p.stat().st_mtime for p in files if "results" not in p.parts)
+
+
+def page(pictures: list[Entry]) -> str:
+    """The part of the page that has the pictures."""
+    parts = (f"## {e.title}\n\n![{e.title}]({place(e)})\n\n`gapsense {e.command}`\n" for e in pictures)
+    return "\n".join(parts)
+
+
+def place(entry: Entry) -> str:
+    """Of its picture in the site."""
+    return f"gallery/{entry.file.relative_to(FOLDER).as_posix()}"

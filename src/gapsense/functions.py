@@ -1,0 +1,684 @@
+"""The commands on records and results as functions: same options, and an answer that can be printed, read and drawn.
+
+>>> import gapsense
+>>> found = gapsense.inspect("sample_valve.csv")
+>>> found.passed
+True
+
+Each imports what it needs when it is called.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from gapsense.problems import InputError
+from gapsense.shipped import record as shipped
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+    from gapsense.cosim.result.compare import Comparison
+    from gapsense.cosim.scenario.records import Baseline
+
+File: TypeAlias = "str | Path"
+Data: TypeAlias = "File | Mapping[str, Any] | Sequence[File | Mapping[str, Any]]"
+Several: TypeAlias = "str | Sequence[str] | Mapping[str, object]"
+Progress: TypeAlias = Callable[[int, int], None]
+MODELS = ("auto", "coil", "solenoid_valve")
+RTOL, EDGE_STEPS = 1e-9, 1
+UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
+
+
+def quiet(done: int, total: int) -> None:
+    """Progress that nobody looks at."""
+
+
+@dataclass(frozen=True, repr=False)
+class Found:
+    """What a function found: `print(found)` shows what the command of the same name prints."""
+
+    shown: Sequence[Table | str]  # tables and sentences
+    passed: bool = True  # False where the command ends with exit code 1
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # by name, as `coil.resistance`, in SI units
+    signals: Mapping[str, npt.NDArray[np.float64]] = field(default_factory=dict)  # by `Estimator.output`
+    doubts: Sequence[str] = ()  # what cannot be right, and why
+    notes: Sequence[str] = ()  # about the record, and what was left out
+    files: Sequence[Path] = ()  # that were written
+    drawn: Callable[[], Figure] | None = None
+    kept: Any = None  # a folder that lives as long as this
+
+    def __str__(self) -> str:
+        from gapsense.report.table import text
+
+        return text(*self.notes, *self.shown, *self.doubts)
+
+    def __repr__(self) -> str:
+        return f"<Found: {'passed' if self.passed else 'failed'}, {len(self.parameters)} parameters>"
+
+    def _repr_markdown_(self) -> str:
+        return f"```text\n{self}\n```"
+
+    def plot(self) -> Figure:
+        """The figure that the command draws."""
+        if self.drawn is None:
+            raise ValueError("there is nothing to draw.")
+        return self.drawn()
+
+
+def inspect(
+    data: Data,
+    *,
+    period: float | None = None,
+    resistance: float | None = None,
+    column: Several = (),
+    separator: str = ",",
+    decimal: str = ".",
+    clipped: bool = False,
+    figure: File | None = None,
+) -> Found:
+    """Tell what a record of voltage and current can give, before anything is fitted to it.
+
+    Parameters
+    ----------
+    data : path, mapping of arrays, or several of them
+        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
+    period : float, optional
+        Length of an operation [s]; by default operations end at rest.
+    resistance : float, optional
+        Of the coil, by a meter [Ohm].
+    column : mapping, optional
+        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
+    separator, decimal : str
+        Of the cells of a CSV file, and of its numbers.
+    clipped : bool
+        Accept signals at the limits of their converter.
+    figure : path, optional
+        PNG, PDF or SVG file to write.
+
+    Returns
+    -------
+    Found
+        Tables of what is in the record.
+
+    Raises
+    ------
+    ValueError
+        A file cannot be read as a record; all that is wrong is told.
+    """
+    from gapsense.identification.inspection.facts import facts
+    from gapsense.identification.inspection.show import inspection_figure, inspection_tables
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.show import about
+    from gapsense.report import plot
+
+    picture = checked(figure)
+    how = reading(pairs(column), separator=separator, decimal=decimal, may_clip=True)
+    with files(data) as paths:
+        records = read_records(paths, how, needs="samples")
+    found = [facts(record, period, clipped) for record in records]
+    shown = [part for r, f in zip(records, found) for part in (*inspection_tables(r, f, resistance), *about(r))]
+
+    def draw() -> Figure:
+        return inspection_figure(records, found)
+
+    written = [plot.save(draw(), picture)] if picture else []
+    return Found(shown, drawn=draw, files=written)
+
+
+def identify(
+    data: Data,
+    *,
+    model: str = "auto",
+    commission: bool = False,
+    parameters: File | None = None,
+    assume: bool = False,
+    validate: Data = (),
+    period: float | None = None,
+    voltage: str = "auto",
+    temperature: str | None = None,
+    forms: str = "auto",
+    hold: Several = (),
+    inductance: File | None = None,
+    driver: str | None = None,
+    accuracy: str | None = None,
+    column: Several = (),
+    separator: str = ",",
+    decimal: str = ".",
+    clipped: bool = False,
+    starts: int = 6,
+    seed: int = 1,
+    out: File | None = None,
+    figure: File | None = None,
+    progress: Progress = quiet,
+) -> Found:
+    """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
+
+    Parameters
+    ----------
+    data : path, mapping of arrays, or several of them
+        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
+    model : str
+        What was measured: auto, coil or solenoid_valve.
+    commission : bool
+        All parameters of `Mhe`, as `gapsense.commission`.
+    parameters : path, optional
+        Parameter-set file: what is known (stops, gap law, spring), and first guesses.
+    assume : bool
+        Assume what is not given; it is listed and marked, and answers are relative then.
+    validate : as data
+        Records that are kept for the validation.
+    period : float, optional
+        Length of an operation [s]; by default operations end at rest.
+    voltage : str
+        Voltage between two samples: auto, trapezoid, end or start.
+    temperature : str, optional
+        Of each record [degC], as `"23,60,85"`.
+    forms : str
+        What the model may have more: auto, plain, or names with commas between.
+    hold : str or sequence of str
+        Parameters that keep their values.
+    inductance : path, optional
+        CSV file with gap [mm] and inductance [mH], for the gap law.
+    driver, accuracy : str, optional
+        Of a recorded command, as `"series=0.2,drop=0.7"`, and of the instruments in percent, as `"voltage=0.5"`.
+    column : mapping, optional
+        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
+    separator, decimal : str
+        Of the cells of a CSV file, and of its numbers.
+    clipped : bool
+        Accept signals at the limits of their converter.
+    starts, seed : int
+        Starts of the least squares, and the seed of those that are random.
+    out : path, optional
+        Parameter-set file to write.
+    figure : path, optional
+        PNG, PDF or SVG file to write.
+    progress : callable
+        Is called with the work that is done and all of it.
+
+    Returns
+    -------
+    Found
+        Its `parameters` by name; `passed` is False where the model does not explain the records.
+
+    Raises
+    ------
+    ValueError
+        Files or options are wrong, or something is missing that no record tells.
+    """
+    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
+    from gapsense.identification.measurements.reading import reading
+    from gapsense.identification.valve.fit import fit_valve
+    from gapsense.identification.valve.gap import find_gap
+
+    if model not in MODELS:
+        raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
+    known, holds, gaps = named(parameters), pairs(hold), path(inductance)
+    others = (model, period, temperature, forms, holds, gaps, driver, accuracy)
+    if commission:
+        return _commission(
+            data,
+            check_believed(known, others),
+            assume=assume,
+            validate=validate,
+            voltage=voltage,
+            column=column,
+            separator=separator,
+            decimal=decimal,
+            clipped=clipped,
+            out=out,
+            figure=figure,
+            progress=progress,
+        )
+    with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
+        how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
+        asked = Asked(paths, how, to, kept, picture, known, assume, *others)
+        given = read(asked)
+        if model == "solenoid_valve":
+            given.ask()
+        coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
+        if coil is not None:
+            return completed(finish_coil(asked, given, coil), told, to, folder, picture)
+        given.ask()
+        start = find_gap(given.known.parameters, given.records, given.sought, gaps, given.conventions, period)
+        given.ask_for(start.parameters, start.sought)
+        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+        return completed(finish_valve(asked, given, start, result), told, to, folder, picture)
+
+
+def commission(
+    data: Data,
+    parameters: File,
+    *,
+    assume: bool = False,
+    validate: Data = (),
+    voltage: str = "auto",
+    column: Several = (),
+    separator: str = ",",
+    decimal: str = ".",
+    clipped: bool = False,
+    out: File | None = None,
+    figure: File | None = None,
+    progress: Progress = quiet,
+) -> Found:
+    """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
+
+    Parameters
+    ----------
+    data : path, mapping of arrays, or several of them
+        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
+    parameters : path
+        Parameter-set file: what is believed of the device, for `Mhe`.
+    assume : bool
+        Assume what is not given; it is listed and marked, and answers are relative then.
+    validate : as data
+        Records that are kept for the validation.
+    voltage : str
+        Voltage between two samples: auto, trapezoid, end or start.
+    column : mapping, optional
+        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
+    separator, decimal : str
+        Of the cells of a CSV file, and of its numbers.
+    clipped : bool
+        Accept signals at the limits of their converter.
+    out : path, optional
+        Parameter-set file to write.
+    figure : path, optional
+        PNG, PDF or SVG file to write.
+    progress : callable
+        Is called with the work that is done and all of it.
+
+    Returns
+    -------
+    Found
+        Its `parameters` by name; `passed` is False where the model does not explain the records.
+
+    Raises
+    ------
+    ValueError
+        Files or options are wrong, or something is missing that no record tells.
+    """
+    from gapsense.identification.actuator import fit
+    from gapsense.identification.actuator.fit import validate_actuator
+    from gapsense.identification.actuator.show import (
+        PORTS,
+        actuator_figure,
+        actuator_tables,
+        doubts,
+        missing,
+        write_actuator,
+    )
+    from gapsense.identification.assumptions import ask
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.parameter_set import parameters_of, read_sets
+    from gapsense.report import plot
+
+    picture, believed = checked(figure), shipped(parameters)
+    known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
+    lacking = missing(known, {*given} - {*marked})
+    if not assume:
+        ask(lacking, {port.name: port for port in PORTS.values()}, believed.name, "the component `Mhe`")
+    how = reading(pairs(column), voltage, separator, decimal, clipped)
+    with files(data) as paths, files(validate) as others, set_file(out) as (to, folder):
+        records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
+        result = fit.commission(records, known, progress, doubts(lacking))
+        names = " ".join(path.name for path in paths)
+        write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
+    checks = validate_actuator(result.parameters, kept)
+
+    def draw() -> Figure:
+        return actuator_figure(result, checks)
+
+    written = [plot.save(draw(), picture)] if picture else []
+    tables = actuator_tables(result, known, checks, lacking)
+    return Found(tables, result.is_explained, values_of(to), drawn=draw, files=[to, *written], kept=folder)
+
+
+_commission = commission
+
+
+def gap_law(
+    data: File,
+    *,
+    turns: float | None = None,
+    parameters: File | None = None,
+    assume: bool = False,
+    column: Several = (),
+    out: File | None = None,
+    figure: File | None = None,
+) -> Found:
+    """Make a gap law of the inductance of a coil, measured at known gaps.
+
+    Parameters
+    ----------
+    data : path
+        CSV file with gap [mm] and inductance [mH], or inductance 100Hz [mH] and so on.
+    turns : float, optional
+        Turns of the coil, by default those of `parameters`.
+    parameters : path, optional
+        Parameter-set file: what else is known of the valve.
+    assume : bool
+        Assume what is not given; it is listed and marked, and answers are relative then.
+    column : mapping, optional
+        Column of a quantity where it is called otherwise.
+    out : path, optional
+        Parameter-set file to write.
+    figure : path, optional
+        PNG, PDF or SVG file to write.
+
+    Returns
+    -------
+    Found
+        Its `parameters`, which `identify` takes from the file.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, or the turns are missing.
+    """
+    from gapsense.identification.assumptions import ask, list_values, meanings
+    from gapsense.identification.gap_law.laws import best_law, candidates
+    from gapsense.identification.gap_law.show import gap_law_figure, gap_law_tables, write_gap_law
+    from gapsense.identification.gap_law.table import columns_given, read_inductances
+    from gapsense.identification.identify import TABLE_I
+    from gapsense.identification.parameter_set import parameters_of, read_sets
+    from gapsense.identification.valve.show import BY_NAME
+    from gapsense.report import plot
+
+    picture, source, known = checked(figure), Path(data), path(parameters)
+    given, marked = read_sets([known] if known else [])
+    par = parameters_of("solenoid_valve", known)
+    if (is_assumed := turns is None and ("coil.turns" not in given or "coil.turns" in marked)) and not assume:
+        ask(["coil.turns"], BY_NAME, "--turns", TABLE_I, ", or as `--turns`")
+    number = turns or float(par.coil_turns)
+    measured = read_inductances(source, columns_given(pairs(column)))
+    found = candidates(measured.gap, number**2 / measured.inductance)
+    upper = float(measured.gap[-1])
+    taken, upper = best_law(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
+    replaced = ("coil.turns", "core.reluctance", "gap.")
+    assumed = [*["coil.turns"] * is_assumed, *(name for name in marked if not name.startswith(replaced))]
+    with set_file(out) as (to, folder):
+        written = write_gap_law(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
+    shown = gap_law_tables(measured, number, found, taken)
+    if assumed:
+        shown = [
+            *shown,
+            f"Assumed: {list_values({**given, 'coil.turns': number}, BY_NAME, assumed)}.",
+            *meanings(assumed),
+        ]
+
+    def draw() -> Figure:
+        return gap_law_figure(measured, number, taken)
+
+    drawn = [plot.save(draw(), picture)] if picture else []
+    return Found(shown, True, values_of(to), drawn=draw, files=[*written, *drawn], kept=folder)
+
+
+def estimate(
+    data: Data,
+    *,
+    estimator: str | Sequence[str] | None = None,
+    parameters: File | Sequence[File] = (),
+    column: Several = (),
+    separator: str = ",",
+    decimal: str = ".",
+    clipped: bool = False,
+    offset: Several = (),
+    fmus: File | None = None,
+    out: File | None = None,
+    figure: File | None = None,
+    progress: Progress = quiet,
+) -> Found:
+    """Run estimators, through their FMUs, on a measured record.
+
+    Parameters
+    ----------
+    data : path or mapping of arrays
+        CSV file with the columns time [s], voltage [V], current [A], or arrays by these names.
+    estimator : str or sequence of str, optional
+        Names; by default all that the record has the inputs of.
+    parameters : path or sequence of paths
+        Parameter-set files; each estimator takes what it has.
+    column : mapping, optional
+        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
+    separator, decimal : str
+        Of the cells of a CSV file, and of its numbers.
+    clipped : bool
+        Accept signals at the limits of their converter.
+    offset : mapping, optional
+        What a quantity is off by, beside what it is at rest: `{"current": 0.002}`.
+    fmus : path, optional
+        Folder of the FMUs.
+    out : path, optional
+        CSV file of the estimates.
+    figure : path, optional
+        PNG, PDF or SVG file to write.
+    progress : callable
+        Is called with the estimators that are done and all of them.
+
+    Returns
+    -------
+    Found
+        Its `signals` by `Estimator.output`; `passed` is False where an estimator cannot be right, and `doubts` say why.
+
+    Raises
+    ------
+    ValueError
+        The file or an option is wrong, or no estimator can run on the record.
+    """
+    from gapsense.cosim.prepare import find_fmus
+    from gapsense.fmi.components import components_folder, find_components
+    from gapsense.identification import estimate as judge
+    from gapsense.identification.estimate import (
+        choose_estimators,
+        estimate_figure,
+        estimate_tables,
+        estimators,
+        repeat_assumed,
+        run_all,
+        save,
+        subtract_given,
+    )
+    from gapsense.identification.measurements.prepare import thin
+    from gapsense.identification.measurements.reading import read_records, reading
+    from gapsense.identification.parameter_set import read_sets, take_values
+    from gapsense.identification.show import about
+    from gapsense.report import plot
+
+    picture, every, folder = checked(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
+    sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]
+    wanted = ",".join([estimator] if isinstance(estimator, str) else estimator or ()) or None
+    with files(data) as paths:
+        how = reading(pairs(column), "end", separator, decimal, clipped)
+        record = thin(*read_records(paths, how, needs="samples"))
+    record, (values, assumed) = subtract_given(record, pairs(offset)), read_sets(sets)
+    names, left_out = choose_estimators(wanted, estimators(every), record, values)
+    notes = [*about(record), *(f"left out: {reason}" for reason in left_out)]
+    take_values(find_components(every, names), sets, find_components(every))  # before any run
+    estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
+    doubts = judge.doubts(record, estimates)
+
+    def draw() -> Figure:
+        return estimate_figure(record, estimates)
+
+    written = [save(Path(out), record, estimates)] if out else []
+    written += [plot.save(draw(), picture)] if picture else []
+    signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
+    signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+    shown = [*estimate_tables(estimates), *repeat_assumed(values, assumed)]
+    more: dict[str, Any] = {"doubts": doubts, "notes": notes, "files": written}
+    return Found(shown, not doubts, values, signals, drawn=draw, **more)
+
+
+def compare(
+    result: File,
+    reference: File,
+    *,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    tolerance: Several = (),
+    edge_steps: int = EDGE_STEPS,
+    signal: str | Sequence[str] = (),
+    after: float = -math.inf,
+    before: float = math.inf,
+) -> Mapping[str, Comparison]:
+    """Compare a result with another one, signal by signal: |result - reference| <= atol + rtol x nominal.
+
+    Parameters
+    ----------
+    result, reference : paths
+        CSV files of results, or two folders of results.
+    rtol : float
+        Allowed difference as a share of the nominal value.
+    atol : float
+        Allowed difference in the unit of the signal, added to that.
+    tolerance : mapping, optional
+        For the signals of a pattern: `{"ekf.*": "1e-6"}`, or `"1e-6,1e-9"` with both.
+    edge_steps : int
+        Steps of its component that an edge may come earlier or later.
+    signal : str or sequence of str
+        Signals or patterns; all others are left out.
+    after, before : float
+        Only rows from this time on, and up to this one [s].
+
+    Returns
+    -------
+    mapping
+        By file, in the order of their names: each comparison has `passed`, `failing` and `sentences`.
+
+    Raises
+    ------
+    ValueError
+        A file is no result, or an option is wrong.
+    """
+    from gapsense.cosim.result.pairs import Window, compare_trajectories, paired, read_trajectories
+
+    how = tolerances(rtol, atol, edge_steps, pairs(tolerance))
+    window = Window(tuple([signal] if isinstance(signal, str) else signal) or ("*",), after, before)
+    read = [
+        (ours, read_trajectories(ours), read_trajectories(theirs))
+        for ours, theirs in paired(Path(result), Path(reference))
+    ]
+    return {str(name): compare_trajectories(ours, theirs, how, window) for name, ours, theirs in read}
+
+
+def tolerances(rtol: float, atol: float, edge_steps: int, exceptions: Sequence[str]) -> Baseline:
+    """Tolerances of all signals; an InputError has all that is wrong with them."""
+    from gapsense.cosim.scenario.records import Baseline, Tolerance
+
+    own, problems = {}, []
+    for text in exceptions:
+        pattern, _, numbers = text.rpartition("=")
+        values = parsed(numbers)
+        if not pattern or not 1 <= len(values) <= 2 or not are_tolerances(values):
+            problems.append(f"--tolerance, {text}: `PATTERN=RTOL` or `PATTERN=RTOL,ATOL` expected. Correct it.")
+        else:
+            own[pattern] = Tolerance(values[0], values[1] if len(values) == 2 else atol, edge_steps)
+    for name, value in {"--rtol": rtol, "--atol": atol}.items():
+        if not are_tolerances([value]):
+            problems.append(f"{name}: {value} found, a number not below 0 expected. Correct the value.")
+    if problems:
+        raise InputError(problems)
+    return Baseline(Path(), None, Tolerance(rtol, atol, edge_steps), own)
+
+
+def parsed(text: str) -> list[float]:
+    """Numbers with commas between; none if something else is there."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+
+
+def are_tolerances(values: Sequence[float]) -> bool:
+    """True for finite numbers not below 0."""
+    return all(math.isfinite(value) and value >= 0.0 for value in values)
+
+
+def pairs(several: Several) -> list[str]:
+    """`NAME=VALUE` texts of an option that may be given several times."""
+    if isinstance(several, Mapping):
+        return [f"{name}={value}" for name, value in several.items()]
+    return [several] if isinstance(several, str) else [*several]
+
+
+def path(file: File | None) -> Path | None:
+    """As a path."""
+    return None if file is None else Path(file)
+
+
+def named(file: File | None) -> Path | None:
+    """A file, or the sample of that name that comes with Gapsense."""
+    return None if file is None else shipped(file)
+
+
+def checked(figure: File | None) -> Path | None:
+    """A file that a figure can be written to, before a long run."""
+    if figure is not None:
+        from gapsense.report import plot
+
+        plot.check_file(Path(figure))
+    return path(figure)
+
+
+@contextmanager
+def files(data: Data) -> Iterator[list[Path]]:
+    """Records as files: those that are named, and arrays in a folder that is then removed."""
+    several = [data] if isinstance(data, (str, Path, Mapping)) else [*data]
+    with TemporaryDirectory() as folder:
+        yield [
+            arrays(each, Path(folder, f"record_{k}.csv")) if isinstance(each, Mapping) else shipped(each)
+            for k, each in enumerate(several)
+        ]
+
+
+def arrays(columns: Mapping[str, Any], file: Path) -> Path:
+    """Arrays by quantity as a CSV file, in SI units."""
+    import numpy as np
+
+    from gapsense._os.files import write_atomically, write_columns
+
+    if missing := {"time", "voltage", "current"} - {*columns}:
+        raise ValueError(f"a record needs arrays for time, voltage and current; {', '.join(sorted(missing))} missing.")
+    values = {name: np.asarray(column, float) for name, column in columns.items()}
+    if len({column.shape for column in values.values()}) > 1:
+        shapes = ", ".join(f"{name} {column.shape}" for name, column in values.items())
+        raise ValueError(f"shapes {shapes} found, equal ones expected. Correct them.")
+    write_atomically(file, lambda out: write_columns(out, values, UNITS))
+    return file
+
+
+@contextmanager
+def set_file(out: File | None) -> Iterator[tuple[Path, TemporaryDirectory[str] | None]]:
+    """Where a parameter set is written: the file that was asked for, or one in a folder that lives as long as it."""
+    if out is not None:
+        yield Path(out), None
+    else:
+        folder = TemporaryDirectory()
+        yield Path(folder.name, "found.toml"), folder
+
+
+def values_of(file: Path) -> Mapping[str, Any]:
+    """Parameters of a set that was written."""
+    from gapsense.parameters import read_parameters
+
+    return read_parameters(file, [])
+
+
+def completed(finished: Any, told: Sequence[str], to: Path, folder: Any, picture: Path | None) -> Found:
+    """An identification, with its parameters and its figure."""
+    from gapsense.report import plot
+
+    drawn = [plot.save(finished.figure(), picture)] if picture else []
+    shown, written = [*finished.shown, *told], [to, *drawn]
+    return Found(shown, finished.is_explained, values_of(to), drawn=finished.figure, files=written, kept=folder)
