@@ -84,7 +84,7 @@ __all__ = [
     "run",
     "sweep",
 ]
-OFFERED = {  # where each is
+_PLACES = {  # where each is
     **dict.fromkeys(__all__, "gapsense.components"),
     "Scenario": "gapsense.cosim.scenario.build",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
@@ -103,10 +103,10 @@ OFFERED = {  # where each is
 def __getattr__(name: str) -> object:
     from importlib import import_module
 
-    if name not in OFFERED:
+    if name not in _PLACES:
         raise AttributeError(f"module 'gapsense' has no attribute {name!r}")
-    return getattr(import_module(OFFERED[name]), name)
+    return getattr(import_module(_PLACES[name]), name)
 
 
 def __dir__() -> list[str]:
-    return [*OFFERED, "__version__"]
+    return [*_PLACES, "__version__"]

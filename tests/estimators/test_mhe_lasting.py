@@ -21,6 +21,11 @@ from gapsense.studies.devices import RTS_VALVE
 NOISE = 30e-3  # of the voltage [V]
 HEALTHY, BROKEN, AFTER = 6, 5, 12  # cycles before, in and after a fault
 STROKE = RTS_VALVE.stop_upper - RTS_VALVE.stop_lower
+COIL = {"5 ohm more": {"coil_resistance": RTS_VALVE.coil_resistance + 5.0}}
+ONE_WAY = {
+    "lower stop lower": {"stop_lower": RTS_VALVE.stop_lower - 0.1 * STROKE},
+    "lower stop higher": {"stop_lower": RTS_VALVE.stop_lower + 0.1 * STROKE},
+}
 FAULTS = {
     "stuck at the upper stop": {"stop_lower": RTS_VALVE.stop_upper - 1e-7},
     "stuck at the lower stop": {"stop_upper": RTS_VALVE.stop_lower + 1e-7},
@@ -98,7 +103,7 @@ def broken(fault: str) -> Plant:
     voltage = np.where((k >= 0) & (k % CYCLE < HALF), 30.0, 0.0)
     later = HALF if fault == "stuck at the lower stop" else 0
     first, last = (START + n * CYCLE + later - 5 for n in (HEALTHY, HEALTHY + BROKEN))
-    pars = [tuple(flat(par)) for par in (RTS_VALVE, RTS_VALVE._replace(**FAULTS[fault]))]
+    pars = [tuple(flat(par)) for par in (RTS_VALVE, RTS_VALVE._replace(**{**FAULTS, **ONE_WAY, **COIL}[fault]))]
     scalar, names = Kernel(reluctance_actuator).scalar, reluctance_actuator.Outputs._fields
     state, seen = scalar["initial"]((0.0, 0.0, 0.0), pars[0])
     found = [seen]
@@ -147,6 +152,18 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
     assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))
 
 
+@pytest.mark.parametrize("fault", ONE_WAY)
+def test_a_fault_that_shows_in_one_direction_stays_told(fault: str) -> None:
+    """Closings looked fine, and `health` was 1 where the openings after them began: 20 and 35 % of the wrong time."""
+    s, seed = broken(fault), 4
+    found = run(blind(), rows(with_noise(s.voltage, seed), noisy(s, seed)))
+    k = np.arange(s.mode.size)
+    is_wrong = (np.abs(found["position"] - s.position) > 105e-6) & (k > START + HEALTHY * CYCLE - 10)
+    assert is_wrong.sum() > 500 and np.mean(found["health"][is_wrong]) < 0.01
+    assert np.all(found["health"][: START + HEALTHY * CYCLE - 10] == 1.0)
+    assert np.all(found["health"][-4 * CYCLE :] == 1.0)
+
+
 def test_a_command_that_no_motion_followed_is_told() -> None:
     """A wire that breaks in the fourth cycle: neither voltage nor current; and it is mended in the fifth."""
     s = plant()
@@ -171,9 +188,11 @@ def test_a_device_far_from_the_one_told_is_told() -> None:
 
 # between the stops
 
+LEVELS = (0.5, 0.3, 0.7, 0.4, 0.6, 0.5)  # of the stroke: steps of a servo
+
 
 @cache
-def served(is_sine: bool) -> tuple[Plant, int, int]:
+def served(kind: str) -> tuple[Plant, int, int]:
     """Six cycles, 0.15 s of a servo that has the position, and six cycles more; where the servo begins and ends."""
     par, frequency, sink = RTS_VALVE, 2.0 * np.pi * 300.0, 60e-6
     scalar, names = Kernel(reluctance_actuator).scalar, reluctance_actuator.Outputs._fields
@@ -190,10 +209,11 @@ def served(is_sine: bool) -> tuple[Plant, int, int]:
         u = 30.0 if k >= 0 and k % CYCLE < HALF else 0.0
         if first <= n < last:
             t = (n - first) * T_S
-            wanted = low + (0.5 + (0.3 * np.sin(2.0 * np.pi * 12.0 * t) if is_sine else 0.0)) * STROKE
+            shares = {"hold": 0.5, "sine": 0.5 + 0.3 * np.sin(2.0 * np.pi * 12.0 * t), "steps": LEVELS[int(t / 25e-3)]}
+            wanted = low + shares[kind] * STROKE
             wanted = par.stop_upper + (wanted - par.stop_upper) * min(1.0, t / 5e-3)
             force, square = balance(np.float64(now["position"]), entries)
-            a = frequency**2 * (wanted - now["position"]) - 1.8 * frequency * now["velocity"]
+            a = np.clip(frequency**2 * (wanted - now["position"]) - 1.8 * frequency * now["velocity"], -400.0, 400.0)
             flux = np.sqrt(max(square * (1.0 - (par.mover_mass * a + par.damping * now["velocity"]) / force), 1e-9))
             u = float(np.clip(par.coil_resistance * now["current"] + (flux - now["flux_linkage"]) / sink, -48.0, 48.0))
         state, seen = scalar["step"](state, (n * T_S, T_S, u), tuple(flat(par)))
@@ -204,14 +224,23 @@ def served(is_sine: bool) -> tuple[Plant, int, int]:
 
 
 @pytest.mark.parametrize("option_mean", [0.0, 1.0])
-@pytest.mark.parametrize("is_sine", [False, True])
-def test_it_says_that_it_does_not_hold_between_the_stops(is_sine: bool, option_mean: float) -> None:
-    """It believes in a stop, 500 um off; `health` was 1 for 92 to 100 % of the time, eddy currents were unlearnt."""
-    s, first, last = served(is_sine)
+@pytest.mark.parametrize("kind", ["hold", "sine", "steps"])
+def test_it_follows_between_the_stops_and_says_so(kind: str, option_mean: float) -> None:
+    """It believed in a stop, 500 um off; eddy currents were unlearnt. The first milliseconds are open loop."""
+    s, first, last = served(kind)
     found = run(blind(option_mean=option_mean), rows(with_noise(s.voltage, 2), noisy(s, 2)))
-    far = np.abs(found["position"] - s.position)[first + 250 : last] > 100e-6
-    assert np.all(s.mode[first + 250 : last] == 2.0) and far.mean() > 0.5
-    assert np.mean(found["health"][first + 250 : last][far]) < 0.02
+    error, health = np.abs(found["position"] - s.position)[first + 250 : last], found["health"][first + 250 : last]
+    assert np.all(s.mode[first + 250 : last] == 2.0) and np.all(health[250:] == 0.0)
+    assert np.sqrt(np.mean(error**2)) < 60e-6 and np.sqrt(np.mean(error[250:] ** 2)) < 50e-6
+    assert np.mean(health[error > 100e-6]) < 0.15
     for name in ("eddy", "resistance", "gap_factor"):
-        assert found[name][last] == pytest.approx(found[name][first - 1], rel=0.1)
-    assert np.all(causal_errors(found["position"], s, last + START)[1:] < 45.0)
+        assert found[name][last] == pytest.approx(found[name][first - 1], rel=0.01)
+    assert np.all(causal_errors(found["position"], s, last + START)[1:] < 30.0)
+
+
+def test_another_resistance_is_no_servo() -> None:
+    """A filter that feeds the current back wanders by 400 um there, and what it should learn from is lost."""
+    s = broken("5 ohm more")
+    found = run(blind(), rows(with_noise(s.voltage, 2), noisy(s, 2)))
+    errors = causal_errors(found["position"], s, START + HEALTHY * CYCLE)
+    assert np.all(errors < 150.0) and np.all(errors[2:BROKEN] < 30.0) and np.all(errors[-5:] < 15.0)

@@ -44,21 +44,18 @@ def test_smoothed_positions_and_impacts(dt: float, restitution: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("further", "age", "misfit", "expected"),
-    [(1.0, 400.0, 0.5, True), (1.0, 200.0, 0.5, False), (1.0, 400.0, 9.0, False), (0.0, 400.0, 0.5, False)],
+    ("age", "rejected", "expected"), [(400.0, 0.0, True), (200.0, 0.0, False), (400.0, 1.0, False)]
 )
-def test_the_causal_estimate_does_not_wait_for_late_work(
-    further: float, age: float, misfit: float, expected: bool
-) -> None:
+def test_the_causal_estimate_does_not_wait_for_late_work(age: float, rejected: float, expected: bool) -> None:
     """Nor does it take what nothing explains."""
-    c, par = kernel(), blind(option_further=further)
-    c.call("initial", (0.0, 0.0, 0.0, 0.0), par)
+    c = kernel()
+    c.call("initial", (0.0, 0.0, 0.0, 0.0), blind())
     work = state_of(c).work
     told_now = work._replace(
-        window=work.window._replace(age=age), learnt=work.learnt._replace(windows=1.0, misfit=misfit)
+        window=work.window._replace(age=age), learnt=work.learnt._replace(windows=1.0, rejected=rejected)
     )
-    assert mhe._is_told_late(told_now, work.learnt, par) == expected
-    assert not mhe._is_told_late(told_now, told_now.learnt, par)
+    assert mhe._is_told_late(told_now, work.learnt) == expected
+    assert not mhe._is_told_late(told_now, told_now.learnt)
 
 
 # bounces

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_back
 from gapsense.estimators.mhe.model import (
     Device,
     Parameters,
@@ -22,7 +23,7 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, REJECT_MISFIT, USUAL_EFFORT, work_on
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, wait, work_on
 from gapsense.estimators.mhe.watch import (
     RECENT,
     Seen,
@@ -96,6 +97,7 @@ class State(NamedTuple):
     believed: Annotated[Array, Memory(11)]  # the `Device` that it belongs to
     held: Held
     watch: Watch
+    follow: Follow
     work: Work
     samples: Samples
     smoothed: Smoothed
@@ -208,6 +210,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         believed=zeros(len(d)),
         held=Held(held_level=u, held_voltage=u),
         watch=Watch(noise=par.noise_current),
+        follow=Follow(covariance=vector([0.0] * 9)),
         work=first_work(at, inputs.time, par),
         samples=Samples(
             newest=0.0, voltages=zeros(RING), currents=zeros(RING), weights=zeros(RING), commands=zeros(RING)
@@ -241,16 +244,28 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
     is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
     work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
-    work, smoothed, has_caught_up = work_on(work, samples, state.smoothed, before, R, inputs.time, first, par)
+    work, smoothed, has_caught_up = cond(
+        is_set(state.follow.is_on),
+        lambda: (wait(work, before), state.smoothed, False),
+        lambda: work_on(work, samples, state.smoothed, before, R, inputs.time, first, par),
+    )
     is_new = has_caught_up & not_(is_set(work.is_followed))
-    is_told = _is_told_late(work, state.work.learnt, par)
+    is_told = _is_told_late(work, state.work.learnt)
     work = work._replace(is_followed=where(has_caught_up, 1.0, work.is_followed))
     # the causal estimate
     is_other = is_new | is_first | is_told
     believed = when(is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
     m = with_device(first, Device(*get(believed, START)))
     before = Point(*when(is_told, lambda _: vector(point(*before[:4], before.voltage, m)), state.causal))
-    causal = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+    reading = Reading(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
+
+    def open_loop() -> tuple[Array, Array]:
+        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+        return at, state.follow.covariance
+
+    causal, covariance = cond(
+        is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop
+    )
     now = Point(*causal)
     innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
     seen = Seen(
@@ -259,8 +274,19 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         jump=u - before.voltage,
         is_edge=is_edge,
         change=inputs.command - state.last_command,
+        is_fed_back=is_set(state.follow.is_on),
     )
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
+    coil = Coil(
+        is_large=is_set(watch.is_large),
+        is_edge=is_edge,
+        pulls=fabs(held.held_current) > LARGE * par.noise_current,
+        resistance=_resistance(held, par),
+    )
+    follow = decide(state.follow._replace(covariance=covariance), coil, now, m)
+    is_back = is_set(state.follow.is_on) & not_(is_set(follow.is_on) | is_set(follow.is_futile))
+    is_old = work.window.age > par.window_longest / par.sample_time
+    work = work._replace(window=work.window._replace(age=where(is_back & is_old, RING, work.window.age)))
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
     causes = {
@@ -277,6 +303,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         believed=believed,
         held=held,
         watch=watch,
+        follow=follow,
         work=work,
         samples=samples,
         smoothed=smoothed,
@@ -293,10 +320,10 @@ def _is_other(work: Work, par: Parameters) -> Scalar:
     return is_other
 
 
-def _is_told_late(work: Work, before: Learnt, par: Parameters) -> Scalar:
-    """What a window has told is so late, with `option.further`, that the causal estimate does not wait for the next."""
+def _is_told_late(work: Work, before: Learnt) -> Scalar:
+    """What a window has told is so late that the causal estimate does not wait for the next."""
     is_told, is_late = work.learnt.windows > before.windows, work.window.age > USUAL_EFFORT.later
-    return is_set(par.option_further) & is_told & is_late & (work.learnt.misfit < REJECT_MISFIT)
+    return is_told & is_late & (work.learnt.rejected < 1.0)
 
 
 def _has_current(inputs: Inputs, par: Parameters) -> Scalar:

@@ -47,6 +47,7 @@ from gapsense.estimators.mhe.window import (
     bounds,
     get,
     get_matrix,
+    has_landed,
     has_moved,
     is_idle,
     origin_of,
@@ -83,11 +84,12 @@ RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping 
 # arrival cost of a change that is expected, and what comes to it until all may change as before the first window
 EXPECTED, SURPRISING = 2.0, 10.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
-SHORTENED = 0.25  # of a step whose trial is worse than what it left
+SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
 LARGEST = 0.7  # step of a logarithm
 COST_TOLERANCE = 0.03  # difference of costs that does not matter, in the cost that noise and model error make
 REJECT_MISFIT = 6.0  # from here on nothing is learnt from a window
+REJECT_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teaches is as uncertain
 LOST_MISFIT = 2.0  # of a window that goes before one that nothing explains: what was learnt is wrong
 GOOD_MISFIT = 1.5  # below it others may go back to what the window has taught
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
@@ -97,7 +99,10 @@ JUMP = 0.03  # of R: a held voltage says better where to start
 Starts = tuple[dict[int, float], ...]
 
 # where a search begins if nothing explains the currents: fields of `Device`, and how many deviations off
-STARTS: Starts = tuple({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2))
+STARTS: Starts = (
+    *({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2)),
+    *({1: 2.0}, {5: 1.0}, {1: 2.0, 5: 1.0}),  # more losses than told
+)
 # the same with `option.further`, in deviations of what is known by now
 MORE_STARTS: Starts = (
     *({k: by} for by in (-1.0, 1.0, -2.0, 2.0) for k in (7, 2, 6)),
@@ -151,11 +156,20 @@ THOROUGH = Effort(
 )
 
 
+def is_untaught(learnt: Learnt, par: Parameters) -> Scalar:
+    """No window with a motion was explained so far, and the device may be far from the one told.
+
+    With `option.further` the search is thorough anyway.
+    """
+    return (learnt.explained < 1.0) & not_(is_set(par.option_further))
+
+
 def effort(learnt: Learnt, par: Parameters) -> Effort:
     """What a window is worth: more if more is learnt; a search that will find nothing, as the last one, is not."""
     bad = clip(WORSE * learnt.misfit, THOROUGH.bad, USUAL_EFFORT.bad)
     thorough = THOROUGH._replace(bad=bad)
-    usual = [where(learnt.rejected > 0.0, hasty, one) for hasty, one in zip(HASTY, USUAL_EFFORT)]
+    is_hopeless = (learnt.rejected > 0.0) & not_(is_untaught(learnt, par))
+    usual = [where(is_hopeless, hasty, one) for hasty, one in zip(HASTY, USUAL_EFFORT)]
     return Effort(*(where(is_set(par.option_further), more, one) for one, more in zip(usual, thorough)))
 
 
@@ -227,8 +241,15 @@ def _blind(par: Parameters) -> Array:
 def _is_behind(work: Work, par: Parameters) -> Scalar:
     """Whether more samples wait behind a window that nothing explained than are worth the work."""
     is_due = (work.phase == Phase.deriving) & not_(work.pass_start == PassStart.under_way)
-    is_new = is_due & (work.window.end <= 0.0)
+    grows = is_untaught(work.learnt, par) & is_set(work.window.has_grown)
+    is_new = is_due & (work.window.end <= 0.0) & not_(grows)
     return is_new & (work.learnt.misfit >= REJECT_MISFIT) & (work.window.age > effort(work.learnt, par).backlog)
+
+
+def wait(work: Work, causal: Point) -> Work:
+    """No work while the current is fed back; what waits for too long is given up."""
+    work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
+    return when(work.window.age > RING - 2.0 * PACE, lambda work: _give_up(work, causal), work)
 
 
 def _give_up(work: Work, causal: Point) -> Work:
@@ -288,6 +309,7 @@ def _start_solving(work: Work, par: Parameters) -> Work:
         gradient=put(fit.gradient, get(fit.gradient, N) - pull),
         whole=put_matrix(fit.whole, get_matrix(fit.normal) + Pi),
         total=work.walk.cost + d @ pull,  # (4)
+        lands=flag(has_landed(work.walk)),
         tries=fit.tries + 1.0,
     )
     return _damp(work._replace(fit=fit), 0.0, par)
@@ -434,6 +456,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     walk, window, fit, search = work.walk, work.window, work.fit, work.search
     unit, worth = usual_cost(walk, par), effort(work.learnt, par)
     total, misfit = _total(work), walk.cost / unit
+    loses = is_set(fit.lands) & not_(has_landed(walk)) & is_untaught(work.learnt, par)
     is_last, is_bad = fit.shortenings >= worth.retries, misfit > worth.bad
     missing, late = total - fit.predicted_cost, window.age - window.end
     surprise = where(late > worth.late, missing, fabs(missing))
@@ -447,7 +470,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     return Verdict(
         total=total,
         misfit=misfit,
-        is_better=(total < fit.total) | is_last,
+        is_better=((total < fit.total) & not_(loses)) | is_last,
         is_final=is_final,
         grows=grows,
         seeks=is_final & not_(grows) & is_bad & may_seek,
@@ -490,7 +513,8 @@ def _judge(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work:
 
 def _shorten(work: Work, n: Scalar, par: Parameters) -> Work:
     """A trial of a shorter step, the n-th one, or of none."""
-    share = where(n >= effort(work.learnt, par).retries, 0.0, SHORTENED)
+    shortened = where(is_untaught(work.learnt, par), SHORTENED_UNTAUGHT, SHORTENED)
+    share = where(n >= effort(work.learnt, par).retries, 0.0, shortened)
     fit = work.fit._replace(shortenings=n, change=put(work.fit.change, share * get(work.fit.change, N)))
     return work._replace(fit=fit, pass_start=PassStart.due)
 
@@ -550,7 +574,8 @@ def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Par
     """The smoothed estimate is ready; what the window has taught is kept, and the next one begins where it ends."""
     is_lost = is_set(par.option_further) & (work.learnt.misfit >= LOST_MISFIT)
     is_cut = work.window.end >= par.window_longest / par.sample_time  # no landing has ended it: it was no operation
-    most = where(is_cut & is_set(work.window.is_doubtful), GOOD_MISFIT, REJECT_MISFIT)
+    limit = where(is_untaught(work.learnt, par) & has_landed(work.walk), REJECT_UNTAUGHT, REJECT_MISFIT)
+    most = where(is_cut & is_set(work.window.is_doubtful), GOOD_MISFIT, limit)
     told = _leave_window(work._replace(learnt=_tell(work, misfit, time, par)), samples)
 
     def reject() -> Work:
@@ -572,12 +597,12 @@ def _leave_window(work: Work, samples: Samples) -> Work:
 def _tell(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
     """What a window has told of its operation, if there was one."""
     walk, T_s, old = work.walk, par.sample_time, work.learnt
-    since, has_landed = time - work.window.age * T_s, walk.landings > 0.0
+    since, lands = time - work.window.age * T_s, has_landed(walk)
     return old._replace(
-        takeoff_time=where(has_landed, since + walk.takeoff * T_s, old.takeoff_time),
-        landing_time=where(has_landed, since + walk.landing * T_s, old.landing_time),
-        impact_speed=where(has_landed, walk.speed, old.impact_speed),
-        bounces=where(has_landed, walk.landings - 1.0, old.bounces),
+        takeoff_time=where(lands, since + walk.takeoff * T_s, old.takeoff_time),
+        landing_time=where(lands, since + walk.landing * T_s, old.landing_time),
+        impact_speed=where(lands, walk.speed, old.impact_speed),
+        bounces=where(lands, walk.landings - 1.0, old.bounces),
         windows=old.windows + 1.0,
         misfit=misfit,
         given_up=0.0,
@@ -615,7 +640,8 @@ def _reject(work: Work, par: Parameters) -> Work:
     """The currents were not explained: the parameters stay what they were.
 
     After some such windows in a row they go back to those of the last good window, and after as many more to what was
-    known at the start; then in turn.
+    known at the start; then in turn.  As long as nothing was explained, the next window begins with what explains this
+    one best.
     """
     window, fit, n = work.window, work.fit, work.learnt.rejected + 1.0
     is_back, is_blind = n == PATIENCE, n >= 2.0 * PATIENCE
@@ -631,13 +657,16 @@ def _reject(work: Work, par: Parameters) -> Work:
 
     q, Pi = cond(is_back, go_back, lambda: cond(is_blind, begin_again, keep))
     origin = when(is_set(par.option_command), lambda origin: _by_voltage(origin, par), window.origin)
-    return _open_window(
+    found, goes_on = get(fit.q, START), is_untaught(work.learnt, par) & has_landed(work.walk)
+    work = _open_window(
         work._replace(
             window=window._replace(origin=origin),
             fit=fit._replace(q=put(fit.q, [*q, 0.0]), prior=put_matrix(fit.prior, Pi)),
             learnt=work.learnt._replace(rejected=where(is_blind, 0.0, n)),
         )
     )
+    start = [where(goes_on, a, b) for a, b in zip(found, q)]
+    return work._replace(fit=work.fit._replace(q=put(work.fit.q, [*start, 0.0])))
 
 
 def _by_voltage(origin: Array, par: Parameters) -> Array:

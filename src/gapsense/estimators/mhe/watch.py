@@ -21,6 +21,7 @@ ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere i
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
 KNOWN, YOUNG = 4.0, 6.0  # operations that were explained, after which innovations are judged, first with more patience
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
+BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 
 
@@ -40,9 +41,10 @@ class Watch(NamedTuple):
     edge: Edge = Edge()
     spread: Scalar = ANYWHERE  # variance of the places of edges, of late
     surprise: Scalar = 0.0  # mean of the innovations, of late [A]
+    is_large: Scalar = 0.0  # flag: it is too large now
     is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
     is_moving: Scalar = 0.0  # flag: there was a motion in this operation
-    is_suspect: Scalar = 0.0  # flag: an operation was strange, and none since then was not
+    suspicion: Scalar = 0.0  # operations that must not be strange until one that was is forgotten
     was_commanded: Scalar = 0.0  # flag: the command has changed
     has_moved: Scalar = 0.0  # flag: there was a motion since then
     is_still: Scalar = 0.0  # flag: there was none between the two changes before
@@ -56,6 +58,7 @@ class Seen(NamedTuple):
     jump: Scalar  # of the voltage
     is_edge: Scalar  # whether that is an edge
     change: Scalar  # of the command
+    is_fed_back: Scalar  # whether the current was fed back
 
 
 def weight(par: Parameters) -> Scalar:
@@ -126,7 +129,7 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 
 
 def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
-    """An operation whose innovations are too large is strange; only another one, with a motion, takes that back."""
+    """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
     is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
@@ -140,15 +143,18 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     most = where(is_set(par.option_further), STRANGE_SOFT, STRANGE)
     young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
     limit = (1.0 + young) * most * usual
+    is_large = is_known & (fabs(surprise) > limit)
     is_over = is_edge & (is_set(before.is_strange) | is_set(before.is_moving))
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
+    less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
     return before._replace(
         edge=edge,
         spread=spread,
         surprise=surprise,
-        is_strange=where(is_known & (fabs(surprise) > limit), 1.0, where(is_over, 0.0, before.is_strange)),
+        is_large=flag(is_large),
+        is_strange=where(is_large | seen.is_fed_back, 1.0, where(is_over, 0.0, before.is_strange)),
         is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        is_suspect=where(is_over, before.is_strange, before.is_suspect),
+        suspicion=where(is_over, where(is_set(before.is_strange), BOTH, less), before.suspicion),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
         is_still=where(is_other, flag(is_set(before.was_commanded) & not_(is_set(before.has_moved))), before.is_still),
@@ -168,5 +174,5 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
 
 
 def is_strange(watch: Watch) -> Scalar:
-    """Whether this operation is, or one was, and none since then was not."""
-    return is_set(watch.is_strange) | is_set(watch.is_suspect)
+    """Whether this operation is, or one was, and not two with a motion since then were not."""
+    return is_set(watch.is_strange) | (watch.suspicion > 0.0)

@@ -35,6 +35,7 @@ PAIRS = triangle(N)
 FIXED = 1e-6  # least standard deviation of a correction
 LOOSE = 13.0  # the same of damping, which dirt and wear change
 MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
+GUESSED = 3.0  # the same of eddy currents and hysteresis, of which only guesses are told
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
 PACE = 7  # samples of a trial that are a piece of work
 FASTEST = 64  # pieces in a step, at most
@@ -118,6 +119,7 @@ class Fit(NamedTuple):
     prior: Annotated[Array, Memory(78)]  # Pi
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     pivots_done: Scalar = 0.0
+    lands: Scalar = 0.0  # flag: the mover has landed in the last pass with derivatives
     tries: Scalar = 0.0  # passes with derivatives
     shortenings: Scalar = 0.0  # of the step
     total: Scalar = 0.0  # cost at q
@@ -211,7 +213,8 @@ def priors(par: Parameters) -> list[Scalar]:
 def bounds(par: Parameters) -> list[Scalar]:
     """How far each correction may go: what is farther off than that is another device, or a fault."""
     most = Device(*[MOST] * START)._replace(damping=LOOSE)
-    return [where(m * s < FARTHEST, m * s, FARTHEST) for m, s in zip(most, priors(par))]
+    far = Device(*[FARTHEST] * START)._replace(eddy=GUESSED, hysteresis=GUESSED)
+    return [where(m * s < f, m * s, f) for m, f, s in zip(most, far, priors(par))]
 
 
 def start_deviation(par: Parameters) -> Scalar:
@@ -444,4 +447,9 @@ def is_idle(walk: Walk) -> Scalar:
 
 def has_moved(walk: Walk) -> Scalar:
     """Whether there is a motion, or a part of one."""
-    return (walk.takeoff >= 0.0) | (walk.landings > 0.0) | (walk.still < 1.0)
+    return (walk.takeoff >= 0.0) | has_landed(walk) | (walk.still < 1.0)
+
+
+def has_landed(walk: Walk) -> Scalar:
+    """Whether there is a landing."""
+    return walk.landings > 0.0
