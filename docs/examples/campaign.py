@@ -6,7 +6,7 @@
 # %%
 from pathlib import Path
 
-from gapsense import campaign
+import gapsense
 
 STUDY = """
 title = "Tolerances of valve and supply"
@@ -30,7 +30,7 @@ low = 2e-4
 high = 5e-3
 """
 Path("tolerances.toml").write_text(STUDY)
-result = campaign("tolerances.toml")
+result = gapsense.campaign("tolerances.toml")
 print(result)
 
 # %% [markdown]

@@ -60,7 +60,8 @@ def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Pat
     measures.require(recorded_signals(read, descriptions), read.name)
     runs = 1 if read.swept else seeds
     with bar(f"{variant or 'plain'}") as progress:
-        swept = cosim.sweep(scenario, runs, variant, workers, to, fmus, measures.measure, progress)
+        # by FMUs, whose cost per step is measured
+        swept = cosim.sweep(scenario, runs, variant, workers, to, fmus, measures.measure, progress, engine="fmu")
     for index, error in swept.errors.items():
         problem(f"{read.name}, run {index}: {error}")
     if swept.interrupted or swept.errors:

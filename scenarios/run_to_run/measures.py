@@ -86,6 +86,13 @@ DEMANDS = (
     ),
     Demand(condition="voltage-offset", law="contact", level="90 %", first=10, bound=0.20),
     *(Demand(condition="supply", law=law, level="90 %", first=-LAST, bound=0.30) for law in ("contact", "model")),
+    *(
+        Demand(condition=name, law=law, level="median", first=-LAST, bound=0.12)
+        for name in ("damping-step", "rest-step")
+        for law in ("contact", "model")
+    ),
+    *(Demand(condition="softer", law=law, level="median", first=-LAST, bound=0.20) for law in ("contact", "model")),
+    Demand(condition="untold-noise", law="model", level="median", first=-LAST, bound=0.13),
     *(Demand(condition=name, law="both", level="median", first=10, bound=0.15) for name in ("bounce", "late")),
     *(Demand(condition=name, law="both", level="90 %", first=20, bound=0.30) for name in ("bounce", "late")),
 )

@@ -84,7 +84,8 @@ __all__ = [
     "run",
     "sweep",
 ]
-_PLACES = {  # of what is no component
+_PLACES = {  # where each is
+    **dict.fromkeys(__all__, "gapsense.components"),
     "Scenario": "gapsense.cosim.scenario.build",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
     **dict.fromkeys(
@@ -102,10 +103,10 @@ _PLACES = {  # of what is no component
 def __getattr__(name: str) -> object:
     from importlib import import_module
 
-    if name not in __all__:
+    if name not in _PLACES:
         raise AttributeError(f"module 'gapsense' has no attribute {name!r}")
-    return getattr(import_module(_PLACES.get(name, "gapsense.components")), name)
+    return getattr(import_module(_PLACES[name]), name)
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*_PLACES, "__version__"]

@@ -18,8 +18,8 @@ from gapsense.identification.coil.fit import (
     fit_coil,
     hidden,
     run,
-    scale,
     simulate,
+    size_of,
     validate_coil,
 )
 from gapsense.identification.coil.show import tuning
@@ -164,8 +164,8 @@ def test_device_that_is_neither_is_refused_with_a_word_on_the_coil():
 
 def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():
     each = run(coil_record(PLAIN._replace(**CORE)))
-    problem = Problem(RICHEST, scale([each.record]), [each])
-    _, usual, high = problem.limits()
+    problem = Problem(RICHEST, size_of([each.record]), [each])
+    usual, high = problem.start, problem.limits[1]
     pars = [problem.parameters(usual + share * (high - usual), each) for share in (0.0, 0.1, 0.2)]
     voltages = each.voltages[:, :, None] + np.array([0.0, 0.1, 0.2])
     for k, found in enumerate(currents(KERNEL, pars, voltages)):

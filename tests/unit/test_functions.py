@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import gapsense
 from gapsense.cli import app
+from gapsense.report.table import text
 from gapsense.shipped import RECORDS
 
 NAMES = ("inspect", "identify", "commission", "gap_law", "estimate", "compare")
@@ -55,8 +56,10 @@ def test_gapsense_shows_what_is_public_and_nothing_else():
 
 
 def test_answer_prints_what_the_command_prints():
-    printed = CliRunner().invoke(app, ["inspect", "sample_valve.csv"], env={"COLUMNS": "200"}).output
-    assert "".join(str(gapsense.inspect("sample_valve.csv")).split()) == "".join(printed.split())
+    printed = CliRunner().invoke(app, ["inspect", "sample_valve.csv"]).output
+    found = gapsense.inspect("sample_valve.csv")
+    assert "".join(text(*found.shown, width=80).split()) == "".join(printed.split())
+    assert str(found).startswith("sample_valve: 5151 samples every 20 us")
 
 
 def test_arrays_are_records_too():

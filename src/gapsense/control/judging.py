@@ -173,8 +173,9 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     is_late = laws.is_late(has_landed, after, law)
-    # an estimator may be wrong: it has to say so of three ordinary closings in a row
-    is_weak = (has_landed < 1.0) & ((state.by_model < 1.0) | (law.missed >= 2.0))
+    # an estimator may be wrong: it has to say so of three ordinary closings in a row, and not twice in a row
+    is_sure = (state.by_model < 1.0) | ((law.missed >= 2.0) & (state.is_strong < 1.0))
+    is_weak = (has_landed < 1.0) & is_sure
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
     law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
     return state._replace(

@@ -100,7 +100,7 @@ def shipped(component: Component, paths: Mapping[str, Path]) -> dict[str, list[l
 def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
     """The same, with the source that knows the identity of all others."""
     text = source(parts.component, kernel, parts.guid, identity)
-    return parts._replace(files={**parts.files, "c": text})
+    return parts._replace(files={**parts.files, "model.c": text})
 
 
 def common() -> dict[str, str]:

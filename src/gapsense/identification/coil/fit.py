@@ -164,7 +164,7 @@ def size_of(records: Sequence[Record], period: float | None = None) -> Size:
 
 
 KERNEL = Kernel(device)
-LONGEST = 60  # steps
+LONGEST, LENGTH = 60, 0.1  # steps, and the length by which they are damped
 AT_LIMIT = 1e-3  # of the range of a logarithm
 
 Matrix = npt.NDArray[np.float64]
@@ -176,12 +176,16 @@ class Problem(NamedTuple):
     form: Form
     size: Size
     runs: Sequence[Run]
-    scale: Vector | None = None  # of steps, see `least_squares`
 
     @property
     def offsets(self) -> list[tuple[int, int]]:
         """Run and signal of each offset."""
         return [(k, j) for k, run in enumerate(self.runs) for j, most in enumerate(run.hidden) if most > 0.0]
+
+    @property
+    def scale(self) -> Vector:
+        """Steps are damped alike in all logarithms: in the valley of reluctances and saturation others creep."""
+        return np.full(self.start.size, LENGTH)
 
     @property
     def limits(self) -> tuple[Vector, Vector]:
