@@ -60,6 +60,7 @@ REACHES_UP = {  # in functions
     "src/gapsense/cosim/__init__.py": {"many"},  # when `cosim.sweep` is asked for
 }
 PACKAGES = {  # beside the standard library
+    "functions": {"matplotlib", "numpy", "rich"},
     **{part: {"numpy"} for part in FOUNDATIONS | SIDE_BY_SIDE | {"control", "lanes"}},
     "fmi": {"pythonfmu", "markdown_it"},
     **{part: set() for part in ("__init__", "embedded")},

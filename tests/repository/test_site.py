@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+import http.server
 import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sources import ROOT
@@ -55,18 +60,69 @@ def test_lists_and_tables_of_the_pages_are_lists_and_tables(site):
         assert not re.search(r"<p>(?:[^<]|<(?!/p>))*?\n(?:- |\d\. |\| )", text), page.name
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium to open a page in")
-@pytest.mark.parametrize("name", ["index", "report", "components/Ekf"])
-def test_page_opens_in_a_browser_without_errors_and_without_a_network(site, name):
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    if BROWSER is None:
+        pytest.skip("no Chromium to open a page in")
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page, fetched, complaints = browser.new_page(viewport={"width": 420, "height": 900}), [], []
-        page.on("request", lambda request: fetched.append(request.url))
-        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto((site / f"{name}.html").as_uri())
-        page.wait_for_timeout(500)
-        assert complaints == [] and all(url.startswith(("file:", "data:")) for url in fetched)
-        assert page.evaluate("() => document.documentElement.scrollWidth") <= 420
-        browser.close()
+        opened = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.mark.parametrize("name", ["index", "report", "components/Ekf", "gallery", "api", "examples/which_estimator"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_page_opens_in_a_browser_without_errors_and_without_a_network(site, browser, name, scheme):
+    page, fetched, complaints = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme=scheme), [], []
+    page.on("request", lambda request: fetched.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((site / f"{name}.html").as_uri())
+    page.wait_for_timeout(500)
+    assert complaints == [] and all(url.startswith(("file:", "data:")) for url in fetched)
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_first_command_is_on_the_first_screen(site, browser, width, height):
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.goto((site / "index.html").as_uri())
+    box = page.locator("pre").first.bounding_box()
+    assert "gapsense new" in page.locator("pre").first.text_content() and box["y"] + box["height"] < height
+
+
+@pytest.mark.parametrize(("words", "page_of"), [("semicolon", "identification"), ("which estimator", "estimators")])
+def test_search_finds(site, browser, words, page_of):
+    handler = functools.partial(QuietHandler, directory=str(site))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(f"http://127.0.0.1:{server.server_address[1]}/index.html")
+        page.locator("[data-md-component=search-query]").first.fill(words)
+        links = page.locator(".md-search-result__link")
+        links.first.wait_for(timeout=20_000)
+        found = [link.get_attribute("href") for link in links.all()[:5]]
+        server.shutdown()
+    assert any(page_of in link for link in found), found
+
+
+def test_gallery_has_a_picture_for_every_scenario_and_tells_its_command(site):
+    text = (site / "gallery.html").read_text(encoding="utf-8")
+    for folder in (path.parent for path in (ROOT / "scenarios").glob("*/scenario.toml")):
+        assert f"gapsense figure {folder.name}<" in text and (site / "gallery" / f"{folder.name}.png").is_file()
+    assert len(re.findall(r"gapsense study ", text)) >= 9 and len([*(site / "gallery" / "studies").iterdir()]) >= 9
+
+
+def test_examples_can_be_downloaded(site):
+    for script in (ROOT / "docs" / "examples").glob("*.py"):
+        text = (site / "examples" / f"{script.stem}.html").read_text(encoding="utf-8")
+        assert f'href="{script.stem}.ipynb"' in text and f'href="{script.stem}.py"' in text and "<img" in text
+        assert (site / "examples" / f"{script.stem}.ipynb").is_file() and (site / "examples" / script.name).is_file()
+
+
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    """Offers the site, and says nothing of it."""
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
