@@ -68,7 +68,6 @@ PACKAGES = {  # beside the standard library
     **{part: {"numpy"} for part in ("vectors", "runnable", "components")},
     "cosim": {"numpy", "scipy", "fmpy", "tomli_w"},
     "many": {"fmpy", "numpy", "scipy", "pyarrow", "distributed"},
-    "functions": {"numpy", "matplotlib", "rich"},
     "ssp": {"fmpy", "lxml", "tomli", "tomli_w"},
     "pytest_plugin": {"pytest"},
     "identification": {"numpy", "scipy", "matplotlib", "rich"},
