@@ -126,7 +126,8 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, free: Scalar, m: Model, par: 
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
     error: if the estimate was on the stop well before the contact, so was the mover.  How well depends on whether the
-    mover has bounced where the current tells it, at the other stop.  Without e_i or e_F the estimate has a bias.
+    mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly only doubtful.
+    Without e_i or e_F the estimate has a bias.
     """
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
@@ -138,7 +139,8 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, free: Scalar, m: Model, par: 
     clear = CLEAR * SPREAD * par.noise_current
     would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
     is_beyond = not_(would_show) & (kink.beyond >= where(is_free, free, BEYOND_PULLED))
-    is_guessed = (kink.size == 0.0) & is_beyond & is_free
+    is_likely = (free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)
+    is_guessed = (kink.size == 0.0) & is_beyond & is_free & is_likely
     is_still = (kink.was_steady > 0.5) & (SEEN * dead >= clear) & (kink.size == 0.0)
     return Verdict(
         is_missed=is_told | is_guessed,
