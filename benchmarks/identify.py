@@ -29,7 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--records", type=int, default=RECORDS)
     records = parser.parse_args().records
-    sys.path.append(str(ROOT / "tests" / "studies"))
+    sys.path.append(str(ROOT / "tests" / "identification"))
     from valve_records import write
 
     with tempfile.TemporaryDirectory() as name:

@@ -13,6 +13,7 @@ import typer
 
 from gapsense.cli import app
 from gapsense.cli.common import reported
+from gapsense.cosim.run.loop import compiled
 from gapsense.kernels.trace import TraceError
 from gapsense.version import __version__
 
@@ -328,7 +329,7 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus, engine):
 
 
 def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
-    monkeypatch.setattr("gapsense.cosim.run.loop.compiled.BINARY", Path("none.so"))
+    monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
     done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1, "--engine", "fmu")
     assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
 

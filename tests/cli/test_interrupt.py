@@ -129,7 +129,7 @@ LOADED = (
     "typing",
     "pathlib",
     "gapsense._os.interrupts",
-    "gapsense.studies",
+    "gapsense.cli.scenarios",
     "typer",
     "numpy",
     "numpy._core._exceptions",  # in the midst of numpy, which cannot be loaded a second time
@@ -137,11 +137,15 @@ LOADED = (
 )
 
 
-@pytest.mark.parametrize("module", [*LOADED, "gapsense.scenarios.semera_valve.study", "fmpy"])
+OF_STUDIES = ("gapsense.studies", "gapsense.scenarios.semera_valve.study")  # which other commands do not load
+
+
+@pytest.mark.parametrize("module", [*LOADED, *OF_STUDIES, "fmpy"])
 def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypatch, module):
     (temporary := tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    started = process(IMPORTING, module, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    run = ("run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    started = process(IMPORTING, module, *(("study", "semera") if module in OF_STUDIES else run))
     out, err = started.communicate(timeout=60)
     assert (started.returncode, out, err) == (130, "", "interrupted.\n")
     assert not list(temporary.iterdir()) and not (tmp_path / "out").exists()

@@ -287,7 +287,7 @@ def test_failed_build_says_why_and_leaves_nothing(
 def test_page_shows_every_port_and_escapes_text(component: Component) -> None:
     page = html(component, "Amplifies `voltage`.", "1.2.3")
     assert "Gain &amp; &lt;offset&gt;" in page and "Factor &lt; 3" in page and "1.2.3" in page
-    assert "<code>voltage</code>" in page and "<h2>Outputs</h2>" in page
+    assert "<code>voltage</code>" in page and ">Outputs</h2>" in page
     for port in component.ports:
         assert f"<code>{port.name}</code>" in page.replace("<wbr>", "")
 

@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from gapsense.cli import app
-from gapsense.control.laws import BEFORE
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import flux
 from gapsense.control.records import CLOSING, OPENING, LawKind
@@ -305,12 +304,12 @@ def test_nelder_mead_finds_the_bottom_of_a_bent_valley(start):
 
 def test_fisher_basis_is_the_plane_in_which_the_profile_changes_most():
     for half in (CLOSING, OPENING):
-        basis = np.diag(1.0 / np.array(BEFORE)) @ searches.fisher_basis(half, TOLD)
+        basis = np.diag(1.0 / searches.BEFORE) @ searches.fisher_basis(half, TOLD)
         assert basis.T @ basis == pytest.approx(np.eye(2), abs=1e-12)
         left_out = np.cross(*basis.T)
         profile = searches._profile(planned(half, searches.SPEED, 3.4e-3, 0.0, TOLD), TOLD)
         change = [
-            np.linalg.norm(profile(1e-3 * np.array(BEFORE) * e) - profile(np.zeros(3))) for e in (*basis.T, left_out)
+            np.linalg.norm(profile(1e-3 * searches.BEFORE * e) - profile(np.zeros(3))) for e in (*basis.T, left_out)
         ]
         assert change[0] > change[1] > change[2]
 

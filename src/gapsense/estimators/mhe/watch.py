@@ -146,6 +146,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     is_large = is_known & (fabs(surprise) > limit)
     is_over = is_edge & (is_set(before.is_strange) | is_set(before.is_moving))
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
+    needed = where(learnt.explained > YOUNG, BOTH, 1.0)  # early ones are strange by what is yet to be learnt
     less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
     return before._replace(
         edge=edge,
@@ -154,7 +155,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
         is_large=flag(is_large),
         is_strange=where(is_large | seen.is_fed_back, 1.0, where(is_over, 0.0, before.is_strange)),
         is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        suspicion=where(is_over, where(is_set(before.is_strange), BOTH, less), before.suspicion),
+        suspicion=where(is_over, where(is_set(before.is_strange), needed, less), before.suspicion),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
         is_still=where(is_other, flag(is_set(before.was_commanded) & not_(is_set(before.has_moved))), before.is_still),
