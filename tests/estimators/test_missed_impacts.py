@@ -19,6 +19,7 @@ from gapsense.studies.devices import RTS_VALVE, driven
 
 T_S, HALF, CYCLES = 20e-6, 500, 4
 SEEDS = (900, 901, 902)  # draws on which nothing was chosen
+MORE_SEEDS = (930, 931, 932, 933, 934)
 CLOSING, OPENING = 1.0, 3.0  # modes in which they end
 
 
@@ -91,13 +92,16 @@ def test_the_current_tells_the_first_impact_of_a_closing(restitution: float, spr
         assert np.sqrt(np.mean([o.error**2 for o in bounced])) <= 2.0 * usual
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.3])
+@pytest.mark.parametrize("restitution", [0.1, 0.2, 0.3])
 def test_an_opening_is_guessed_and_flagged(restitution: float) -> None:
-    """The current says too little there: it was 28 and 47 samples late, 134 and 186 um wrong, unflagged."""
-    for seed in SEEDS:
+    """The current says too little there: it was 13, 28 and 47 samples late, 75, 134 and 186 um wrong, unflagged.
+
+    The closing before it has told that the mover bounces; without that a third of the weak ones were taken for none.
+    """
+    for seed in (*SEEDS, *MORE_SEEDS):
         told = landings(run(seed, restitution, 0.03), OPENING)
         assert len(told) == CYCLES - 2
-        assert all(o.is_flagged and o.bounces >= 1.0 and abs(o.late) <= 12.0 and o.error < 65.0 for o in told)
+        assert all(o.is_flagged and o.bounces >= 1.0 and abs(o.late) <= 8.0 and o.error < 45.0 for o in told)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05])
@@ -105,6 +109,15 @@ def test_without_a_bounce_nothing_is_told(spread: float) -> None:
     """Not even where masses, springs, gaps and resistances are 5 % wrong; the outputs are those without the search."""
     for seed in SEEDS:
         one, off = run(seed, 0.0, spread), run(seed, 0.0, spread, **{"contact.debounce": 0.0})
+        assert one.found["bounces"].max() == 0.0
+        assert all(np.array_equal(one.found[name], off.found[name]) for name in one.found)
+
+
+def test_an_early_estimate_is_no_bounce_after_closings_without_one() -> None:
+    """With too large a saturation and reluctance it is early in openings: they were told as bounces, 79 um wrong."""
+    wrong = {"core.saturation": 1.08 * VALVE.saturation, "gap.slope": 1.05 * VALVE.slope}
+    for seed in SEEDS:
+        one, off = run(seed, 0.0, **wrong), run(seed, 0.0, **wrong, **{"contact.debounce": 0.0})
         assert one.found["bounces"].max() == 0.0
         assert all(np.array_equal(one.found[name], off.found[name]) for name in one.found)
 

@@ -94,6 +94,7 @@ class Landing(NamedTuple):
     estimate: Estimate  # at it
     missed: Scalar  # samples from it to the contact; 0: the contact has shown it
     is_doubtful: Scalar  # 1: there may have been an impact before it that nothing has shown
+    free: Scalar  # what it tells of the next one, see `kinks.Verdict`
 
 
 WIDTH = len(names(Sample))
@@ -109,6 +110,7 @@ class State(NamedTuple):
     kink: kinks.Kink
     last: Operation
     is_doubtful: Scalar  # 1: the last landing may not have been the first impact
+    free: Scalar  # what the landings have told of the next one, see `kinks.Verdict`
     samples: Annotated[Array, Memory(SIZE)]
 
 
@@ -168,7 +170,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     last = Operation(
         takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time
     )
-    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, zeros(SIZE))
+    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.BEYOND_FREE, zeros(SIZE))
     return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
 
 
@@ -206,6 +208,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         kink=kink,
         last=last,
         is_doubtful=landing.is_doubtful,
+        free=landing.free,
         samples=samples,
     ), Outputs(filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_shown(shown), last=last)
 
@@ -220,21 +223,27 @@ def _landing(
     """The landing of a motion that lands: where the contact says, or at an impact that only the current has shown."""
     motion = now.motion
 
-    def here(is_doubtful: Scalar) -> Landing:
-        return Landing(motion.count, estimate, 0.0, is_doubtful)
+    def here(is_doubtful: Scalar, free: Scalar) -> Landing:
+        return Landing(count=motion.count, estimate=estimate, missed=0.0, is_doubtful=is_doubtful, free=free)
 
     def judged() -> Landing:
-        stop, count = limit(contact.mode), kinks.supposed(kink)
+        stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
         at = Gaussian(*_loaded(state.samples, motion.place + count).kept)
-        verdict = kinks.judged(kink, at, stop, m, par.filter)
+        verdict = kinks.judged(kink, at, stop, state.free, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
 
         def missed() -> Landing:
-            return Landing(count, grounded(at, stop), motion.count - count, is_doubtful)
+            return Landing(
+                count=count,
+                estimate=grounded(at, stop),
+                missed=motion.count - count,
+                is_doubtful=is_doubtful,
+                free=verdict.free,
+            )
 
-        return cond(verdict.is_missed, missed, lambda: here(is_doubtful))
+        return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.free))
 
-    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful))
+    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful, state.free))
 
 
 def _last(state: State, now: Followed, contact: Contact, landing: Landing, found: Estimate, m: Model) -> Operation:

@@ -32,11 +32,14 @@ SIDE = 6  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
 CLEAR = 8.0  # standard deviations of a kink that is none of noise
 LEAST = 0.5  # share of the kink of a mover that stops dead
+SEEN = 0.7  # share that would be clear where none has been: then there was no bounce
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
 NEAR = 0.5  # largest distance from the stop, in strokes, of an estimate whose kink is an impact on it
 UNSURE = 0.2  # least standard deviation of the position, in strokes: that of the filter may be too small
 PULLED = 0.5  # least magnetic force on the stop, in those of the spring, with which the magnet drives the mover
-BEYOND_FREE, BEYOND_PULLED = 0.8, 2.0  # deviations by which the estimate may pass the stop before the contact closes
+BEYOND_PULLED = 2.0  # deviations by which the estimate may pass the stop before the contact closes
+BEYOND_FREE = 0.8  # the same where the spring drives the mover, as long as the current has told nothing of bounces
+BEYOND_STILL, BEYOND_BOUNCING = 1.2, 0.2  # the same after a landing where it has told that there was none, or one
 
 _LINES = np.array([np.ones(TAPS), np.arange(SIDE, -SIDE - 1.0, -1.0), np.arange(SIDE, -SIDE - 1.0, -1.0).clip(0.0)]).T
 KINK = np.linalg.pinv(_LINES)[2].tolist()  # weights of the readings, newest first
@@ -61,6 +64,7 @@ class Verdict(NamedTuple):
 
     is_missed: Scalar  # there was an impact before it
     is_doubtful: Scalar  # there may have been one
+    free: Scalar  # deviations by which the estimate may pass the stop in the next one that the spring drives
 
 
 def nothing() -> Kink:
@@ -112,16 +116,18 @@ def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
     return total(square(i) for i in off) - along <= TAPS * square(ROUGH[0] * noise + ROUGH[1] * kink)
 
 
-def supposed(kink: Kink) -> Scalar:
-    """Samples of the motion before an impact that the contact has missed, if there was one."""
-    return where(kink.size > 0.0, kink.flight, kink.arrival)
+def supposed(kink: Kink, count: Scalar) -> Scalar:
+    """Samples of a motion of `count` before an impact that the contact has missed, if there was one."""
+    return where(kink.size > 0.0, kink.flight, where(kink.arrival > 0.0, kink.arrival, count - 1.0))
 
 
-def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters) -> Verdict:
-    """A landing on `stop`; `at` is the estimate at the supposed impact.
+def judged(kink: Kink, at: Gaussian, stop: Scalar, free: Scalar, m: Model, par: ekf.Parameters) -> Verdict:
+    """A landing on `stop`; `at` is the estimate at the supposed impact, `free` what the landings before it have told.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
-    error: if the estimate was on the stop well before the contact, so was the mover.  Without e_i or e_F it has a bias.
+    error: if the estimate was on the stop well before the contact, so was the mover.  How well depends on whether the
+    mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly only doubtful.
+    Without e_i or e_F the estimate has a bias.
     """
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
@@ -130,7 +136,14 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, m: Model, par: ekf.Parameters
     is_told = is_kinked & (fabs(z - stop) <= NEAR)
     is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
     is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
-    would_show = (kink.was_steady > 0.5) & (LEAST * dead >= CLEAR * SPREAD * par.noise_current)
-    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, BEYOND_FREE, BEYOND_PULLED))
-    is_guessed = (kink.size == 0.0) & is_beyond & is_free
-    return Verdict(is_told | is_guessed, not_(is_told) & (is_kinked | is_beyond))
+    clear = CLEAR * SPREAD * par.noise_current
+    would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
+    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, free, BEYOND_PULLED))
+    is_likely = (free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)
+    is_guessed = (kink.size == 0.0) & is_beyond & is_free & is_likely
+    is_still = (kink.was_steady > 0.5) & (SEEN * dead >= clear) & (kink.size == 0.0)
+    return Verdict(
+        is_missed=is_told | is_guessed,
+        is_doubtful=not_(is_told) & (is_kinked | is_beyond),
+        free=where(is_told, BEYOND_BOUNCING, where(is_still, BEYOND_STILL, free)),
+    )

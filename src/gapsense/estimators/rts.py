@@ -97,11 +97,12 @@ def smooth_record(
     filtered, held = [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
     smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
+    free = kinks.BEYOND_FREE
     for first, end, kind in _moving(q, debounce / T_s):
         if kind == MOTION:
             landed, later = end, filtered[end]
-            if debounce > 0.0 and (impact := _missed(first, end, rows, states, par)):
-                landed, later = impact
+            if debounce > 0.0:
+                landed, later, free = _landing(first, end, rows, states, free, par)
             for k in range(landed - 1, first - 1, -1):
                 smoothed[k] = later = _backward()(filtered[k], held[k], later, par)
             operations.append(_operation(first, landed, end, smoothed[landed - 1], limit(q[end]), par))
@@ -128,19 +129,21 @@ def _operation(
     )
 
 
-def _missed(
-    first: int, end: int, rows: list[tuple[float, ...]], states: list[tuple[float, ...]], par: Parameters
-) -> tuple[int, tuple[float, ...]] | None:
-    """Sample of an impact that the contact has missed, and the estimate on the stop there."""
+def _landing(
+    first: int, end: int, rows: list[tuple[float, ...]], states: list[tuple[float, ...]], free: float, par: Parameters
+) -> tuple[int, tuple[float, ...], float]:
+    """Sample of the landing, at an impact that the contact has missed or at `end`, its estimate, and `Verdict.free`."""
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):
         motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
     found: kinks.Kink = record(kinks.Kink, kink)
-    at = first + int(kinks.supposed(found))
+    at = first + int(kinks.supposed(found, float(end - first)))
     estimate: Estimate = record(Estimate, states[at][: len(names(Estimate))])
-    verdict = kinks.judged(found, Gaussian(*estimate), stop, normalised(par), par)
-    return (at, tuple(flat(grounded(Gaussian(*estimate), stop)))) if verdict.is_missed else None
+    verdict = kinks.judged(found, Gaussian(*estimate), stop, free, normalised(par), par)
+    if not verdict.is_missed:
+        return end, states[end][: len(names(Estimate))], verdict.free
+    return at, tuple(flat(grounded(Gaussian(*estimate), stop))), verdict.free
 
 
 def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:
