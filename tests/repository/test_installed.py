@@ -125,7 +125,7 @@ def test_built_fmus_of_the_working_folder_come_first(gapsense, fmus):
     run, work, _ = gapsense
     run("build", "sensor", "--out", "mine")
     assert (work / "mine" / "Sensor.fmu").read_bytes() == (fmus / "Sensor.fmu").read_bytes()
-    (work / "record.csv").write_text(
-        "time [s],voltage [V],current [A]\n" + "".join(f"{k * 5e-5:g},0,0\n" for k in range(80))
-    )
+    rises = [(k * 5e-5, 24.0 * (k >= 20), 0.3 * (1.0 - 0.95 ** max(k - 20, 0))) for k in range(80)]
+    rows = "".join(f"{t:g},{u:g},{i:.6f}\n" for t, u, i in rises)
+    (work / "record.csv").write_text(f"time [s],voltage [V],current [A]\n{rows}")
     assert "Semera" in run("estimate", "record.csv", "--estimator", "semera")
