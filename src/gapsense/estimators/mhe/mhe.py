@@ -23,7 +23,7 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, wait, work_on
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, wait, work_on
 from gapsense.estimators.mhe.watch import (
     RECENT,
     Seen,
@@ -290,7 +290,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
     causes = {
-        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
+        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch) | is_lost(work, par),
         LOST: not_(has_voltage & has_current),
         RESTARTED: work.learnt.given_up > 0.0,
         STILL: is_set(watch.is_still),

@@ -173,6 +173,11 @@ def effort(learnt: Learnt, par: Parameters) -> Effort:
     return Effort(*(where(is_set(par.option_further), more, one) for one, more in zip(usual, thorough)))
 
 
+def is_lost(work: Work, par: Parameters) -> Scalar:
+    """Whether only another start may explain the window; with `option.further` a search is usual."""
+    return (work.search.searches > 0.0) & not_(is_set(par.option_further))
+
+
 # a sample
 
 
@@ -572,14 +577,14 @@ def _start(n: Scalar, starts: Starts, deviations: list[Scalar]) -> list[Scalar]:
 
 def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
     """The smoothed estimate is ready; what the window has taught is kept, and the next one begins where it ends."""
-    is_lost = is_set(par.option_further) & (work.learnt.misfit >= LOST_MISFIT)
+    forgets = is_set(par.option_further) & (work.learnt.misfit >= LOST_MISFIT)
     is_cut = work.window.end >= par.window_longest / par.sample_time  # no landing has ended it: it was no operation
     limit = where(is_untaught(work.learnt, par) & has_landed(work.walk), REJECT_UNTAUGHT, REJECT_MISFIT)
     most = where(is_cut & is_set(work.window.is_doubtful), GOOD_MISFIT, limit)
     told = _leave_window(work._replace(learnt=_tell(work, misfit, time, par)), samples)
 
     def reject() -> Work:
-        return cond(is_lost, lambda: _forget(told, par), lambda: _reject(told, par))
+        return cond(forgets, lambda: _forget(told, par), lambda: _reject(told, par))
 
     return cond(misfit < most, lambda: _learn(told, misfit, par), reject)
 

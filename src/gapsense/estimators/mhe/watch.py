@@ -19,7 +19,8 @@ OFTEN, PULSED = 1.0 / 512.0, 0.02  # weight of a sample in the share of edges, a
 MINOR = 0.8  # error of the current under PWM, whose minor loops the hysteresis of the model does not have, over I_h
 ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere in a sampling period [1]
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
-KNOWN, YOUNG = 4.0, 6.0  # operations that were explained, after which innovations are judged, first with more patience
+KNOWN, KNOWN_SOFT = 2.0, 4.0  # operations that were explained, after which innovations are judged; where more is learnt
+YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
@@ -132,7 +133,8 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
     is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
-    is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
+    known = where(is_set(par.option_further), KNOWN_SOFT, KNOWN)
+    is_known, by_place = learnt.explained >= known, now.mmf_slope * m.through
     counts = seen.has_current & not_(is_edge)
     learns = is_edge & is_known & not_(is_set(before.is_strange))
     placed = PLACED * (square(before.edge.place) + before.edge.variance - before.spread)
@@ -141,7 +143,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     most = where(is_set(par.option_further), STRANGE_SOFT, STRANGE)
-    young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
+    young = YOUNG / square(where(is_known, learnt.explained, known))
     limit = (1.0 + young) * most * usual
     is_large = is_known & (fabs(surprise) > limit)
     is_over = is_edge & (is_set(before.is_strange) | is_set(before.is_moving))
