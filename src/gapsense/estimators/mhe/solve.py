@@ -24,6 +24,7 @@ Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
@@ -186,14 +187,14 @@ def work_on(
     samples: Samples,
     smoothed: Smoothed,
     causal: Point,
-    held: Scalar,
+    held: Callable[[], Scalar],
     time: Scalar,
     m: Model,
     par: Parameters,
 ) -> tuple[Work, Smoothed, Scalar]:
     """What is done with a new sample: the work, the memory of smoothed samples, and whether a pass has caught up.
 
-    `causal` is the estimate of the sample before, `held` the resistance by a held voltage, or 0, `m` the model of
+    `causal` is the estimate of the sample before, `held` gives the resistance by a held voltage, or 0, `m` the model of
     what is believed before the first window.
     """
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
@@ -286,11 +287,11 @@ def _start_deriving(work: Work) -> Work:
 # DERIVING
 
 
-def _end_pass(work: Work, held: Scalar, samples: Samples, par: Parameters) -> Work:
+def _end_pass(work: Work, held: Callable[[], Scalar], samples: Samples, par: Parameters) -> Work:
     """The normal equations are complete; but if a held voltage says that R is another one, all begins with that."""
     work = work._replace(window=work.window._replace(end=work.walk.done))
-    R = load(work.fit.device, 0)
-    off = log(where(held > 0.0, held, R) / R)
+    R, told = load(work.fit.device, 0), held()
+    off = log(where(told > 0.0, told, R) / R)
     jumps = (fabs(off) > JUMP) & not_(is_set(work.window.has_jumped)) & (work.fit.tries < 1.0)
 
     def jump() -> Work:
