@@ -169,7 +169,7 @@ WEAK: dict[str, dict[str, float]] = {
 
 @pytest.mark.parametrize("fault", WEAK)
 def test_weak_faults_are_told_without_contact_in_their_first_operation(fault: str) -> None:
-    """By the largest mean innovation of an operation 21 to 71 % of the wrong time had 1 in 18 operations; now 0.2 to 2.5 %."""
+    """By the largest mean innovation of an operation 21 to 71 % of the wrong time of 18 operations had 1."""
     s = faulty(24, 30, 32, **WEAK[fault])
     found = run_blind(blind(), s)
     begins, ends = START + 24 * HALF, START + 30 * HALF

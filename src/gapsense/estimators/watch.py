@@ -16,8 +16,8 @@ WANDERING = 20e-3  # memory that a current error without end is judged by: an op
 OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motion to either stop
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
-FEW, KNOWN = 10.0, 20.0  # operations after which the usual mean innovations are used, and after which they are known
-FIRST_WIDER, WIDER = 3.0, 1.2  # how far a mean may be beyond the usual ones, in their range: before it is known, and then
+FEW, KNOWN = 10.0, 20.0  # operations after which what is usual is used, and after which it is known
+FIRST_WIDER, WIDER = 3.0, 1.2  # how far a mean may be beyond the usual range, in this: before it is known, and then
 SLACK = 0.4  # and so many deviations more
 PARTS, PER_MEAN = 24, 3.0  # of an operation, and how many of them are as long as `Limits.samples`
 RISE, FALL = 0.2, 0.02  # share of an operation in what is usual, if it has more or less
@@ -176,7 +176,7 @@ def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, le
 
 
 def _begun(seen: Array, usual: Array, first: Scalar, is_learnt: Scalar, is_known: Scalar) -> tuple[Array, Array]:
-    """Nothing seen; what is usual with one operation more: the most of the first ones, then slowly less, faster more."""
+    """Nothing seen; what is usual with an operation more: the most of the first ones, then slowly less, faster more."""
 
     def one(seen: Array, usual: Array, k: Scalar) -> tuple[tuple[Array, Array, Scalar], Scalar]:
         new, old = load(seen, k), load(usual, first + k)
