@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import platform
+import re
+import sys
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import fields as dataclass_fields
+from functools import cache, cached_property
+from importlib.util import find_spec
 from io import BytesIO
 from itertools import product
 from pathlib import Path
+from time import time
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from gapsense._os.files import sha256
+from gapsense._os.checked import SEAL, fingerprint, is_sealed, sealed
+from gapsense._os.files import read_json, sha256, state, write_atomically
+from gapsense._os.locks import FACTS, cache_folder
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
+from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields
 from gapsense.tables import Value
@@ -44,6 +56,8 @@ NOT_REAL = ("Integer", "Boolean", "String", "Enumeration")
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
 NO_SIZES: Mapping[str, int] = {}
+OLD = 90 * 86400.0  # seconds after which what was kept and not used is removed
+TUPLES = ("feedthrough", "choices", "columns")  # of a port
 
 
 # Variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts, arrays by their elements.
@@ -313,12 +327,25 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
     UnusableError
         Saying why the FMU cannot be used, and what to do.
     """
+    with suppress(OSError):  # of a file that is not there it is told below
+        digest = sha256(path)
+        kept = place_of(digest, sizes)
+        if known := recalled(kept, path):
+            return known
+        made = read_anew(path, sizes, digest)
+        keep(kept, made)
+        return made
+    return read_anew(path, sizes, "")
+
+
+def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
+    """Model description of an FMU file with this hash, from the file itself."""
     model, variables, rules, members = opened(path, sizes)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
         path=path,
-        sha256=sha256(path),
+        sha256=digest,
         name=model.modelName,
         guid=model.guid,
         identifier=model.coSimulation.modelIdentifier,
@@ -482,3 +509,87 @@ def references(root: Element, key: str) -> Iterator[tuple[str, str]]:
         for attribute in (key, "dependencies"):
             for reference in element.get(attribute, "").split():
                 yield element.tag, reference
+
+
+# What FMU files say of themselves, kept between processes by the hash of their content: fmpy takes longer to read it,
+# and to be loaded, than many a run takes.
+
+
+def place_of(digest: str, sizes: Mapping[str, int]) -> Path:
+    """File for what an FMU of some content says to this version of fmpy and of this code, on this platform."""
+    readers = [state(file) for file in (Path(__file__), Path(ports.__file__), reader())]
+    key = [digest, sorted(sizes.items()), readers, sys.platform, platform.machine()]
+    return cache_folder() / f"{FACTS}{fingerprint(key)}.json"
+
+
+@cache
+def reader() -> Path:
+    """The file of fmpy that is loaded first."""
+    found = find_spec("fmpy")
+    return Path(found.origin) if found and found.origin else Path(__file__)
+
+
+def reader_version() -> str:
+    """Version of fmpy, which need not be loaded for that."""
+    found = re.search(r"^__version__ = ['\"](.+)['\"]$", reader().read_text("utf-8"), re.MULTILINE)
+    if found:
+        return found[1]
+    import fmpy
+
+    return str(fmpy.__version__)
+
+
+def recalled(file: Path, path: Path) -> Description | None:
+    """Description that was kept, of an FMU at a path; None if there is none that is whole and by this user."""
+    try:
+        about, said = file.stat(), read_json(file)
+        if (os.name == "posix" and (about.st_uid != os.geteuid() or about.st_mode & 0o022)) or not is_sealed(said):
+            return None
+    except (OSError, ValueError, AttributeError):
+        return None
+    if about.st_mtime < time() - OLD / 3:
+        os.utime(file)
+    del said[SEAL]
+    rules = said["rules"] and Component(
+        *("", "", ""),
+        ports=tuple(
+            Port(**{**port, **{name: tuple(port[name]) for name in TUPLES}}) for port in said["rules"]["ports"]
+        ),
+        rising=tuple((low, high) for low, high in said["rules"]["rising"]),
+        limits=tuple(
+            Limit(tuple((name, power) for name, power in powers), below, reason)
+            for powers, below, reason in said["rules"]["limits"]
+        ),
+    )
+    return Description(
+        **{
+            **said,
+            "path": path,
+            "variables": {v["name"]: Variable(**v) for v in said["variables"]},
+            "feedthrough": {name: frozenset(inputs) for name, inputs in said["feedthrough"].items()},
+            "rules": rules,
+        }
+    )
+
+
+def keep(file: Path, made: Description) -> None:
+    """Keep a description for other processes, if there is room for it; those that nobody has used for long go."""
+    rules = made.rules and {
+        "ports": [port._asdict() for port in made.rules.ports],
+        "rising": made.rules.rising,
+        "limits": made.rules.limits,
+    }
+    facts = {
+        **{f.name: getattr(made, f.name) for f in dataclass_fields(made)},
+        "path": "",
+        "variables": [vars(variable) for variable in made.variables.values()],
+        "feedthrough": {name: sorted(inputs) for name, inputs in made.feedthrough.items()},
+        "rules": rules,
+    }
+    with suppress(OSError):
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_atomically(file, lambda opened: json.dump(sealed(facts), opened))
+        file.chmod(0o600)
+        for other in file.parent.glob(f"{FACTS}*.json"):
+            if other.stat().st_mtime < time() - OLD:
+                other.unlink()

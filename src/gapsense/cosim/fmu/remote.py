@@ -33,12 +33,12 @@ from gapsense.cosim.fmu.instance import (
     SET,
     STEP,
     WARNING,
+    FmuError,
     Instance,
     Instance3,
     Message,
     kind_of,
 )
-from gapsense.cosim.run.failure import FmuError
 from gapsense.tables import Value
 
 OK = 0

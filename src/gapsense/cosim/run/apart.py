@@ -24,7 +24,7 @@ from gapsense._os.interrupts import counted
 from gapsense._os.prestart import process as new_process
 from gapsense._os.processes import Died, Process, own_marks
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.run.failure import FmuError
+from gapsense.cosim.fmu.instance import FmuError
 from gapsense.cosim.run.master import Keeper, Master, Progress, shape
 from gapsense.cosim.run.recording import (
     COMPONENT,
@@ -40,8 +40,7 @@ from gapsense.cosim.run.recording import (
     death,
     from_facts,
 )
-from gapsense.cosim.scenario.order import execution_order
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Scenario, execution_order
 
 FACTS = "facts.json"  # all but the rows, of the run so far
 PERIOD = 0.5  # seconds between two of its versions
@@ -106,6 +105,7 @@ class Run:
     def recording(self) -> Recording:
         """What the run leaves behind."""
         Thread(target=self.ask, daemon=True).start()
+        self.look()
         answer = None
         while answer is None:
             with suppress(Empty):

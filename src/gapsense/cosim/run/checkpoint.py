@@ -14,13 +14,12 @@ import numpy as np
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.fmu.instance import FmuError
 from gapsense.cosim.result.sidecar import ELSEWHERE
-from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.fingerprint import deciding
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Port, Scenario
 from gapsense.problems import ScenarioError
 
 FORMAT = "gapsense checkpoint 2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import frexp, ldexp
@@ -11,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.processes import Died, Marks
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense._os.processes import MARKS, Died, Marks
+from gapsense.cosim.fmu.instance import FmuError
+from gapsense.cosim.scenario.records import Port, Scenario
 from gapsense.tables import Value
 
 BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and takes all that is shorter
@@ -25,6 +25,11 @@ PHASE, COMPONENT, STEP, ROWS, STOP = range(5)
 LOADING, STARTING, STEPPING, ENDING = range(4)
 DOING = ("while it was loaded", "at its initialization", "in its step", "at its end")
 MASTER = 0  # in the place of a component
+
+
+def new_marks() -> Marks:
+    """Marks that nobody shares."""
+    return array("q", bytes(8 * MARKS))
 
 
 class Take(NamedTuple):

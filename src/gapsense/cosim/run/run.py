@@ -8,17 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from gapsense._os.interrupts import counted
-from gapsense.cosim.prepare import prepare
+from gapsense.cosim.check import prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.run.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.run.checkpoint import Checkpoint, Keeper, keeper
-from gapsense.cosim.run.master import Master, Progress
+from gapsense.cosim.run.master import Master, Progress, Subject, finished
 from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.run.subject import Subject, finished
-from gapsense.cosim.scenario.document import Source
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import ISOLATIONS, Scenario
+from gapsense.cosim.scenario.read import Source
+from gapsense.cosim.scenario.records import ISOLATIONS, Port, Scenario
 from gapsense.problems import suggest
 from gapsense.tables import Value
 
