@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
 import math
 import os
+import pickle
 import platform
 import re
 import sys
+import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property
 from importlib.util import find_spec
 from io import BytesIO
@@ -22,8 +23,8 @@ from time import time
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from gapsense._os.checked import SEAL, fingerprint, is_sealed, sealed
-from gapsense._os.files import read_json, sha256, state, write_atomically
+from gapsense._os.checked import fingerprint
+from gapsense._os.files import sha256, state
 from gapsense._os.locks import FACTS, cache_folder
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.fmi import ports
@@ -57,7 +58,7 @@ __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
 NO_SIZES: Mapping[str, int] = {}
 OLD = 90 * 86400.0  # seconds after which what was kept and not used is removed
-TUPLES = ("feedthrough", "choices", "columns")  # of a port
+SEAL = 32  # bytes of the hash before what was kept
 
 
 # Variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts, arrays by their elements.
@@ -519,7 +520,7 @@ def place_of(digest: str, sizes: Mapping[str, int]) -> Path:
     """File for what an FMU of some content says to this version of fmpy and of this code, on this platform."""
     readers = [state(file) for file in (Path(__file__), Path(ports.__file__), reader())]
     key = [digest, sorted(sizes.items()), readers, sys.platform, platform.machine()]
-    return cache_folder() / f"{FACTS}{fingerprint(key)}.json"
+    return cache_folder() / f"{FACTS}{fingerprint(key)}"
 
 
 @cache
@@ -541,55 +542,25 @@ def reader_version() -> str:
 
 def recalled(file: Path, path: Path) -> Description | None:
     """Description that was kept, of an FMU at a path; None if there is none that is whole and by this user."""
-    try:
-        about, said = file.stat(), read_json(file)
-        if (os.name == "posix" and (about.st_uid != os.geteuid() or about.st_mode & 0o022)) or not is_sealed(said):
-            return None
-    except (OSError, ValueError, AttributeError):
-        return None
-    if about.st_mtime < time() - OLD / 3:
-        os.utime(file)
-    del said[SEAL]
-    rules = said["rules"] and Component(
-        *("", "", ""),
-        ports=tuple(
-            Port(**{**port, **{name: tuple(port[name]) for name in TUPLES}}) for port in said["rules"]["ports"]
-        ),
-        rising=tuple((low, high) for low, high in said["rules"]["rising"]),
-        limits=tuple(
-            Limit(tuple((name, power) for name, power in powers), below, reason)
-            for powers, below, reason in said["rules"]["limits"]
-        ),
-    )
-    return Description(
-        **{
-            **said,
-            "path": path,
-            "variables": {v["name"]: Variable(**v) for v in said["variables"]},
-            "feedthrough": {name: frozenset(inputs) for name, inputs in said["feedthrough"].items()},
-            "rules": rules,
-        }
-    )
+    with suppress(OSError):
+        about, content = file.stat(), file.read_bytes()
+        is_own = os.name != "posix" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)
+        if is_own and hashlib.sha256(content[SEAL:]).digest() == content[:SEAL]:
+            if about.st_mtime < time() - OLD / 3:
+                os.utime(file)
+            return replace(pickle.loads(content[SEAL:]), path=path)
+    return None
 
 
 def keep(file: Path, made: Description) -> None:
     """Keep a description for other processes, if there is room for it; those that nobody has used for long go."""
-    rules = made.rules and {
-        "ports": [port._asdict() for port in made.rules.ports],
-        "rising": made.rules.rising,
-        "limits": made.rules.limits,
-    }
-    facts = {
-        **{f.name: getattr(made, f.name) for f in dataclass_fields(made)},
-        "path": "",
-        "variables": [vars(variable) for variable in made.variables.values()],
-        "feedthrough": {name: sorted(inputs) for name, inputs in made.feedthrough.items()},
-        "rules": rules,
-    }
+    content = pickle.dumps(replace(made, path=Path()))
     with suppress(OSError):
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_atomically(file, lambda opened: json.dump(sealed(facts), opened))
-        file.chmod(0o600)
-        for other in file.parent.glob(f"{FACTS}*.json"):
+        handle, part = tempfile.mkstemp(dir=file.parent, prefix=FACTS)  # for its owner alone
+        with os.fdopen(handle, "wb") as opened:
+            opened.write(hashlib.sha256(content).digest() + content)
+        Path(part).replace(file)
+        for other in file.parent.glob(f"{FACTS}*"):
             if other.stat().st_mtime < time() - OLD:
                 other.unlink()
