@@ -11,7 +11,7 @@ import pytest
 from gapsense.cosim import Master, load, prepare, run, run_once
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.result.result import measure_all
-from gapsense.cosim.run.master import times
+from gapsense.cosim.run.recording import times
 from gapsense.cosim.scenario.records import Experiment, Metric, Record, matching
 
 

@@ -86,7 +86,9 @@ def reported() -> Iterator[None]:
     try:
         with interrupts.handled(signal.default_int_handler):
             yield
-    except KeyboardInterrupt:  # before `mendable`, which imports: numpy cannot be loaded again after half a load
+    except SystemExit:  # before `mendable`, which takes a while
+        raise
+    except KeyboardInterrupt:  # likewise: numpy cannot be loaded again after half a load
         problem("interrupted.", "yellow")
         raise SystemExit(INTERRUPTED) from None
     except RuntimeError as error:  # FmuError, or a worker process of a sweep that died

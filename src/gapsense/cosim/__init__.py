@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from gapsense.cosim.check import find_fmus as find_fmus
     from gapsense.cosim.check import prepare as prepare
     from gapsense.cosim.check import remarks as remarks
-    from gapsense.cosim.fmu.instance import FmuError as FmuError
     from gapsense.cosim.regression import Outcome as Outcome
     from gapsense.cosim.regression import Update as Update
     from gapsense.cosim.regression import find_scenarios as find_scenarios
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
     from gapsense.many.sweep import sweep as sweep
     from gapsense.many.sweep_table import Sweep as Sweep
+    from gapsense.problems import FmuError as FmuError
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
@@ -56,7 +56,6 @@ OF_MODULES = {
     "result.metrics": ("Measured",),
     "result.pairs": ("compare_results",),
     "check": ("check", "find_fmus", "prepare", "remarks"),
-    "fmu.instance": ("FmuError",),
     "result.result": ("Result", "read_result"),
     "regression": (
         *("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline", "write_junit"),
@@ -67,7 +66,12 @@ OF_MODULES = {
     "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep_table"}
+OFFERED |= {
+    "FmuError": "gapsense.problems",
+    "ScenarioError": "gapsense.problems",
+    "sweep": "gapsense.many.sweep",
+    "Sweep": "gapsense.many.sweep_table",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -13,7 +13,6 @@ from time import perf_counter
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense._os.files import unfit, unwritable, write_atomically, write_columns
-from gapsense.cosim.fmu.instance import FmuError
 from gapsense.cosim.result.compare import Comparison, compare, selected, thinned
 from gapsense.cosim.result.result import TIME, Result
 from gapsense.cosim.result.sidecar import read_sidecar
@@ -22,7 +21,7 @@ from gapsense.cosim.run.engines import folder_of, refuse_unknown, run_as_vectors
 from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Document, Source, load, read_draft, scenario_file
 from gapsense.cosim.scenario.records import Baseline, Scenario
-from gapsense.problems import ScenarioError
+from gapsense.problems import FmuError, ScenarioError
 from gapsense.tables import parsed, read_toml
 
 HEADS = re.compile(r'"time( \[s\])?"(,"[A-Za-z_]\w*\.[^"\n]+")+$', re.MULTILINE)  # of a baseline

@@ -23,7 +23,7 @@ from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
-from gapsense.cosim.run.master import Subject
+from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product

@@ -15,11 +15,12 @@ import numpy as np
 
 from gapsense._os.importable import imported
 from gapsense._os.processes import own_marks
-from gapsense.cosim.fmu.instance import FmuError
 from gapsense.cosim.result.result import Result
-from gapsense.cosim.run.master import Master, versions
+from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.recording import versions
 from gapsense.cosim.run.run import run_once
 from gapsense.cosim.scenario.records import Port, Scenario, matching
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 

@@ -9,8 +9,7 @@ from itertools import groupby
 
 from gapsense._os.native import own_compiler
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.run.master import Subject
-from gapsense.cosim.run.recording import Recording, Take
+from gapsense.cosim.run.recording import Recording, Subject, Take
 from gapsense.cosim.scenario.records import Port
 from gapsense.fmi.components import own
 from gapsense.fmi.sentences import Refusal

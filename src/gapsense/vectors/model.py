@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from gapsense.cosim.run.master import Subject, shape
 from gapsense.cosim.run.part import Layout
+from gapsense.cosim.run.recording import Subject, shape
 from gapsense.cosim.scenario.records import Component, Event, ports, resolved, texts
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.steps import samples_due

@@ -548,7 +548,8 @@ def recalled(file: Path, path: Path) -> Description | None:
         if is_own and hashlib.sha256(content[SEAL:]).digest() == content[:SEAL]:
             if about.st_mtime < time() - OLD / 3:
                 os.utime(file)
-            return replace(pickle.loads(content[SEAL:]), path=path)
+            found: Description = pickle.loads(content[SEAL:])
+            return replace(found, path=path)
     return None
 
 

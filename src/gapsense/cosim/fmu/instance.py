@@ -21,24 +21,8 @@ from typing import Any, NamedTuple
 from gapsense._os.files import sha256
 from gapsense._os.locks import temporary_folder as locked_folder
 from gapsense.cosim.fmu.descriptions import Description, Variable
+from gapsense.problems import FmuError
 from gapsense.tables import Value
-
-
-class FmuError(RuntimeError):
-    """A component failed while it was loaded or run.
-
-    `time` [s] is that at the start of the failed step (None before the first), which would have ended at base step
-    `step`; `cause` is one line, `log` all that the component said; `result` has what was recorded before.
-    """
-
-    def __init__(
-        self, instance: str, cause: str, *, time: float | None = None, step: int | None = None, log: str = ""
-    ) -> None:
-        self.instance, self.time, self.step, self.cause, self.log = instance, time, step, cause, log
-        self.result: Any = None  # a `Result`
-        when = "" if time is None else f", t = {time:.9g} s (base step {step})"
-        super().__init__(f"{instance}{when}: {cause}")
-
 
 # One FMU instance: life cycle and parameters, with errors that carry the component's own words.
 

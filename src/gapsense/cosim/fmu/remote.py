@@ -33,12 +33,12 @@ from gapsense.cosim.fmu.instance import (
     SET,
     STEP,
     WARNING,
-    FmuError,
     Instance,
     Message,
     instance_of,
     kind_of,
 )
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 OK = 0

@@ -19,11 +19,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.processes import Marks
-from gapsense.cosim.fmu.instance import FmuError
 from gapsense.cosim.run.part import Effect, Layout, Part, Stage
 from gapsense.cosim.run.recording import COMPONENT, MASTER
 from gapsense.cosim.scenario.records import Buffer, Component, Event, Experiment, Watch, index_of, reporter, steps_of
-from gapsense.problems import listing
+from gapsense.problems import FmuError, listing
 from gapsense.tables import Value
 
 NEVER = sys.maxsize

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Descriptions, Variable
-from gapsense.cosim.fmu.instance import ENDS, ENDS_WITHIN, STEP, WARNING, FmuError, Instance, referring
+from gapsense.cosim.fmu.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance, referring
 from gapsense.cosim.run.recording import Recording
 from gapsense.cosim.scenario.records import (
     SLACK,
@@ -30,6 +30,7 @@ from gapsense.cosim.scenario.records import (
     Vector,
     Watch,
 )
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 Texts = dict[Port, str]  # values of String variables, as the buffer holds those of all others

@@ -10,7 +10,7 @@ from typing import Any
 from gapsense.cosim import Result, Scenario, read_result
 from gapsense.cosim.result.compare import Difference, compare
 from gapsense.cosim.result.sidecar import read_sidecar
-from gapsense.cosim.run.master import Subject
+from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.read import REPORTED, load, other_kind
 from gapsense.problems import InputError
 from gapsense.report.html.many import Many, is_many, read_many
