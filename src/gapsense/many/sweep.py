@@ -190,8 +190,7 @@ def unusable(store: Store, many: Many) -> Iterator[int]:
 def collect(many: Many, store: Store, done: Done) -> Sweep:
     """The sweep as it is in its store, in the order of the runs."""
     columns, plan = many.columns, many.plan
-    errors = {run: error for run, error in store.texts(ERRORS) if run < len(plan)}
-    words = {run: own for run, own in store.texts(WORDS) if run < len(plan)}
+    errors, words = store.texts(ERRORS, len(plan)), store.texts(WORDS, len(plan))
     data = np.concatenate(
         [np.empty(0, columns.record), *(np.frombuffer(b"".join(found), columns.record) for found in store.contents())]
     )
