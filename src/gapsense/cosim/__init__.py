@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
+    from gapsense.many.sweep import Sweep as Sweep
     from gapsense.many.sweep import sweep as sweep
-    from gapsense.many.sweep_table import Sweep as Sweep
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
@@ -67,7 +67,7 @@ OF_MODULES = {
     "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep_table"}
+OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep"}
 
 
 def __getattr__(name: str) -> Any:

@@ -62,16 +62,7 @@ class Group(NamedTuple):
 def spread(campaign: Campaign, name: str) -> Spread:
     """Quantiles of a column of numbers."""
     values = campaign.column(name).astype(np.float64)
-    least, low, median, high, greatest = quantiles(values, LEVELS)
-    return Spread(
-        name=name,
-        least=least,
-        low=low,
-        median=median,
-        high=high,
-        greatest=greatest,
-        missing=int(values.size - np.isfinite(values).sum()),
-    )
+    return Spread(name, *quantiles(values, LEVELS), missing=int(values.size - np.isfinite(values).sum()))
 
 
 def numeric(campaign: Campaign) -> list[str]:
