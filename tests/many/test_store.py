@@ -249,11 +249,13 @@ def test_table_whose_key_is_no_key_any_more_is_told_and_made_anew(tmp_path, capl
     assert computed_again(tmp_path) == [] and content(tmp_path) == expected and "It held 8 runs" in caplog.text
 
 
-def test_the_same_damage_of_several_runs_is_seen(tmp_path):
+def test_the_same_damage_of_several_runs_is_seen(tmp_path, monkeypatch):
+    side = 21  # of a square of runs
+    monkeypatch.setattr(of, "GROUP", side**2)
     with Store(tmp_path / "x.sqlite", "a") as store:
         store.describe({})
         store.add({run: bytes([run % 256]) * 90 for run in range(of.GROUP + 5)})
-        for runs in ([7], [7, 8], [7, 8 + 63 * 2], [9, 9 + 63], [of.GROUP, of.GROUP + 1]):
+        for runs in ([7], [7, 8], [7, 8 + side * 2], [9, 9 + side], [of.GROUP, of.GROUP + 1]):
             store.connection.execute("BEGIN")
             marks = ", ".join(map(str, map(store.place, runs)))
             changed = "CAST(substr(content, 1, 20) || x'ff00' || substr(content, 23) AS BLOB)"
