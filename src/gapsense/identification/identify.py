@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 from rich.table import Table
@@ -14,7 +14,7 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification import temperature
 from gapsense.identification.assumptions import ask
 from gapsense.identification.coil.fit import Coil, fit_coil, validate_coil
-from gapsense.identification.coil.show import coil_figure, coil_tables, write_coil
+from gapsense.identification.coil.show import coil_errors, coil_figure, coil_tables, write_coil
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
@@ -33,6 +33,7 @@ from gapsense.identification.valve.show import (
     Known,
     read_known,
     validate_valve,
+    valve_errors,
     valve_figure,
     valve_tables,
     write_valve,
@@ -222,7 +223,7 @@ class Finished(NamedTuple):
 
     shown: Sequence[Table | str]
     figure: Callable[[], Figure]
-    is_explained: bool
+    more: Mapping[str, Any]  # whether it explains the records, and standard errors
 
 
 def finish_valve(asked: Asked, given: Given, start: Gap, result: Identified) -> Finished:
@@ -240,7 +241,7 @@ def finish_valve(asked: Asked, given: Given, start: Gap, result: Identified) -> 
     return Finished(
         shown=[*tables, *temperature_tables(records, R, coefficient), *doubts],
         figure=lambda: valve_figure(result, records, checks),
-        is_explained=result.is_explained and not doubts,
+        more={"passed": result.is_explained and not doubts, "standard_errors": valve_errors(result)},
     )
 
 
@@ -253,5 +254,5 @@ def finish_coil(asked: Asked, given: Given, result: Coil) -> Finished:
     return Finished(
         shown=coil_tables(result, turns, checks),
         figure=lambda: coil_figure(result, checks),
-        is_explained=result.is_explained,
+        more={"passed": result.is_explained, "standard_errors": coil_errors(result, turns)},
     )

@@ -52,6 +52,12 @@ def found_values(result: Commissioned) -> dict[str, float]:
     return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
 
 
+def standard_errors(result: Commissioned) -> dict[str, float]:
+    """By parameter, in its unit."""
+    found = found_values(result)
+    return {name: error * found[name] for field, error in result.errors.items() if (name := PORTS[field].name)}
+
+
 def noise(result: Commissioned) -> dict[str, float]:
     """That of the records, as `identify` writes it."""
     currents = [max(d.noise, LEAST_NOISE * float(np.abs(d.current).max())) for d in result.drives]

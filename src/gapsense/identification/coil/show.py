@@ -66,6 +66,13 @@ def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
     return {name: float(getattr(result.parameters, name)) * (turns or 1.0) ** PORTS[name].power for name in names}
 
 
+def coil_errors(result: Coil, turns: float) -> dict[str, float]:
+    """Standard errors by parameter, in its unit."""
+    found = values(result, turns)
+    errors = {PORTS[name].name: error * found[name] for name, error in result.errors.items()}
+    return errors | {"prior.inductance": result.inductance_error * result.inductance}
+
+
 def notes(result: Coil, name: str) -> str:
     """Comment on a value."""
     if name in result.held:

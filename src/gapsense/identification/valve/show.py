@@ -155,6 +155,12 @@ def found(result: Identified, name: str) -> float:
     return float(now[-1] / before[-1])
 
 
+def valve_errors(result: Identified) -> dict[str, float]:
+    """Standard errors by parameter, in its unit."""
+    errors = zip(result.names, result.uncertainty.relative.tolist())
+    return {PORTS[name].name: error * found(result, name) for name, error in errors if name not in TABLE_FIELDS}
+
+
 def _entry(name: str, result: Identified) -> Entry:
     """A parameter, with its standard error if it was fitted."""
     port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative.tolist())).get(name)
