@@ -43,7 +43,7 @@ def of(function: Callable[..., functions.Found], title: str, more: str = "", **o
     made = [parameter_of(function.__name__, each, own.get(name)) for name, each in arguments.items()]
     call.__signature__ = Signature(made)  # type: ignore[attr-defined]
     call.__annotations__ = {each.name: each.annotation for each in made}
-    call.__doc__ = f"{(function.__doc__ or '').splitlines()[0]}\n\n{more}".strip()
+    call.__doc__ = f"{(function.__doc__ or '').splitlines()[0]}\n\n{more.strip()}".strip()
     return call
 
 
@@ -74,7 +74,8 @@ command("identify")(
     of(
         functions.identify,
         "identifying",
-        """Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
+        """
+Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
 relaxed spring have to be known, for no record tells them; inductances or a recorded position give the gap law too,
 and core losses and fringes are found where the evidence is for them. Prints values, standard errors and
 correlations, names what the records do not identify, and with --assume all that was assumed.""",
@@ -85,7 +86,8 @@ command("commission")(
     of(
         functions.commission,
         "commissioning",
-        """Known are stops and turns and, within a few percent, the gap law, the spring, the mass and the core. Prints values
+        """
+Known are stops and turns and, within a few percent, the gap law, the spring, the mass and the core. Prints values
 and standard errors; exit code 1 where the model does not explain the records.""",
         out=Path("commissioned.toml"),
     )
@@ -94,7 +96,8 @@ command("gap-law")(
     of(
         functions.gap_law,
         "",
-        """Of several frequencies the lowest is used. The law is linear, has fringes, or is a table, whichever foretells best
+        """
+Of several frequencies the lowest is used. The law is linear, has fringes, or is a table, whichever foretells best
 the gaps that are left out; `gapsense identify --parameters gap.toml` goes on from there.""",
         out=Path("gap.toml"),
     )
