@@ -18,7 +18,7 @@ from gapsense.identification.coil.show import coil_errors, coil_figure, coil_tab
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
-from gapsense.identification.measurements.record import Reading, Record, between, until
+from gapsense.identification.measurements.record import Reading, Record, between, part
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 from gapsense.identification.residual import noises
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
@@ -176,7 +176,7 @@ NEITHER = (
 
 def quick(records: Sequence[Record], period: float | None, conventions: Sequence[str]) -> Coil | None:
     """The coil of the first operations alone, if no coil explains any of them: then none explains the records."""
-    firsts = [until(record, operations(record, period)[0].stop) for record in records]
+    firsts = [part(record, slice(operations(record, period)[0].stop + 1)) for record in records]
     if not all(operations(record, period) for record in firsts):
         return None
     each = [fit_coil([record], period, conventions, False) for record in firsts]

@@ -422,11 +422,17 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
     models = [trajectory(par, r.record, r.first, *offset) for r, offset in zip(runs, offsets)]
     _, against = best([c.minimum for c in found])
     balanced = mean_resistance(*(r.record for r in runs)) if m.problem.offsets else None
+    free = [name for name, at_limit in zip(names, is_held) if not at_limit]
+    A = np.linalg.pinv(m.problem.jacobian(m.point)[:, ~is_held], rcond=1e-9)[: len(free)].astype(np.float64)
+    ends = np.cumsum([r.current.size for r in runs])[:-1]
+    cov = np.sum([long_run(W, r) for W, r in zip(np.split(A, ends, axis=1), m.parts())], axis=0)  # with the misfit
+    if balanced and "resistance" in free:  # hidden offsets: (23) takes them in another way than the fit
+        cov[free.index("resistance"), free.index("resistance")] += np.log(balanced / par.resistance) ** 2
     return Coil(
         parameters=par,
         form=m.problem.form,
-        names=[name for name, at_limit in zip(names, is_held) if not at_limit],
-        covariance=covariance(m) + balance_variance(m, balanced),
+        names=free,
+        covariance=cov,
         held=[name for name, at_limit in zip(names, is_held) if at_limit],
         offsets=offsets,
         models=models,
@@ -436,25 +442,6 @@ def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
         records=[r.record for r in runs],
         balanced=balanced,
     )
-
-
-def covariance(m: Fitted) -> Matrix:
-    """Covariance of the logarithms that are not at a limit, with the misfit in it."""
-    is_free = ~m.held
-    A = np.linalg.pinv(m.problem.jacobian(m.point)[:, is_free], rcond=1e-9).astype(np.float64)
-    ends = np.cumsum([run.current.size for run in m.problem.runs])
-    parts = zip(np.split(A, ends[:-1], axis=1), m.parts())
-    cov = np.sum([long_run(W, r) for W, r in parts], axis=0)
-    count = int(is_free[: len(m.problem.form.names)].sum())
-    return np.asarray(cov[:count, :count])
-
-
-def balance_variance(m: Fitted, balanced: float | None) -> Matrix:
-    """What hidden offsets add to the variance of the resistance, which (23) takes in another way than the fit."""
-    free = [name for name, is_held in zip(m.problem.form.names, m.held) if not is_held]
-    R = m.problem.parameters(m.point, m.problem.runs[0]).resistance
-    off = float(np.log(balanced / R)) if balanced else 0.0
-    return np.diag(np.array([off**2 if name == "resistance" else 0.0 for name in free]))
 
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:

@@ -16,8 +16,8 @@ from gapsense.identification.assumptions import scale
 from gapsense.identification.causes import Matrix
 from gapsense.identification.least_squares import independent
 from gapsense.identification.measurements.record import Vector
-from gapsense.identification.valve.errors import Uncertainty, largest
-from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form, multiply, replace_values, value_of
+from gapsense.identification.valve.errors import Uncertainty, largest, reported
+from gapsense.identification.valve.form import Device, Form, multiply, replace_values, value_of
 from gapsense.identification.valve.minimise import Fit, Weighted
 from gapsense.identification.valve.model import Experiment, cost
 
@@ -124,12 +124,7 @@ def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vect
 def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
     """The uncertainty with a covariance of the fitted logarithms added."""
     names = list(form.fitted)
-    kept = [k for k, name in enumerate(names) if name != FACTOR and not name.startswith(SHAPE)]
-    n, size = len(kept), found.correlation.shape[0]
-    T = np.zeros((size, len(names)))
-    T[range(n), kept] = 1.0
-    if FACTOR in names:  # it is one of the resistance
-        T[n, names.index(FACTOR)] = 1.0
+    T = reported(form, len(found.causes))[:, : len(names)]
     std = np.array([*found.relative.tolist(), *found.causes.values()])
     sure = np.where(np.isfinite(std), std, 0.0)
     cov = found.correlation * np.outer(sure, sure) + T @ added @ T.T
@@ -141,5 +136,5 @@ def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
         for name, error in found.shape.items()
     }
     return found._replace(
-        relative=np.where(np.isfinite(std), new, np.inf)[: n + 1], correlation=correlation, shape=shape
+        relative=np.where(np.isfinite(std), new, np.inf)[: found.relative.size], correlation=correlation, shape=shape
     )

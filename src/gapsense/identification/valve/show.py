@@ -83,13 +83,9 @@ def read_known(file: Path | None) -> Known:
         parameters=guess_similar(parameters_of("solenoid_valve", file, defaults), there),
         table=Path(str(table)) if law == "table" else None,
         losses=_losses(values, file),
-        resistance=_R(values),
+        resistance=float(values["coil.resistance"]) if "coil.resistance" in values else None,
         given=frozenset(known),
     )
-
-
-def _R(values: Mapping[str, Value]) -> float | None:
-    return float(values["coil.resistance"]) if "coil.resistance" in values else None
 
 
 def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:
@@ -112,8 +108,10 @@ def write_valve(
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
+    if isinstance(par := result.parameters, lossy_valve.Parameters):  # with the losses that the device has
+        names += [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
     entries = [
-        *(_entry(name, result) for name in [*names, *_lost(result)]),
+        *(_entry(name, result) for name in names),
         *_gap(file, result, known),
         *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
     ]
@@ -125,14 +123,6 @@ def write_valve(
         assumed=[PORTS[name].name for name in result.assumed],
         notes=notes,
     )
-
-
-def _lost(result: Identified) -> list[str]:
-    """Parameters of the losses that the device has."""
-    if not isinstance(result.parameters, lossy_valve.Parameters):
-        return []
-    par = result.parameters
-    return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
 
 
 def _gap(file: Path, result: Identified, known: Known) -> list[Entry]:
