@@ -158,19 +158,18 @@ def identify(
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
+    from gapsense.identification import identify as way
     from gapsense.identification.measurements.reading import reading
-    from gapsense.identification.valve.fit import fit_valve
-    from gapsense.identification.valve.gap import find_gap
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    known, holds, gaps = named(parameters), pairs(hold), path(inductance)
-    others = (model, period, temperature, forms, holds, gaps, driver, accuracy)
+    known = named(parameters)
+    others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
+    others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
         return _commission(
             data,
-            check_believed(known, others),
+            way.check_believed(known, others),
             assume=assume,
             validate=validate,
             voltage=voltage,
@@ -184,20 +183,9 @@ def identify(
         )
     with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
-        asked = Asked(paths, how, to, kept, picture, known, assume, *others)
-        given = read(asked)
-        if model == "solenoid_valve":
-            given.ask()
-        coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
-        if coil is not None:
-            finished = finish_coil(asked, given, coil)
-            return answer([*finished.shown, *told], finished.figure, picture, to=to, kept=folder, **finished.more)
-        given.ask()
-        start = find_gap(given.known.parameters, given.records, given.sought, gaps, given.conventions, period)
-        given.ask_for(start.parameters, start.sought)
-        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
-        finished = finish_valve(asked, given, start, result)
-        return answer([*finished.shown, *told], finished.figure, picture, to=to, kept=folder, **finished.more)
+        given = way.read(paths, how, kept, known, assume, **others)
+        found = way.identify(given, to, starts, seed, progress)._asdict()
+        return answer(found.pop("shown"), found.pop("figure"), picture, to=to, kept=folder, **found)
 
 
 @documented

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.identification.coil.fit import POOR, Coil
 from gapsense.identification.measurements.operations import mean_resistance, operations
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.show import TWO_SIDED, Validation, about, measured_and_model, validation
+from gapsense.identification.show import TWO_SIDED, Validation, about, validation
 from gapsense.report.table import quantity, table
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
@@ -205,9 +204,3 @@ def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
                 f" {100.0 * (other / R - 1.0):+.1f} % beside the records fitted: a coil that is warmer or colder."
             )
     return said
-
-
-def coil_figure(result: Coil, checks: Sequence[Validation]) -> Figure:
-    """Measured and simulated current of the records used, then of those kept for the validation."""
-    runs = [*zip(result.records, result.models)]
-    return measured_and_model("Measured and identified", runs, checks, shows_flux=True)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
@@ -29,7 +28,7 @@ from gapsense.identification.parameter_set import (
     write_table,
 )
 from gapsense.identification.residual import verdict
-from gapsense.identification.show import TWO_SIDED, Validation, about, compare, measured_and_model, validation
+from gapsense.identification.show import TWO_SIDED, Validation, about, compare, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.driver import TAKEN
@@ -309,8 +308,3 @@ def explanations(result: Identified) -> list[str]:
     if result.is_explained or not found:
         return []
     return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
-
-
-def valve_figure(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
-    """Measured and simulated current of the records used, then of those kept for the validation."""
-    return measured_and_model("Measured and identified", [*zip(records, result.models)], checks)
