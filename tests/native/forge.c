@@ -38,7 +38,7 @@ static void seal(unsigned char *bytes, size_t size)
 static void go_on(fmi2Component c, const Table *t, int row)
 {
     double values[MOST];
-    const double before = t->times[1] - t->times[0], step = fmin(before, LONGEST);
+    const double before = t->times[1] - t->times[0], step = before < LONGEST ? before : LONGEST;
     for (int k = 0; k < STEPS; k++) {
         const int at = (row + k) % t->rows;
         CALL(fmi2SetReal)(c, t->input, (size_t)t->inputs, t->values + at * t->inputs);
