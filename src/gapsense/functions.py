@@ -86,7 +86,7 @@ def inspect(
     clipped: bool = False,
     figure: File | None = None,
 ) -> Found:
-    """Tell what a record of voltage and current can give, before anything is fitted to it.
+    """Show what can be learnt from a record of voltage and current, before anything is fitted.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def inspect(
     separator, decimal : str
         Of the cells of a CSV file, and of its numbers.
     clipped : bool
-        Accept signals at the limits of their converter.
+        Accept signals that reach the limits of their converter.
     figure : path, optional
         PNG, PDF or SVG file to write.
 
@@ -161,7 +161,7 @@ def identify(
     figure: File | None = None,
     progress: Progress = quiet,
 ) -> Found:
-    """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
+    """Identify a solenoid valve or a coil from voltage and current of complete operations, recorded from rest.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def identify(
     temperature : str, optional
         Of each record [degC], as `"23,60,85"`.
     forms : str
-        What the model may have more: auto, plain, or names with commas between.
+        Extensions that the model may have: auto, plain, or names with commas between.
     hold : str or sequence of str
         Parameters that keep their values.
     inductance : path, optional
@@ -196,7 +196,7 @@ def identify(
     separator, decimal : str
         Of the cells of a CSV file, and of its numbers.
     clipped : bool
-        Accept signals at the limits of their converter.
+        Accept signals that reach the limits of their converter.
     starts, seed : int
         Starts of the least squares, and the seed of those that are random.
     out : path, optional
@@ -271,7 +271,7 @@ def commission(
     figure: File | None = None,
     progress: Progress = quiet,
 ) -> Found:
-    """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
+    """Find all parameters of a reluctance actuator, including core losses, from records that start at rest.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def commission(
     separator, decimal : str
         Of the cells of a CSV file, and of its numbers.
     clipped : bool
-        Accept signals at the limits of their converter.
+        Accept signals that reach the limits of their converter.
     out : path, optional
         Parameter-set file to write.
     figure : path, optional
@@ -357,7 +357,7 @@ def gap_law(
     out: File | None = None,
     figure: File | None = None,
 ) -> Found:
-    """Make a gap law of the inductance of a coil, measured at known gaps.
+    """Make a gap law from inductances of a coil that were measured at known gaps.
 
     Parameters
     ----------
@@ -446,7 +446,7 @@ def estimate(
     data : path or mapping of arrays
         CSV file with the columns time [s], voltage [V], current [A], or arrays by these names.
     estimator : str or sequence of str, optional
-        Names; by default all that the record has the inputs of.
+        Names; by default all whose inputs the record has.
     parameters : path or sequence of paths
         Parameter-set files; each estimator takes what it has.
     column : mapping, optional
@@ -454,7 +454,7 @@ def estimate(
     separator, decimal : str
         Of the cells of a CSV file, and of its numbers.
     clipped : bool
-        Accept signals at the limits of their converter.
+        Accept signals that reach the limits of their converter.
     offset : mapping, optional
         What a quantity is off by, beside what it is at rest: `{"current": 0.002}`.
     fmus : path, optional
@@ -532,7 +532,7 @@ def compare(
     after: float = -math.inf,
     before: float = math.inf,
 ) -> Mapping[str, Comparison]:
-    """Compare a result with another one, signal by signal: |result - reference| <= atol + rtol x nominal.
+    """Compare two results signal by signal: |result - reference| <= atol + rtol x nominal.
 
     Parameters
     ----------
@@ -541,11 +541,11 @@ def compare(
     rtol : float
         Allowed difference as a share of the nominal value.
     atol : float
-        Allowed difference in the unit of the signal, added to that.
+        Allowed difference in the unit of the signal, in addition.
     tolerance : mapping, optional
         For the signals of a pattern: `{"ekf.*": "1e-6"}`, or `"1e-6,1e-9"` with both.
     edge_steps : int
-        Steps of its component that an edge may come earlier or later.
+        Steps of its component by which an edge may come earlier or later.
     signal : str or sequence of str
         Signals or patterns; all others are left out.
     after, before : float

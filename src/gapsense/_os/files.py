@@ -143,7 +143,7 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
     try:
         content = read_bytes(path) if content is None else content
         if b"\0" in content:  # before it is copied: some versions of the reader take it
-            raise csv.Error("it has NUL bytes")
+            raise csv.Error("it contains NUL bytes")
         text = content.decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text, newline=""))
         lines = [(reader.line_num, row) for row in reader if row]
@@ -176,7 +176,7 @@ def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> li
     """Sentences on the first lines with more or fewer cells than there are columns."""
     wrong = [(n, len(row)) for n, row in lines if len(row) != width]
     told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
-    return told + more(path, len(wrong), "lines have another number of values")
+    return told + more(path, len(wrong), "lines have a wrong number of values")
 
 
 def more(path: Path, count: int, what: str) -> list[str]:
@@ -221,7 +221,7 @@ def no_numbers(sheet: Sheet) -> list[str]:
         return [f"{sheet.path}: no table of numbers below a line of names `name [unit]`. Name another file."]
     cells = [(i, j, text) for i, row in enumerate(sheet.rows) for j, text in enumerate(row) if number(text) is None]
     told = [f"{sheet.place(i, j)}: `{text}` found, a number expected. Correct it." for i, j, text in cells[:SHOWN]]
-    return told + more(sheet.path, len(cells), "cells hold no number")
+    return told + more(sheet.path, len(cells), "cells do not hold a number")
 
 
 def number(text: str) -> float | None:

@@ -39,7 +39,7 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     try:
         about = path.stat()
     except ValueError:  # a NUL character in its name
-        raise OSError(errno.EINVAL, "no file can have this name", str(path)) from None
+        raise OSError(errno.EINVAL, "a file cannot have this name", str(path)) from None
     if not stat.S_ISREG(about.st_mode):
         found = KINDS.get(stat.S_IFMT(about.st_mode), "something else")
         raise OSError(errno.EINVAL, f"it is {found}, a file is expected", str(path))
@@ -77,7 +77,7 @@ def unwritable(path: Path, is_folder: bool = False) -> str:
         with tempfile.TemporaryFile(dir=place):
             return ""
     except OSError as error:
-        return f"there cannot be a new file in `{place}` ({error.strerror})"
+        return f"no new file can be made in `{place}` ({error.strerror})"
 
 
 def kind(path: Path) -> str:
@@ -85,16 +85,16 @@ def kind(path: Path) -> str:
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        return "a link to nothing" if path.is_symlink() else ""
+        return "a broken link" if path.is_symlink() else ""
     return FILE if stat.S_ISREG(mode) else KINDS.get(stat.S_IFMT(mode), "something else")
 
 
 def unfit(name: str, foreign: frozenset[str] = FOREIGN) -> str:
     """Why a file cannot have a name on every system, or nothing."""
     if not name.isprintable() or foreign.intersection(name):
-        return "has characters that file names do not have everywhere"
+        return "has characters that some systems do not allow in file names"
     if DEVICE.fullmatch(name) or name.endswith((".", " ")) or name.startswith(("-", " ")):
-        return "is one that commands or systems take for something else"
+        return "has another meaning to commands or to some systems"
     return f"is longer than {LONGEST_NAME} bytes" if len(name.encode("utf-8", "replace")) > LONGEST_NAME else ""
 
 

@@ -31,7 +31,10 @@ def commission(
     parameters: Annotated[
         Path,
         typer.Option(
-            parser=shipped.record, metavar="FILE", help="What is believed of the device, for `Mhe`", show_default=False
+            parser=shipped.record,
+            metavar="FILE",
+            help="Parameter set with first guesses for the device, as `Mhe` takes it",
+            show_default=False,
         ),
     ],
     assume: Assume = False,
@@ -44,7 +47,7 @@ def commission(
     decimal: Decimal = ".",
     clipped: Clipped = False,
 ) -> None:
-    """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
+    """Find all parameters of a reluctance actuator, including core losses, from records that start at rest.
 
     Known are stops and turns and, within a few percent, the gap law, the spring, the mass and the core. Prints values
     and standard errors; exit code 1 where the model does not explain the records.

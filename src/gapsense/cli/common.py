@@ -37,8 +37,8 @@ ADVICE = {
     errno.ENOSPC: f"Make room on its disk, {ELSEWHERE}",
     errno.EDQUOT: f"Make room within your share of its disk, {ELSEWHERE}",
     errno.EFBIG: f"Allow larger files (`ulimit -f`), {ELSEWHERE}",
-    errno.EMFILE: "Allow more open files (`ulimit -n`), or take fewer workers",
-    errno.ENFILE: "Close other programs, or take fewer workers",
+    errno.EMFILE: "Allow more open files (`ulimit -n`), or use fewer workers",
+    errno.ENFILE: "Close other programs, or use fewer workers",
 }
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
@@ -81,7 +81,9 @@ def options(
     """Options of the program itself."""
 
 
-studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
+studies = typer.Typer(
+    no_args_is_help=True, help="Repeat studies of the papers: figures, and numbers beside the published ones."
+)
 app.add_typer(studies, name="study")
 out = Console(highlight=False, emoji=False)  # `:x:` is no picture
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
@@ -107,16 +109,17 @@ Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", sho
 Set = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="COMPONENT.PARAMETER=VALUE: another value, also of an input or a seed", show_default=False
+        "--set", help="COMPONENT.PARAMETER=VALUE: replace a value; inputs and seeds work too", show_default=False
     ),
 ]
 Fmus = Annotated[
     Path | None,
-    typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
+    typer.Option(help="Folder with the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
-ENGINE = "What does the runs: fmu, native, vectors (our own components without FMUs, same bits), or auto"
+ENGINE = "How to run: fmu, native, vectors (Gapsense's own components without FMUs, bit-identical), or auto"
 Engine = Annotated[
-    str, typer.Option(help=ENGINE, show_default="auto: vectors, where a C compiler is and all FMUs are ours")
+    str,
+    typer.Option(help=ENGINE, show_default="auto: vectors if there is a C compiler and all FMUs are Gapsense's own"),
 ]
 EngineOfTests = Annotated[str, typer.Option("--engine", help=ENGINE)]
 Native = Annotated[bool, typer.Option("--native", help="Use the native FMUs in build/native")]
@@ -142,7 +145,7 @@ Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figu
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
 SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
-Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
+Workers = Annotated[int, typer.Option(help="Number of processes; results do not depend on it", min=1, max=1000)]
 Data = Annotated[
     list[Path],
     typer.Argument(
@@ -154,19 +157,21 @@ Data = Annotated[
 ]
 Validate = Annotated[
     list[Path] | None,
-    typer.Option(parser=record, metavar="FILE", help="Record that is kept for the validation", show_default=False),
+    typer.Option(
+        parser=record, metavar="FILE", help="Record to validate with; it is not used for the fit", show_default=False
+    ),
 ]
 Column = Annotated[
     list[str] | None,
     typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
 ]
-Separator = Annotated[str, typer.Option(help="Separator of the cells of a CSV file")]
-Decimal = Annotated[str, typer.Option(help="Decimal point of the numbers")]
-Clipped = Annotated[bool, typer.Option("--clipped", help="Accept signals at the limits of their converter")]
+Separator = Annotated[str, typer.Option(help="Separator of the columns of a CSV file")]
+Decimal = Annotated[str, typer.Option(help="Decimal mark of the numbers")]
+Clipped = Annotated[bool, typer.Option("--clipped", help="Accept signals that reach the limits of their converter")]
 Assume = Annotated[
     bool,
     typer.Option(
-        "--assume", help="Assume what is not given, list it, and mark it in the file; answers are relative then"
+        "--assume", help="Assume missing values, list them and mark them in the file; results are then relative"
     ),
 ]
 Function = TypeVar("Function", bound=Callable[..., None])
@@ -218,7 +223,7 @@ APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how comman
 def engine_of(engine: str, native: bool) -> str:
     """The engine that two options choose together."""
     if native and engine == "vectors":
-        raise InputError([f"--native and --engine {engine} do not go together. Leave one out."])
+        raise InputError([f"--native and --engine {engine} cannot be combined. Leave one out."])
     return "native" if native else engine
 
 
@@ -252,7 +257,7 @@ def shown(file: Path) -> None:
     import webbrowser
 
     if not webbrowser.open(file.resolve().as_uri()):
-        notice(f"no browser was found here. Open {file} in one yourself.")
+        notice(f"no browser was found. Open {file} yourself.")
 
 
 def tell(found: Found) -> NoReturn:

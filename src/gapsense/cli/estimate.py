@@ -33,14 +33,14 @@ def estimate(
         ),
     ],
     estimator: Annotated[
-        str | None, typer.Option(help="Names, with commas", show_default="all that the record has the inputs of")
+        str | None, typer.Option(help="Names, with commas", show_default="all whose inputs the record has")
     ] = None,
     parameters: Annotated[
         list[Path] | None,
         typer.Option(
             parser=shipped.record,
             metavar="FILE",
-            help="Parameter-set file; each estimator takes what it has",
+            help="Parameter-set file; each estimator takes the parameters that it has",
             show_default=False,
         ),
     ] = None,
@@ -50,7 +50,9 @@ def estimate(
     clipped: Clipped = False,
     offset: Annotated[
         list[str] | None,
-        typer.Option(help="QUANTITY=VALUE: what it is off by, beside what it is at rest", show_default=False),
+        typer.Option(
+            help="QUANTITY=VALUE: offset of a sensor, in addition to what is seen at rest", show_default=False
+        ),
     ] = None,
     fmus: Fmus = None,
     to: Annotated[
@@ -60,9 +62,9 @@ def estimate(
         Path | None, Output.FILE, typer.Option(help="PNG, PDF or SVG file", show_default="results/<data>_estimates.png")
     ] = None,
 ) -> None:
-    """Run estimators, through their FMUs, on a measured record, and draw what they say.
+    """Run the FMUs of estimators on a measured record and draw their outputs.
 
-    Exit code 1 if one of them cannot be right, by what the record itself tells.
+    Exit code 1 if the record itself shows that one of them is wrong.
     """
     from gapsense import functions
 

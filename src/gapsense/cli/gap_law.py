@@ -25,7 +25,7 @@ def gap_law(
     figure: Picture = None,
     column: Column = None,
 ) -> None:
-    """Make a gap law of the inductance of a coil, measured at known gaps.
+    """Make a gap law from inductances of a coil that were measured at known gaps.
 
     Of several frequencies the lowest is used. The law is linear, has fringes, or is a table, whichever foretells best
     the gaps that are left out; `gapsense identify --parameters gap.toml` goes on from there.

@@ -51,9 +51,13 @@ def identify(
     voltage: Annotated[str, typer.Option(help=f"Voltage between two samples: auto, {', '.join(CONVENTIONS)}")] = AUTO,
     temperatures: Annotated[
         str | None,
-        typer.Option("--temperature", help="Of each record in degC: 23,60,85", show_default="column `temperature`"),
+        typer.Option(
+            "--temperature", help="Temperature of each record in degC: 23,60,85", show_default="column `temperature`"
+        ),
     ] = None,
-    forms: Annotated[str, typer.Option(help=f"What the model may have more: auto, {PLAIN}, {', '.join(FORMS)}")] = AUTO,
+    forms: Annotated[
+        str, typer.Option(help=f"Extensions that the model may have: auto, {PLAIN}, {', '.join(FORMS)}")
+    ] = AUTO,
     hold: Annotated[
         list[str] | None, typer.Option(help="Parameter that keeps its value, as `coil.turns`", show_default=False)
     ] = None,
@@ -63,14 +67,14 @@ def identify(
     driver: Annotated[
         str | None,
         typer.Option(
-            help="What it takes of a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current",
+            help="What a driver takes from a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current",
             show_default=False,
         ),
     ] = None,
     accuracy: Annotated[
         str | None,
         typer.Option(
-            help="In percent, for the standard errors: voltage=0.5,current=1, or of what is known: stop.upper=2",
+            help="Accuracies in percent, for standard errors: voltage=0.5,current=1, or of given values: stop.upper=2",
             show_default=False,
         ),
     ] = None,
@@ -79,11 +83,11 @@ def identify(
     decimal: Decimal = ".",
     clipped: Clipped = False,
     starts: Annotated[
-        int, typer.Option(min=0, max=10**7, help="Starts of least squares; 0: multi-directional search")
+        int, typer.Option(min=0, max=10**7, help="Starts of the least-squares search; 0: multi-directional search")
     ] = 6,
-    seed: Annotated[int, typer.Option(help="Of the random starts", min=0, max=2**31 - 1)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts", min=0, max=2**31 - 1)] = 1,
 ) -> None:
-    """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
+    """Identify a solenoid valve or a coil from voltage and current of complete operations, recorded from rest.
 
     Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
     relaxed spring have to be known, for no record tells them; inductances or a recorded position give the gap law too,

@@ -15,14 +15,14 @@ def inspect(
     figure: Picture = None,
     period: Annotated[float | None, typer.Option(help="Length of an operation in s", show_default="to rest")] = None,
     resistance: Annotated[
-        float | None, typer.Option(help="Of the coil, by a meter, in Ohm", show_default=False)
+        float | None, typer.Option(help="Resistance of the coil in Ohm, measured with a meter", show_default=False)
     ] = None,
     column: Column = None,
     separator: Separator = ",",
     decimal: Decimal = ".",
     clipped: Clipped = False,
 ) -> None:
-    """Tell what a record of voltage and current can give, before anything is fitted to it."""
+    """Show what can be learnt from a record of voltage and current, before anything is fitted."""
     from gapsense import functions
 
     tell(

@@ -77,7 +77,7 @@ def check_believed(parameters: Path | None, others: Sequence[object]) -> Path:
     if parameters is None:
         raise ValueError("--commission: `--parameters` is missing. Give a set with what is believed of the device.")
     if given := [name for name, value in zip(NOT_COMMISSIONED, others) if value and value != AUTO]:
-        raise ValueError(f"--commission: {', '.join(given)} found; it has no such option. Leave it out.")
+        raise ValueError(f"--commission: {', '.join(given)} found; this command has no such option. Leave it out.")
     return parameters
 
 

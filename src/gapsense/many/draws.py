@@ -90,7 +90,7 @@ def logarithmic(own: Mapping[str, Any]) -> dict[str, Any]:
 def rising(own: Mapping[str, Any]) -> str:
     """What is wrong with limits."""
     if own["low"] is not None and own["high"] is not None and own["low"] >= own["high"]:
-        return f"`low` is {own['low']:.9g} and `high` is {own['high']:.9g}. Let `low` be the smaller one."
+        return f"`low` is {own['low']:.9g} and `high` is {own['high']:.9g}. `low` must be the smaller one."
     return ""
 
 
@@ -122,33 +122,33 @@ def leaves_above_0(own: Mapping[str, Any]) -> str:
 LIMITS = ("low", "high")
 DISTRIBUTIONS: Mapping[str, Distribution] = {
     "uniform": Distribution(
-        needs=LIMITS, takes=(), quantile=uniform, problem=rising, what="Even density between `low` and `high`"
+        needs=LIMITS, takes=(), quantile=uniform, problem=rising, what="Uniform between `low` and `high`"
     ),
     "loguniform": Distribution(
-        needs=LIMITS, takes=(), quantile=loguniform, problem=rising_above_0, what="The same of the logarithm"
+        needs=LIMITS, takes=(), quantile=loguniform, problem=rising_above_0, what="Its logarithm is uniform"
     ),
     "normal": Distribution(
         needs=("mean", "std"),
         takes=LIMITS,
         quantile=normal,
         problem=leaves,
-        what="Normal; with limits, only what lies inside",
+        what="Normal; with limits, truncated",
     ),
     "lognormal": Distribution(
         needs=("median", "sigma"),
         takes=LIMITS,
         quantile=lognormal,
         problem=leaves_above_0,
-        what="Its logarithm is normal; limits as those of `normal`",
+        what="Its logarithm is normal; limits as for `normal`",
     ),
     "integer": Distribution(
         needs=LIMITS,
         takes=(),
         quantile=integer,
         problem=whole,
-        what="Whole numbers from `low` to `high`, each as often",
+        what="Whole numbers from `low` to `high`, all equally likely",
     ),
     "choice": Distribution(
-        needs=("values",), takes=(), quantile=choice, problem=lambda own: "", what="One of `values`, each as often"
+        needs=("values",), takes=(), quantile=choice, problem=lambda own: "", what="One of `values`, all equally likely"
     ),
 }

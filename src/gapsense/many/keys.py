@@ -12,7 +12,7 @@ SPACINGS = ("linear", "log")
 PARAMETER = Key("parameter", TEXT, "Parameter or constant input `component.variable`", '"valve.damping"', required=True)
 GRID = Section(
     "[grid]",
-    "Lists of values, every one with every other.",
+    "Lists of values; all combinations are run.",
     free=Key(
         "<component>.<parameter>",
         LIST,
@@ -24,7 +24,7 @@ GRID = Section(
 )
 RANGE = Section(
     "[[ranges]]",
-    "Values at even distances, every one with every other.",
+    "Evenly spaced values; all combinations are run.",
     (
         PARAMETER,
         Key("from", NUMBER, "First value, in the unit of the parameter", "0.1", required=True),
@@ -62,7 +62,7 @@ FACTOR = Section(
         Key(
             "values",
             LIST,
-            "What `choice` chooses from, each as often",
+            "What `choice` chooses from, all equally likely",
             "[1, 2]",
             otherwise="see below",
             is_other=True,
@@ -91,7 +91,7 @@ TRAJECTORIES = Section(
     "Signals that are kept of every run.",
     (
         Key("signals", TEXTS, "Signals, or patterns as in `[record]`", '["valve.position"]', required=True),
-        Key("decimation", COUNT, "Every which recorded row", "10", default=1),
+        Key("decimation", COUNT, "Keep one of so many recorded rows", "10", default=1),
     ),
 )
 STUDY = Section(
@@ -107,12 +107,12 @@ STUDY = Section(
             '"my_valve"',
             required=True,
         ),
-        Key("variant", TEXT, "Variant of the scenario", '"cold"', otherwise="the scenario as it is"),
+        Key("variant", TEXT, "Variant of the scenario", '"cold"', otherwise="the scenario itself"),
         Key("seeds", COUNT, "Runs of each point, with other seeds", "4", default=1),
         Key(
             "noise",
             TEXT,
-            "Every run has seeds of its own, or the runs of all points have the same `seeds` seeds",
+            "Every run has its own seeds, or the runs of all points share the same `seeds` seeds",
             '"common"',
             default=NOISES[0],
             choices=NOISES,
@@ -126,7 +126,7 @@ STUDY = Section(
             is_path=always,
         ),
         Key("grid", TABLE, "Lists", section=GRID),
-        Key("ranges", TABLES, "Values at even distances", section=RANGE),
+        Key("ranges", TABLES, "Evenly spaced values", section=RANGE),
         Key("sample", TABLE, "Values that are drawn", section=SAMPLE),
         Key("trajectories", TABLE, "Signals that are kept", section=TRAJECTORIES),
     ),

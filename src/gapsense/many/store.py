@@ -31,7 +31,7 @@ from gapsense.problems import InputError
 LOG = logging.getLogger(__name__)
 SUFFIX, LOCK = ".sqlite", ".lock"
 DAMAGED = "_damaged-"  # before the name of a file that is put aside
-AGAIN = "Run it again: what is damaged is computed anew, and the rest is kept"
+AGAIN = "Run it again: what is damaged is computed again, and the rest is kept"
 PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
 GROUP = 2**12  # rows that are in memory at once
@@ -82,7 +82,7 @@ class Store:
         for name in (ABOUT, COPY):
             rows = [row for rows in self.selected(f"SELECT id, content FROM {name}", ()) for row in rows]
             if damaged_of(rows):
-                LOG.warning("%s: what it says about its runs is damaged; a copy is taken. %s.", self.file, AGAIN)
+                LOG.warning("%s: its description of the runs is damaged; the copy is used. %s.", self.file, AGAIN)
             for place, content in rows:
                 if not damaged_of([(place, content)]):
                     found.setdefault(place, json.loads(payload(content)))
@@ -260,7 +260,7 @@ def writing(file: Path | None) -> sqlite3.Connection:
     try:
         connection = prepared(connect(file))
         if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
-            LOG.warning("%s: the log of its last runs is damaged. What is lost of them is computed again.", file)
+            LOG.warning("%s: the log of its last runs is damaged. Lost runs are computed again.", file)
         problem = wrong(connection)
         if not problem:
             forget_damaged(connection, file)
@@ -329,7 +329,7 @@ def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
             damaged += found or (incomplete(connection, rows) if name == RUNS else [])
         if damaged and name in (ABOUT, COPY):
             restore(connection, COPY if name == ABOUT else ABOUT, name)
-            LOG.warning("%s: what it says about its runs is damaged; its copy is taken.", file)
+            LOG.warning("%s: its description of the runs is damaged; the copy is used.", file)
         elif damaged:
             LOG.warning("%s: %s damaged, and computed again.", file, of_runs(damaged))
             remove(connection, damaged)
@@ -461,7 +461,7 @@ def alone(file: Path | None) -> Iterator[None]:
                         beside.unlink()
         if not is_mine:
             if not is_told:
-                LOG.warning("%s: another process is at work on it; waiting for its end.", file)
+                LOG.warning("%s: another process is using it; waiting for its end.", file)
             is_told = True
             sleep(PAUSE)
 

@@ -104,7 +104,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     if not is_sealed(data):
         raise InputError([f"{path}: `{path.stem}.json` beside it is damaged, or was edited. {AGAIN}."])
     if sha256(path) != data.get("sha256"):
-        raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
+        raise InputError([f"{path}: it is not the table that belongs to `{path.stem}.json`. {AGAIN}."])
     return data
 
 

@@ -42,9 +42,9 @@ def few(experiment: Experiment, decimation: int) -> Iterator[str]:
     """That a run has few steps, or its record few rows."""
     rows = experiment.count // decimation + 1
     if experiment.count < FEW:
-        yield f"experiment: the run has {experiment.count} base steps, which show little. {ASKED}"
+        yield f"experiment: the run has {experiment.count} base steps, too few to show much. {ASKED}"
     elif rows < FEW:
-        yield f"record: {rows} rows are recorded, which show little. Is `decimation` as it should be?"
+        yield f"record: {rows} rows are recorded, too few to show much. Is `decimation` as it should be?"
 
 
 def own_step(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
@@ -112,7 +112,7 @@ def pulses(place: str, played: Played, experiment: Experiment, step: float) -> I
     if far.any():
         yield (
             f"{place}: {int(far.sum())} samples, the first at {times[np.argmax(far)]:.9g} s, lie in pulses between two "
-            f"steps of {step:.9g} s, which nobody gets. {ASKED}"
+            f"steps of {step:.9g} s, so no component sees them. {ASKED}"
         )
 
 
@@ -126,5 +126,5 @@ def short(event: Event, scenario: Scenario) -> Iterator[str]:
     if event.enabled and length is not None and length < every * (1.0 - ROUNDING):
         yield (
             f"events.{event.name}: it lasts {length:.9g} s, and its target steps or is recorded every {every:.9g} s: "
-            "it may fall between. Let it last longer, or step and record more often."
+            "it may be missed. Let it last longer, or step and record more often."
         )

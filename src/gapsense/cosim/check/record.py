@@ -106,7 +106,7 @@ def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
     first = first_row(component, decimation)
     if first is None:
         yield (
-            f"{place}: `{component.name}` never steps at a row that is recorded: its step is {component.step}, its "
+            f"{place}: `{component.name}` never steps at a recorded row: its step is {component.step}, its "
             f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."
         )
         return

@@ -77,7 +77,7 @@ def sized(description: Description, component: Component, problems: list[str]) -
     try:
         return described(description.path, tuple(sizes.items())) if sizes else description
     except UnusableError as error:
-        problems.append(f"components.{component.name}: `{description.path}` cannot be used so: {error}")
+        problems.append(f"components.{component.name}: `{description.path}` cannot be used like this: {error}")
         return description
 
 
@@ -188,7 +188,7 @@ class Checker:
         lengths = [len(self.scenario.rows) or 1, *map(len, self.scenario.grid.values())]
         if prod(lengths) > MOST_POINTS:
             found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
-            yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
+            yield f"sweep: {found}, at most {MOST_POINTS} are allowed. Shorten a list."
         of_components = {port: values for port, values in self.scenario.swept.items() if not self.is_event(port)}
         for port, values in of_components.items():
             if port.component not in self.scenario.components:
@@ -317,7 +317,7 @@ class Checker:
 def check_signal(played: Played, variable: Variable) -> Iterator[str]:
     """Problems of a signal with the input that is to follow it."""
     if variable.type == "String":
-        yield "a text follows no signal. Give it a constant."
+        yield "a text cannot follow a signal. Give a constant."
         return
     if played.unit and variable.unit and played.unit != variable.unit:
         yield f"the column is in `{played.unit}`, the input in `{variable.unit}`. Convert the column."
@@ -332,7 +332,7 @@ def check_signal(played: Played, variable: Variable) -> Iterator[str]:
 def check_whole(played: Played, variable: Variable) -> Iterator[str]:
     """Problems of a signal for an input that takes whole numbers only."""
     if played.interpolation != "hold":
-        yield f'an input of type {variable.type} takes no values in between. Write `interpolation = "hold"`.'
+        yield f'an input of type {variable.type} cannot be interpolated. Write `interpolation = "hold"`.'
     items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
     fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
     for value in played.values[~fits][:1]:
@@ -356,8 +356,8 @@ def check_types(connection: Connection, source: Variable, target: Variable) -> I
     is_number = target.type == "Real" and source.type in AS_NUMBERS
     if source.type != target.type and not is_number:
         yield (
-            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input takes others, "
-            "those of type Boolean and Integer."
+            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input accepts "
+            "others, Boolean and Integer."
         )
     elif source.items and target.items and source.items != target.items:
         found, expected = (", ".join(f"{n} = {k}" for n, k in v.items.items()) for v in (source, target))

@@ -89,7 +89,7 @@ def name_problem(name: str, variables: Mapping[str, Variable], takes_starts: boo
         return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
     if not (variable.is_settable if takes_starts else variable.is_parameter):
         remedy = "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
-        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy}"
+        return f"`{name}` is not a parameter but has the causality `{variable.causality}`. {remedy}"
     return None
 
 

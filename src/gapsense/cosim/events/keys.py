@@ -8,15 +8,15 @@ from gapsense.tables import INDEX, NUMBER, POSITIVE, SCALAR, TABLE, TEXT, TRUTH,
 
 WHEN = Section(
     "[events.<event>.when]",
-    "A condition on a signal, looked at after every base step. The event begins when it holds for the first time, with "
+    "A condition on a signal, evaluated after every base step. The event begins when it holds for the first time, with "
     "the next value that an input takes, or the next step of the component of a parameter.",
     (
         Key("signal", TEXT, "Input or output `component.variable`", '"valve.position"', required=True),
         Key("above", NUMBER, "The signal is greater than this", "0.5e-3", otherwise="`below`", is_other=True),
         Key("below", NUMBER, "The signal is less than this", "0.1e-3", otherwise="`above`"),
-        Key("for", POSITIVE, "It has been so for this time [s], whole base steps", "1e-3", otherwise="at once"),
-        Key("after", NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
-        Key("again", TRUTH, "After the event it counts again, once it has not held", "true", default=False),
+        Key("for", POSITIVE, "It has held for this time [s], whole base steps", "1e-3", otherwise="at once"),
+        Key("after", NUMBER, "It is evaluated from this time on [s], a base step", "20e-3", otherwise="from the start"),
+        Key("again", TRUTH, "The event can happen again once the condition has stopped holding", "true", default=False),
     ),
     at="[events.offset.when]",
     before='[events.offset]\ntarget = "semera.current"\naction = "stuck"\nduration = 2e-3\n',
@@ -36,7 +36,7 @@ EVENT = Section(
         ),
         Key("action", TEXT, "What happens, see below", '"bias"', required=True, choices=tuple(ACTIONS)),
         Key("value", SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
-        Key("over", POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
+        Key("over", POSITIVE, "Time [s] over which it grows from zero", "5e-3", otherwise="at once"),
         Key("at", NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
         Key(
             "until",
@@ -54,8 +54,8 @@ EVENT = Section(
             is_other=True,
         ),
         Key("when", TABLE, "Condition", otherwise="`at`", section=WHEN),
-        Key("seed", INDEX, "Of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
-        Key("enabled", TRUTH, "`false`: it does not happen", "true", default=True),
+        Key("seed", INDEX, "Seed of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
+        Key("enabled", TRUTH, "`false`: the event is switched off", "true", default=True),
         Key("description", TEXT, "What it stands for", '"Offset of the current sensor"', default=""),
     ),
     at="[events.offset]",

@@ -75,7 +75,7 @@ def read_when(table: Table) -> When | None:
     sides = [key for key in ("above", "below") if key in table.data]
     if len(sides) != 1:
         found = "neither found" if not sides else "both found"
-        table.note("", f"{found}, either `above` or `below` expected. Give one of both.")
+        table.note("", f"{found}, either `above` or `below` expected. Give one of them.")
         return None
     level = given[sides[0]]
     if signal is None or level is None:
@@ -103,9 +103,9 @@ def note_actions(table: Table, given: Mapping[str, Any]) -> None:
     elif name != "set" and isinstance(given["value"], (str, bool)):
         table.note("value", f"{given['value']!r} found, `{name}` needs a number. Correct it.")
     elif name == "noise" and (given["value"] or 0.0) < 0.0:
-        table.note("value", f"{given['value']} found, a standard deviation is not below 0. Correct it.")
+        table.note("value", f"{given['value']} found, a standard deviation cannot be negative. Correct it.")
     if action.over == NEEDED and "over" not in table.data:
-        table.note("over", f"missing; `{name}` needs the time that it takes [s]. Add it.")
+        table.note("over", f"missing; `{name}` needs its duration [s]. Add it.")
     if not action.over and "over" in table.data:
         table.note("over", f"`{name}` begins at once. Remove it, or use `ramp`.")
     if name != "noise" and "seed" in table.data:
@@ -118,13 +118,13 @@ def note_times(table: Table, given: Mapping[str, Any]) -> None:
     starts = [key for key in ("at", "when") if key in table.data]
     if len(starts) != 1:
         found = "neither found" if not starts else "both found"
-        table.note("", f"{found}, either `at` or `when` expected. Give one of both.")
+        table.note("", f"{found}, either `at` or `when` expected. Give one of them.")
     if "until" in table.data and "duration" in table.data:
-        table.note("duration", "`until` says it too. Keep one.")
+        table.note("duration", "`until` gives the end too. Keep one.")
     if "until" in table.data and "when" in table.data:
         table.note("until", "an event with `when` lasts for a `duration`, or to the end of the run. Use that.")
     if at is not None and until is not None and at >= until:
-        table.note("until", f"`at` is {at:.9g} s and `until` is {until:.9g} s. Let `at` be the smaller one.")
+        table.note("until", f"`at` is {at:.9g} s and `until` is {until:.9g} s. `at` must be the smaller one.")
     again = isinstance(table.data.get("when"), dict) and table.data["when"].get("again") is True
     if again and "duration" not in table.data:
         table.note("when.again", "an event that lasts to the end of the run happens once. Add `duration`.")
@@ -147,7 +147,7 @@ def check_events(
 ) -> Iterator[str]:
     """Problems of events with the FMUs and, where the time grid is known, with that."""
     if events and SECTION in scenario.components:
-        yield f"components.{SECTION}: in a scenario with events no component has this name. Rename it."
+        yield f"components.{SECTION}: in a scenario with events, no component may have this name. Rename it."
     for event in events.values():
         at = f"{place}.{event.name}"
         yield from (f"{at}.{problem}" for problem in target_problems(event, scenario, descriptions))
@@ -186,9 +186,9 @@ def refusal(event: Event, variable: Variable | None, description: Description) -
         return f"target: the output `{port}` drives no input. Connect it, or choose another target."
     if variable.causality != "input" and not variable.is_tunable:
         others = f"tunable ones are {listing(tunable)}" if tunable else "it has none that is tunable"
-        return f"target: `{port}` is fixed: FMI lets nobody change it during a run; {others}. Choose another target."
+        return f"target: `{port}` is fixed and cannot change during a run; {others}. Choose another target."
     if variable.type == "String":
-        return f"target: `{port}` is a text, which no event changes. Choose another target."
+        return f"target: `{port}` is a text, which events cannot change. Choose another target."
     if action.only_real and variable.type != "Real":
         return f"action: `{event.action}` needs a target of type Real, `{port}` is {variable.type}. Use `set`."
     if variable.is_tunable and not action.on_parameter:
@@ -253,12 +253,12 @@ def time_problems(event: Event, experiment: Experiment) -> Iterator[str]:
         is_near = time is not None and abs(index_of(time, experiment)) <= MOST_STEPS
         if time is not None and is_near and not is_on_grid(time, experiment):
             between = " and ".join(f"{t:.9g} s" for t in neighbours(time, experiment))
-            yield f"{key}: {time:.9g} s is no base step but between {between}. Choose one of them."
+            yield f"{key}: {time:.9g} s is not a base step; the nearest are {between}. Choose one of them."
     last = {**dict.fromkeys(begins, experiment.count), "until": MOST_STEPS}
     for key, time in {**begins, "until": event.until}.items():
         if time is not None and not 0 <= index_of(time, experiment) <= last[key]:
             span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
-            yield f"{key}: {time:.9g} s is outside of the run from {span}. Correct the time."
+            yield f"{key}: {time:.9g} s is outside the run from {span}. Correct the time."
     lengths = {"over": event.over, "duration": event.duration, "when.for": lasting}
     for key, length in lengths.items():
         if length is not None and not is_whole(length / experiment.base_step):
@@ -273,4 +273,4 @@ def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) 
     at_start = event.at is not None and index_of(event.at, scenario.experiment) == 0
     if variable is not None and not variable.is_parameter and at_start and ACTIONS[event.action].remembers:
         remedy = "Begin later, or use `set`."
-        yield f"at: at the start there is no value before, with which `{event.action}` could begin. {remedy}"
+        yield f"at: at the start there is no earlier value for `{event.action}` to begin with. {remedy}"

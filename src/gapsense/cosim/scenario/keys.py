@@ -50,16 +50,16 @@ EXPERIMENT = Section(
         Key(
             "method",
             TEXT,
-            "Components step one after the other, or all with the values of the step before",
+            "Components step one after another, or all at once with the values of the previous step",
             '"jacobi"',
             default=METHODS[0],
             choices=METHODS,
         ),
-        Key("pace", POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
+        Key("pace", POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as possible"),
         Key(
             "isolation",
             TEXT,
-            "`process`: from Python, too, the run has a process of its own; the command line always does that",
+            "`process`: run in a process of its own from Python too; the command line always does",
             '"process"',
             default=ISOLATIONS[0],
             choices=ISOLATIONS,
@@ -67,7 +67,7 @@ EXPERIMENT = Section(
         Key(
             "step_limit",
             POSITIVE,
-            "Wall time [s] that a step of a component may take in another process, and each call of its start",
+            "Wall time [s] that a step of a component in another process may take, and each call at its start",
             "10.0",
             default=STEP_LIMIT,
         ),
@@ -75,7 +75,7 @@ EXPERIMENT = Section(
 )
 SET = Section(
     "[components.<component>.set]",
-    "Parameters of this component, over those of its parameter sets; it may name only what the FMU has. A parameter "
+    "Parameters of this component, which override its parameter sets; the FMU must have them. A parameter "
     "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
     free=Key(
         "<parameter>",
@@ -100,7 +100,7 @@ COMPONENT = Section(
             is_path=is_fmu,
         ),
         Key("step", COUNT, "Base steps per step of this component", "2", default=1),
-        Key("offset", INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
+        Key("offset", INDEX, "Base steps from the start of the run to the start of this component", "1", default=0),
         Key(
             "parameters",
             TEXTS,
@@ -139,7 +139,7 @@ CONNECT = Section(
 )
 CONNECTION = Section(
     "[[connections]]",
-    "A connection that converts, the input becomes `factor * source + bias`, or that is delayed.",
+    "A connection that converts (the input becomes `factor * source + bias`) or is delayed.",
     (
         Key("from", TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
         Key("to", TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
@@ -155,7 +155,7 @@ CONNECTION = Section(
         Key(
             "delayed",
             TRUTH,
-            "The component with the input steps first, and gets the value of one step before: so a loop is closed",
+            "The component with the input steps first and gets the value of the previous step; this closes a loop",
             "true",
             default=False,
         ),
@@ -182,7 +182,7 @@ SIGNAL = Section(
         Key(
             "interpolation",
             TEXT,
-            "Straight lines between the samples, or each holds until the next",
+            "Straight lines between the samples, or each value holds until the next",
             '"hold"',
             default=INTERPOLATIONS[0],
             choices=INTERPOLATIONS,
@@ -210,7 +210,7 @@ SEEDS = Section(
 )
 SWEEP = Section(
     "[sweep]",
-    "Values that `gapsense sweep` goes through, every one with every other. Keys of events are parameters too, as "
+    "Values of which `gapsense sweep` runs all combinations. Keys of events are parameters too, as "
     "`events.offset.value`.",
     (
         Key(
@@ -233,7 +233,7 @@ SWEEP = Section(
 )
 RECORD = Section(
     "[record]",
-    "What is written at which steps.",
+    "Which signals are recorded, and how often.",
     (
         Key(
             "signals",
@@ -242,7 +242,7 @@ RECORD = Section(
             '["valve.*", "sensor.current_measured"]',
             default=["*"],
         ),
-        Key("decimation", COUNT, "Every which base step", "10", default=1),
+        Key("decimation", COUNT, "Base steps from one recorded row to the next", "10", default=1),
     ),
 )
 METRIC = Section(
@@ -264,7 +264,7 @@ METRIC = Section(
         Key(
             "time",
             TEXT,
-            "Signal with the time [s] that a sample is about, for what is published later",
+            "Signal with the time [s] that a sample refers to, for outputs that are published later",
             '"offline.published_time"',
             otherwise="that of its row",
         ),
@@ -279,7 +279,7 @@ METRIC = Section(
         Key(
             "bounds",
             BOUNDS,
-            "Where it must lie; `gapsense test` and `run` fail outside",
+            "Range in which it must lie; otherwise `gapsense test` and `run` fail",
             "[0.0, 2e-3]",
             otherwise="any",
         ),
@@ -314,7 +314,7 @@ TOLERANCES = Section(
 BASELINE = Section(
     "[baseline]",
     "Reference trajectory that `gapsense test` compares with: allowed is `atol + rtol * nominal`. "
-    "`gapsense baseline --write` makes it, below this folder. With the section `test` fails where the file is gone; "
+    "`gapsense baseline --write` makes it, below this folder. With this section, `test` fails if the file is missing; "
     "one without `file` asks for one of each variant with metrics too.",
     (
         Key(
@@ -326,7 +326,7 @@ BASELINE = Section(
             is_path=always,
         ),
         Key("signals", TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
-        Key("decimation", COUNT, "Every which recorded row", "8", default=1),
+        Key("decimation", COUNT, "Keep one of so many recorded rows", "8", default=1),
         RTOL,
         ATOL,
         EDGES,

@@ -21,15 +21,15 @@ TAKEN = {  # kinds that are right, by what is expected
 }
 CAMPAIGNS = "gapsense campaign show {%s}` or `gapsense report {%s}"
 WORDS = {  # what it is, and what to do
-    "campaign": ("the folder of a campaign's result", f"See it with `{CAMPAIGNS % ('path', 'path')}`"),
+    "campaign": ("the folder of a campaign's result", f"Look at it with `{CAMPAIGNS % ('path', 'path')}`"),
     "store": ("a file of a campaign's result", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
-    "ledger": ("what a sweep goes on from", "Name the table beside it: `gapsense report {table}`"),
-    "sweep": ("the table of a sweep", "See it with `gapsense report {path}`"),
+    "ledger": ("what a sweep continues from", "Name the table beside it: `gapsense report {table}`"),
+    "sweep": ("the table of a sweep", "Look at it with `gapsense report {path}`"),
     "sidecar": ("the side-car of a result", "Name the CSV file beside it, `{table}`"),
-    "result": ("the result of a run", "See it with `gapsense figure {path}` or `gapsense report {path}`"),
-    "table": ("a CSV file", "Of a record of measurements `gapsense inspect {path}` tells what there is"),
-    "fmu": ("an FMU", "See its ports with `gapsense info {path}`"),
-    "checkpoint": ("the checkpoint of a run", "`gapsense run SCENARIO --resume` goes on from it"),
+    "result": ("the result of a run", "Look at it with `gapsense figure {path}` or `gapsense report {path}`"),
+    "table": ("a CSV file", "If it is a record of measurements, try `gapsense inspect {path}`"),
+    "fmu": ("an FMU", "Look at its ports with `gapsense info {path}`"),
+    "checkpoint": ("the checkpoint of a run", "`gapsense run SCENARIO --resume` continues from it"),
     "study": ("the study of a campaign", "Run it with `gapsense campaign {path}`"),
     "scenario": ("a scenario", "Run it with `gapsense run {path}`"),
     "picture": ("a picture or a page", "Name what it was made of"),

@@ -213,7 +213,7 @@ class Reader:
             item = table.table(name)
             if not re.fullmatch(NAME, name) or unfit(name):
                 what = f"a variant's name is letters, digits and `_`, not starting with a digit, at most {LONGEST_NAME}"
-                table.note(name[:LONGEST_NAME], f"{what}: files are called so. Rename it.")
+                table.note(name[:LONGEST_NAME], f"{what}: files are named after it. Rename it.")
             out[name] = item.value(VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
@@ -236,10 +236,12 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     steps = (stop - start) / base
     said = f"the run from {start:.9g} s to {stop:.9g} s is {steps:.9g} steps of {base:.9g} s"
     if not abs(steps) <= MOST_STEPS:
-        table.note("", f"{said}, and at most {MOST_STEPS:.9g} are done. Change `stop` or `base_step`.")
+        table.note("", f"{said}, at most {MOST_STEPS:.9g} expected. Change `stop` or `base_step`.")
         return None
     if math.ulp(max(abs(start), abs(stop))) > COARSEST * base:
-        table.note("", f"{said}, and numbers cannot tell its times apart. Start nearer to 0, or raise `base_step`.")
+        table.note(
+            "", f"{said}, too small for numbers to tell its times apart. Start nearer to 0, or raise `base_step`."
+        )
         return None
     if pace and (stop - start) / pace > LONGEST:
         table.note("pace", f"at {pace:.9g} the run takes {(stop - start) / pace:.9g} s. Raise it.")
@@ -247,7 +249,7 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
     if count >= 1 and abs(start + count * base - stop) <= slack:
         return Experiment(start=start, stop=stop, base_step=base, count=count, method=method, pace=pace)
-    table.note("", f"{said}, and must be a whole number of at least 1. Change `stop` or `base_step`.")
+    table.note("", f"{said}, a whole number of at least 1 expected. Change `stop` or `base_step`.")
     return None
 
 
@@ -289,7 +291,7 @@ def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
     own = table.read(SIGNAL)
     sources = [key for key in ("file", "times") if own[key] is not None]
     if len(sources) != 1:
-        table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of both.")
+        table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of the pairs.")
         return None
     first, second = ("file", "column") if sources == ["file"] else ("times", "values")
     for key in {"column", "values"} & set(table.data) - {second}:
@@ -317,7 +319,7 @@ def in_order(table: Table, played: Played, lines: list[int] | None) -> Played | 
     with np.errstate(over="ignore"):
         widths, heights = np.diff(times), np.diff(values)
     if not (np.isfinite(widths).all() and np.isfinite(heights).all()):
-        table.note("", "between two samples there is more than a number can hold. Correct the values.")
+        table.note("", "the difference between two samples is too large for a number. Correct the values.")
         return None
     wrong = np.flatnonzero(widths <= 0.0) + 1
     for k in wrong[:SHOWN]:

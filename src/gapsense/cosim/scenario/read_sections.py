@@ -80,7 +80,7 @@ def read_rows(path: Path, sweep: Table, files: list[Path], components: Collectio
         sweep.note(ROWS, f"{path}: {error.strerror}. {EXPECTED}")
         return (), {}
     if not sheet.is_table and not any(name.partition(".")[0] in components for name in sheet.names):
-        sweep.note(ROWS, f"{path}, line 1: no column is called as a parameter of a component. {EXPECTED}")
+        sweep.note(ROWS, f"{path}, line 1: no column is named after a parameter of a component. {EXPECTED}")
         return (), {}
     values = [
         [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
@@ -110,7 +110,9 @@ def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Pa
         return text
     file = (sheet.path.parent / text).resolve()
     if not file.is_file():
-        problems.append(f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is from this file on.")
+        problems.append(
+            f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is relative to this file."
+        )
     files.append(file)
     return str(file)
 
@@ -148,7 +150,7 @@ def read_metric(table: Table, name: str) -> Metric | None:
     own = table.read(METRIC)
     after, before, bounds = own["after"], own["before"], own["bounds"]
     if after is not None and before is not None and after >= before:
-        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
+        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
     if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
@@ -160,7 +162,7 @@ def reference_fits(table: Table, kind: str, reference: str | float | None) -> bo
     """True if a metric of this kind has the reference it needs, and none that it does not use."""
     use, given = KINDS[kind].reference, reference is not None
     if use == "axis" and not isinstance(reference, str):
-        problem = f"`{kind}` is of the curve over another signal. Name that signal."
+        problem = f"`{kind}` needs the other signal of the curve. Name it."
     elif use == "required" and not given and "reference" not in table.data:
         problem = f"missing; `{kind}` compares with a signal, a parameter or a number. Add it."
     elif use == "none" and given:

@@ -66,14 +66,14 @@ def of_jumps(record: Record, found: Facts) -> Iterator[str]:
     steps = {name: float(np.abs(np.diff(getattr(record, name))).max()) for name in jump}
     if steps["current"] > jump["current"] > 0.0 and steps["voltage"] < jump["voltage"]:
         yield (
-            "The current jumps from one sample to the next, the voltage does not: no coil lets it. Are the columns"
+            "The current jumps from one sample to the next, the voltage does not: no coil allows that. Are the columns"
             " interchanged?"
         )
     for name in jump if found.path.carrier is None else ():
         for k in spikes(getattr(record, name), jump[name])[:SHOWN]:
             yield (
                 f"row {record.rows[k]}: `{name}` is {getattr(record, name)[k]:.4g} in this one sample only. Correct it,"
-                " or look for what disturbs."
+                " or find the disturbance."
             )
 
 
@@ -105,7 +105,7 @@ def of_switching(record: Record, found: Facts) -> Iterator[str]:
     else:
         yield (
             f"The voltage is switched every {n:.3g} samples: its mean over a period is known to {error} only, though"
-            f" that averages out. Better sample {OFTEN:.0f} times in each period, or drive without PWM."
+            f" that averages out. It is better to sample {OFTEN:.0f} times in each period, or drive without PWM."
         )
 
 
@@ -132,7 +132,7 @@ def of_driver(found: Facts) -> Iterator[str]:
     if found.path.is_command:
         yield (
             "The voltage has few values and no noise: a command, or too coarse a converter. A command does not have the"
-            " drops of the driver, which are then taken for resistance. Measure at the coil's terminals."
+            " drops of the driver, which then look like resistance. Measure at the coil's terminals."
         )
 
 
@@ -177,14 +177,12 @@ def of_resistances(found: Facts, resistance: float | None) -> Iterator[str]:
 
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise
-UNMOVED = "no motion is seen: it tells of coil and core; the mechanics would be guesses"
+UNMOVED = "no motion is seen: the record can identify coil and core, the mechanics would be guesses"
 EQUAL = 0.02  # of the resistance, that operations may differ by
 CONSTANT = 0.025  # of the flux linkage, which noise and the sampling may hide
-WRONG = (
-    "no coil has such a voltage and current: a sensor is reversed, columns are interchanged, or there is no voltage."
-)
+WRONG = "no coil has such a voltage and current: a sensor is reversed, columns are swapped, or there is no voltage."
 USES = ("`identify`", "`commission`", "`estimate`")
-WHOLE = "Record from rest until the current has ended."
+WHOLE = "Record from rest until the current has decayed."
 
 
 class Item(NamedTuple):
@@ -273,9 +271,7 @@ def why_unseen(found: Facts) -> str:
         return "clipped, where it would be seen. Widen the measuring range."
     bend = float(np.median([p.bend for p in found.pulses]))
     if bend < CONSTANT:
-        return (
-            f"the inductance is constant within {100.0 * bend:.2g} %: no iron moves. Raise the voltage, if some should."
-        )
+        return f"the inductance is constant within {100.0 * bend:.2g} %: no iron moves. Raise the voltage if it should."
     hidden = ", or the ripple of the PWM hides it: drive without PWM" if found.path.carrier else ""
     return (
         f"the current falls nowhere under a held voltage{hidden}. Raise the voltage, hold it for longer, or let"
@@ -290,7 +286,7 @@ def opening(found: Facts) -> Item:
         return Item("motion, opening", NO, WRONG)
     if any(kinks):
         return Item("motion, opening", YES, describe_kinks(found, kinks))
-    text = "the falling current bends nowhere."
+    text = "the falling current has no bend."
     if (
         decay is not None
         and decay < 0.0
@@ -321,7 +317,7 @@ def uses(found: Facts, motion: Item, impaired: int) -> list[Item]:
     whole = (NO, short(found.unfinished[0])) if found.unfinished else begun
     if motion.answer == NO:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
-    flowing = ready if found.is_from_rest else (CARE, "nothing is right before the current has ended once")
+    flowing = ready if found.is_from_rest else (CARE, "no value is valid before the current has decayed once")
     flowing = flowing if found.pulses or found.incomplete else begun
     named = zip(USES, (whole, begun, flowing))
     return [Item(name, answer, why) for name, (answer, why) in named]
