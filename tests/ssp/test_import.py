@@ -82,7 +82,7 @@ def test_a_package_runs_as_the_scenario_that_says_the_same(brought, expected):
     notes, result = brought(CHAIN)
     assert same(result, expected())
     assert result.run.method == "jacobi" and result.run.base_step == 0.1
-    assert any("the coupling; `jacobi` is taken" in note for note in notes)
+    assert any("the coupling; `jacobi` is used" in note for note in notes)
     assert any("annotations of `org.openmodelica`" in note for note in notes)
 
 
@@ -419,7 +419,7 @@ MALICIOUS = {
     "file and folder": ((SSD, ("resources", b"x"), ("resources/a.fmu", b"x")), "a file and a folder"),
     "empty": ((("readme.txt", b"x"),), "has no SystemStructure.ssd"),
     "document type": ((("SystemStructure.ssd", BOMB.encode()),), "document type"),
-    "no XML": ((("SystemStructure.ssd", b"<ssd:"),), "is no XML"),
+    "no XML": ((("SystemStructure.ssd", b"<ssd:"),), "is not XML"),
     "encoding": ((("SystemStructure.ssd", b'<?xml version="1.0" encoding="utf-7"?><a/>'),), "UTF-8 is expected"),
     "other XML": ((("SystemStructure.ssd", b"<a/>"),), "a system of SSP 1.0 is expected"),
 }
