@@ -256,7 +256,7 @@ def test_folders_are_compared_file_by_file(write, chain, fmus, tmp_path):
     assert len(caught.value.problems) == 2
     with pytest.raises(InputError, match="is a folder"):
         [*paired(tmp_path / "new", tmp_path / "old" / "z.csv")]
-    with pytest.raises(InputError, match="not the result"):
+    with pytest.raises(InputError, match="no result"):
         [*paired(write(chain, "empty").parent, write(chain, "none").parent)]
 
 
