@@ -476,7 +476,7 @@ def estimate(
     ValueError
         The file or an option is wrong, or no estimator can run on the record.
     """
-    from gapsense.cosim.prepare import find_fmus
+    from gapsense.cosim.check import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.identification import estimate as judge
     from gapsense.identification.estimate import (

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.result.sidecar import relative
-from gapsense.cosim.run.subject import versions
+from gapsense.cosim.run.recording import versions
 from gapsense.cosim.scenario.records import Scenario
 
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component

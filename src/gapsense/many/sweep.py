@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
+from gapsense._os.files import refuse_unwritable
 from gapsense._os.importable import facts
-from gapsense._os.plain_files import refuse_unwritable
 from gapsense._os.workers import Progress
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import prepare
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.document import OVER, Document, Source, scenario_file
+from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
+from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
 from gapsense.many.ahead import runs_ahead
 from gapsense.many.columns import ENDED, columns_of

@@ -16,8 +16,7 @@ from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.run.apart import limit_of
 from gapsense.cosim.run.recording import death
-from gapsense.cosim.scenario.order import execution_order
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Scenario, execution_order
 from gapsense.many.columns import ERROR, Columns
 from gapsense.many.plan import Plan
 from gapsense.many.worker import Runs

@@ -16,13 +16,11 @@ import numpy as np
 from gapsense._os.importable import imported
 from gapsense._os.processes import own_marks
 from gapsense.cosim.result.result import Result
-from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.recording import versions
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.run.subject import versions
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.records import Port, Scenario, matching
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 

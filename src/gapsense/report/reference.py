@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from gapsense._os.files import write_atomically
-from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.keys import FILE, VARIANT
+from gapsense.cosim.scenario.records import ACTIONS
 from gapsense.many.keys import STUDY
 from gapsense.parameters import PARAMETER_SET, VALUES
 from gapsense.tables import TABLES, Key, Section

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import unread
-from gapsense._os.plain_files import read_bytes
+from gapsense._os.files import read_bytes, unread
 from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
-from gapsense.cosim.scenario.kinds import RECORD, other_kind
+from gapsense.cosim.scenario.read import RECORD, other_kind
 from gapsense.fmi.tables import HEADER
 from gapsense.identification.measurements.checks import (
     clipping,
