@@ -121,34 +121,16 @@ def leaves_above_0(own: Mapping[str, Any]) -> str:
 
 LIMITS = ("low", "high")
 DISTRIBUTIONS: Mapping[str, Distribution] = {
-    "uniform": Distribution(
-        needs=LIMITS, takes=(), quantile=uniform, problem=rising, what="Uniform between `low` and `high`"
-    ),
-    "loguniform": Distribution(
-        needs=LIMITS, takes=(), quantile=loguniform, problem=rising_above_0, what="Its logarithm is uniform"
-    ),
-    "normal": Distribution(
-        needs=("mean", "std"),
-        takes=LIMITS,
-        quantile=normal,
-        problem=leaves,
-        what="Normal; with limits, truncated",
-    ),
-    "lognormal": Distribution(
-        needs=("median", "sigma"),
-        takes=LIMITS,
-        quantile=lognormal,
-        problem=leaves_above_0,
-        what="Its logarithm is normal; limits as for `normal`",
-    ),
-    "integer": Distribution(
-        needs=LIMITS,
-        takes=(),
-        quantile=integer,
-        problem=whole,
-        what="Whole numbers from `low` to `high`, all equally likely",
-    ),
-    "choice": Distribution(
-        needs=("values",), takes=(), quantile=choice, problem=lambda own: "", what="One of `values`, all equally likely"
-    ),
+    name: Distribution(*entry)
+    for name, entry in {
+        "uniform": (LIMITS, (), uniform, rising, "Uniform between `low` and `high`"),
+        "loguniform": (LIMITS, (), loguniform, rising_above_0, "Its logarithm is uniform"),
+        "normal": (("mean", "std"), LIMITS, normal, leaves, "Normal; with limits, truncated"),
+        "lognormal": (
+            *(("median", "sigma"), LIMITS, lognormal, leaves_above_0),
+            "Its logarithm is normal; limits as for `normal`",
+        ),
+        "integer": (LIMITS, (), integer, whole, "Whole numbers from `low` to `high`, all equally likely"),
+        "choice": (("values",), (), choice, lambda own: "", "One of `values`, all equally likely"),
+    }.items()
 }
