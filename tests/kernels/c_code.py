@@ -16,10 +16,6 @@ from gapsense.kernels.layout import fields, flat, names
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 
-
-# gcc unrolls a short loop that starts from a constant and then folds these, rounded otherwise than by the library
-NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tanh"))
-
 # all samples of a record in one call
 RUN = """
 void run(int samples, int inputs, int outputs, real *state, real *const *memory, const real *given, const real *par,
@@ -32,7 +28,7 @@ void run(int samples, int inputs, int outputs, real *state, real *const *memory,
 """
 
 
-def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...] = ()) -> ctypes.CDLL:
+def build(source: str, folder: Path, single: bool = False) -> ctypes.CDLL:
     """Shared library of a C source."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "code.c"
@@ -41,7 +37,6 @@ def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...]
     command = [
         "gcc",
         *FLAGS,
-        *more,
         *(["-DSINGLE", "-Wno-overflow", "-O0"] if single else []),  # its bits are not compared
         str(path),
         "-o",
@@ -54,7 +49,7 @@ def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...]
 
 
 def build_graph(graph: Graph, folder: Path) -> ctypes.CDLL:
-    return build(f"{C.head}\n{C(graph).source()}", folder, more=NO_FOLDING)
+    return build(C.module(C(graph).source()), folder)
 
 
 class CKernel:

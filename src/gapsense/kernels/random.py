@@ -8,9 +8,10 @@ meaningless.
 
 from __future__ import annotations
 
+from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
-from gapsense.kernels.trace import cond, fabs, floor, log, loop, square, where
+from gapsense.kernels.trace import cond, fabs, floor, loop, square, where
 
 M1 = 4294967087.0  # 2^32 - 209, prime
 M2 = 4294944443.0  # 2^32 - 22853, prime
