@@ -5,8 +5,9 @@ same lines record what they compute: matrix products unroll, structural zeros an
 shared.  `emit` prints the graph as scalar Python, numpy code over N runs, or C99.  The order of operations is kept:
 source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
 
-Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`,
-`loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
+Rules for kernels: arithmetic, comparisons, `& | not_`, the operations below, and those of `elementary`; no `if` on data
+(`where`, `cond`, `loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load`
+and `store`.
 
 An `Expr` is a node: operation and operands.  A `Region` lists the nodes of a function, branch or loop body; they may
 use those of enclosing regions.  `cond` and `loop` nodes hold regions and what these return; `get` picks one value.

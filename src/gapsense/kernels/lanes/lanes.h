@@ -1,8 +1,7 @@
 /* W runs at once: a vector of doubles, and the operations of gapsense.kernels.emit.lanes on it.
 
    A vector is as wide as the registers of the processor that this is compiled for. All operations give each run the
-   bits that C gives for one double: what the compiler has no vector operation for is done run by run, by the same
-   library of mathematics. */
+   bits that C gives for one double. */
 #include <math.h>
 #include <stddef.h>
 #if defined(__AVX__)
