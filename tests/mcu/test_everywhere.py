@@ -35,10 +35,7 @@ MACHINES = {
     "windows": Machine((*ZIG, "x86_64-windows-gnu", "-O2"), ("wine",)),
     "x86 with FMA": Machine(("gcc", "-std=c99", "-ffp-contract=off", "-O3", "-march=haswell", "-static"), ()),
 }
-QUICK = (
-    "x86 with FMA",
-    "reluctance_actuator",
-)  # which calls all functions; Zig makes a C library for each machine first
+QUICK = ("x86 with FMA", "reluctance_actuator")  # it calls all functions; Zig makes C libraries first, for minutes
 CASES = [
     pytest.param(*case, marks=() if case == QUICK else pytest.mark.slow)
     for case in itertools.product(MACHINES, FOLDERS)

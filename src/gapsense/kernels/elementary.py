@@ -149,5 +149,9 @@ def _tanh_of_size(a: Any, form: Format) -> Any:
     return y + (((1.0 - y) - q) + 0.5 * q * q * (part - (total - whole)))
 
 
+def _in_double(name: str, x: float) -> Any:
+    return FORMULAS[name](x, DOUBLE)
+
+
 FORMULAS: dict[str, Callable[[Any, Format], Any]] = {"exp": _exp, "log": _log, "tanh": _tanh}
-exp, log, tanh = (operation(name, partial(formula, form=DOUBLE)) for name, formula in FORMULAS.items())
+exp, log, tanh = (operation(name, partial(_in_double, name)) for name in FORMULAS)
