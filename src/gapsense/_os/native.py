@@ -121,7 +121,7 @@ class Library:
             return [f"`{binary}` does not exist. {again}"]
         found = []
         if f"gapsense-{self.source.stem}:{self.fingerprint()}".encode() not in binary.read_bytes():
-            found.append(f"`{binary}` was not made from the present sources and options. {again}")
+            found.append(f"`{binary}` is not up to date with its sources and options. {again}")
         if sys.platform == "linux" and platform.machine() == "x86_64":
             library = ctypes.CDLL(str(binary))
             missing = [name for name in self.exports if not hasattr(library, name)]

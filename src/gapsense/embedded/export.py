@@ -54,7 +54,7 @@ MAIN = """{head}
 
 #include "{name}.h"
 
-enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for so many steps of {period} s */
+enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for this many steps of {period} s */
 {record}
 int main(void)
 {{
@@ -76,8 +76,8 @@ DIGITS = {"float": 9, "double": 17}
 WIDTH = 110
 HELPERS = {
     "locate": ("The place in a rising table after which a value lies; both ends reach on.", LOCATE),
-    "whole": ("A whole number; -1 for what is none, or too large.", WHOLE_NUMBER),
-    "within": ("An index that an array has; 0 in place of others.", WITHIN),
+    "whole": ("A whole number; -1 if it is not one, or too large.", WHOLE_NUMBER),
+    "within": ("An index inside an array; 0 in place of others.", WITHIN),
 }
 SAME = "Elementary functions, with the same bits on every machine; errors below 1 unit in the last place."
 FUNCTIONS = {  # what they take and change, and what is said of them
@@ -113,7 +113,7 @@ def keep_foreign(texts: Mapping[Path, str]) -> None:
     foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
     if foreign:
         raise InputError(
-            [f"`{path}` is there, and is not as we export it. Move it, or choose another folder." for path in foreign]
+            [f"`{path}` exists and is not an exported file. Move it, or choose another folder." for path in foreign]
         )
 
 
@@ -159,7 +159,7 @@ def _when(design: Design) -> str:
 def _use(design: Design) -> Iterator[str]:
     found, name = members(design), design.name
     kept = " and ".join(f"`{name}_{record}`" for record in ("constants", "state") if record in found)
-    yield f"Include `{name}.h`, which has every name with its unit and range.{f' You keep {kept}.' * bool(kept)}\n"
+    yield f"Include `{name}.h`, which lists every name with its unit and range.{f' You keep {kept}.' * bool(kept)}\n"
     if "par" in found:
         yield f"- `{name}_defaults()` gives the parameters; change what you like."
         yield f"- `{name}_prepare` computes from them what a step needs: once, and again after each change."
@@ -169,7 +169,7 @@ def _use(design: Design) -> Iterator[str]:
 
 def _survivors(designs: Sequence[Design]) -> str:
     names = [f"`{design.name}`" for design in designs if design.component.survives]
-    return f"\nLost readings, not a number, are borne by {', '.join(names)}." if names else ""
+    return f"\nLost readings (NaN) are accepted by {', '.join(names)}." if names else ""
 
 
 # The example: a main that plays the component's reference record and prints what the component gives.

@@ -84,7 +84,7 @@ SENTENCES = {
     "and_more": "and %u more",
     # Arrays of FMI 3.0.
     "value_count": "%s: these variables have %u values, but there is room for %u. Read their dimensions first.",
-    "both_tables": "both the file and the arrays are others than at the start. Change only one of them.",
+    "both_tables": "both the file and the arrays differ from the start values. Change only one of them.",
     "wrong_arrays": "its arrays: %s. Correct them.",
     # A fault of the Python code itself: exception, its text, inputs, traceback.
     "exception": "%s: %s\ninputs: %s\n%s",

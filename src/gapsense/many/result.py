@@ -254,5 +254,5 @@ def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
         store.connection.execute("BEGIN")
     about = store.about
     if about is None or about.get("format") != FORMAT:
-        raise InputError([f"{folder / FILE}: no campaign of this version, or it is damaged. Choose another folder."])
+        raise InputError([f"{folder / FILE}: not a campaign of this version, or damaged. Choose another folder."])
     return Campaign(folder, store, about, from_facts(about["columns"]), store.count())

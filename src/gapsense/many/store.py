@@ -33,7 +33,7 @@ from gapsense.problems import InputError
 LOG = logging.getLogger(__name__)
 SUFFIX, LOCK = ".sqlite", ".lock"
 DAMAGED = "_damaged-"  # before the name of a file that is put aside
-AGAIN = "Run it again: what is damaged is computed anew, and the rest is kept"
+AGAIN = "Run it again: what is damaged is computed again, and the rest is kept"
 PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
 GROUP = 31**2  # rows that are in memory at once, the square of an odd number for `are_whole`
@@ -84,7 +84,7 @@ class Store:
         query = " UNION ALL ".join(f"SELECT id, content, whole(id, content) FROM {name}" for name in (ABOUT, COPY))
         rows = [row for rows in self.selected(query) for row in rows]
         if not all(is_good for *_, is_good in rows):
-            LOG.warning("%s: what it says about its runs is damaged; a copy is taken. %s.", self.file, AGAIN)
+            LOG.warning("%s: its description of the runs is damaged; the copy is used. %s.", self.file, AGAIN)
         return {place: json.loads(payload(content)) for place, content, is_good in rows if is_good}
 
     @property
@@ -270,7 +270,7 @@ def writing(file: Path | None) -> sqlite3.Connection:
     try:
         connection = prepared(connect(file))
         if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
-            LOG.warning("%s: the log of its last runs is damaged. What is lost of them is computed again.", file)
+            LOG.warning("%s: the log of its last runs is damaged. Lost runs are computed again.", file)
         problem = wrong(connection)
         if not problem:
             forget_damaged(connection, file)
@@ -338,7 +338,7 @@ def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
         remove(connection, damaged)
     for name, other in ((ABOUT, COPY), (COPY, ABOUT)):
         if connection.execute(f"SELECT 1 FROM {name} WHERE NOT whole(id, content)").fetchone():
-            LOG.warning("%s: what it says about its runs is damaged; its copy is taken.", file)
+            LOG.warning("%s: its description of the runs is damaged; the copy is used.", file)
             connection.execute(f"DELETE FROM {name} WHERE NOT whole(id, content)")
         connection.execute(f"INSERT OR IGNORE INTO {name} SELECT * FROM {other} WHERE whole(id, content)")
 
@@ -458,7 +458,7 @@ def alone(file: Path | None) -> Iterator[None]:
                         beside.unlink()
         if not is_mine:
             if not is_told:
-                LOG.warning("%s: another process is at work on it; waiting for its end.", file)
+                LOG.warning("%s: another process is using it; waiting for its end.", file)
             is_told = True
             sleep(PAUSE)
 

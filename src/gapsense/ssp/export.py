@@ -156,7 +156,7 @@ def notes(made: Exported) -> Iterator[str]:
         yield f"units of {listing(undefined)}: their FMUs do not define them, and they are left out."
     converted = [str(link.target) for link in made.scenario.connections if link.converts]
     if converted:
-        yield f"conversion to {listing(converted)}: it is there, but some tools, fmpy among them, leave it out."
+        yield f"conversion to {listing(converted)}: it is in the package, but some tools, fmpy among them, ignore it."
     values = [*changed_values(made)]
     texts = [name for name, v, _ in values if v.type in UNUSUAL]
     if texts:
@@ -167,9 +167,9 @@ def notes(made: Exported) -> Iterator[str]:
     names = list(made.scenario.components)
     confused = [b for a in names for b in names if a != b and b.startswith(a)]
     if confused:
-        yield f"values of {listing(confused)}: fmpy looks for them in a component whose name theirs begins with, too."
+        yield f"values of {listing(confused)}: fmpy confuses components of which one name begins with the other."
     for path in made.files:
-        yield f"`{path.name}` is in the package; only import into Gapsense finds it there."
+        yield f"`{path.name}` is in the package, where only Gapsense finds it on import."
 
 
 def description(made: Exported) -> bytes:

@@ -37,7 +37,7 @@ ENDING = ".dll" if sys.platform == "win32" else ".so"
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-ELSEWHERE = f"Nothing is kept there; each process compiles anew. `{CACHE}` can name another folder."
+ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
 INSTEAD = "Python computes instead, several times slower, with the same bits."
 
 
@@ -69,7 +69,7 @@ def built(text: str) -> Path:
     """File of the library; where the cache cannot be written it is for this process only."""
     compiler = own_compiler()
     if not compiler:
-        raise NativeError("No C compiler is found: neither what `CC` names, nor `cc`, `gcc` or `clang`.")
+        raise NativeError("No C compiler is found, neither the one that `CC` names nor `cc`, `gcc` or `clang`.")
     flags, about = tuned(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
     with suppress(OSError):
@@ -87,7 +87,7 @@ def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     for more in FOR_THIS:
         with suppress(NativeError):
             return (*FLAGS, *more), run((*compiler, *FLAGS, *more, "-dM", "-E", "-x", "c", os.devnull))
-    raise NativeError(f"`{' '.join(compiler)}` is no compiler like gcc.")
+    raise NativeError(f"`{' '.join(compiler)}` is not a compiler like gcc.")
 
 
 def distrusted(folder: Path) -> str:
@@ -107,7 +107,7 @@ def distrusted(folder: Path) -> str:
     for parent in real.parents:
         mode = parent.stat().st_mode
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            return f"`{folder}` is in `{parent}`, which everybody can write."
+            return f"`{folder}` is in `{parent}`, to which everybody can write."
     with suppress(OSError):
         if all(entry.name.startswith((PREFIX, FACTS)) for entry in real.iterdir()):
             real.chmod(PRIVATE)
@@ -135,7 +135,7 @@ def content_of(file: Path) -> bytes:
     if not stat.S_ISREG(found.st_mode):
         return b""
     if os.name == "posix" and (found.st_uid not in trusted() or found.st_mode & OTHERS_WRITE):
-        _tell(f"`{file}` is of other users, or they can write it: it is not loaded, but compiled anew.")
+        _tell(f"`{file}` belongs to other users or can be written by them, so it is not loaded but compiled again.")
         return b""
     return file.read_bytes()
 
