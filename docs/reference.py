@@ -15,9 +15,9 @@ import typer
 
 from gapsense._os.files import write_atomically
 from gapsense.cli import app
-from gapsense.cosim.events.event import ACTIONS
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.keys import FILE
+from gapsense.cosim.scenario.records import ACTIONS
 from gapsense.many.keys import STUDY
 from gapsense.parameters import PARAMETER_SET, VALUES
 from gapsense.report.schema import schema, study_schema

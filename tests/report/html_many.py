@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 from gapsense.many import sweep as sweep_table
 from gapsense.many.columns import Columns, contents
 from gapsense.many.plan import Block, Plan

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense._os.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
+from gapsense._os.files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.cli.common import Output, command, show, written
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples

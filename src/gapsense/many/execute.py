@@ -13,7 +13,7 @@ import numpy as np
 from gapsense._os.workers import Answers, Entry, Executor, Job, Local, Pending, Progress, Server, work
 from gapsense.cosim.run.ahead import FMU, VECTORS
 from gapsense.cosim.run.engines import result_of, vectors_for
-from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.recording import Subject
 from gapsense.many.columns import contents
 from gapsense.many.store import Store
 from gapsense.many.worker import Many, by_port

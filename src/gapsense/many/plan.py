@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario, telling
+from gapsense.cosim.scenario.records import Port, Scenario, telling
 from gapsense.tables import Value
 
 FEW = 1000  # values of a block that are all looked at, and points

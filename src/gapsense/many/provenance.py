@@ -12,7 +12,7 @@ import numpy as np
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import sha256
 from gapsense.cosim.result.sidecar import relative
-from gapsense.cosim.run.subject import versions
+from gapsense.cosim.run.recording import versions
 from gapsense.cosim.scenario.records import Scenario
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE, SCENARIOS
 

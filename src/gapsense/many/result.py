@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gapsense._os.files import header, naming, prepared, rename
-from gapsense.cosim.scenario.kinds import CAMPAIGN, other_kind
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE as FILE
+from gapsense.cosim.scenario.read import CAMPAIGN, other_kind
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import frame
 from gapsense.many.columns import ENDED, ERROR, Columns, Vector, from_facts
 from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store

@@ -15,7 +15,7 @@ from distributed import WorkerPlugin, get_worker
 
 from gapsense._os.locks import temporary_folder
 from gapsense._os.workers import LOOK, Entry, Job, Server
-from gapsense.cosim.scenario.elements import Component
+from gapsense.cosim.scenario.records import Component
 from gapsense.many.provenance import key
 from gapsense.many.worker import Many
 from gapsense.parameters import is_file

@@ -17,19 +17,27 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.checked import SEAL, is_sealed, sealed
-from gapsense._os.files import Columns, prepared, read_json, rename, sha256, write_columns, write_json
+from gapsense._os.files import (
+    Columns,
+    prepared,
+    read_json,
+    refuse_unwritable,
+    rename,
+    sha256,
+    write_columns,
+    write_json,
+)
 from gapsense._os.importable import facts
-from gapsense._os.plain_files import refuse_unwritable
 from gapsense._os.workers import Progress
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import prepare
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
 from gapsense.cosim.run.ahead import AUTO, FMU
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.document import OVER, Document, Source, scenario_file
+from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
+from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
 from gapsense.cosim.show import frame, sweep_html
 from gapsense.many.ahead import runs_ahead

@@ -19,17 +19,13 @@ from gapsense._os.workers import Job
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.result import Measure, Result
 from gapsense.cosim.run.apart import limit_of
-from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
-from gapsense.cosim.run.recording import death
+from gapsense.cosim.run.recording import death, versions
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.run.subject import versions
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.order import execution_order
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.records import Port, Scenario, execution_order, matching
 from gapsense.many.columns import ERROR, Columns
 from gapsense.many.plan import Plan
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 

@@ -9,11 +9,10 @@ from typing import Any
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
-from gapsense.cosim.check.scenario import described
+from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import check
-from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError

@@ -12,11 +12,10 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from gapsense._os.files import write_atomically
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario.document import Document, Source, read_document
-from gapsense.cosim.scenario.elements import Connection, Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.read import Document, Source, read_document
+from gapsense.cosim.scenario.records import Connection, Port, Scenario
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried

@@ -6,12 +6,9 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from gapsense.cosim.events.event import Event, resolved
-from gapsense.cosim.run.master import shape
 from gapsense.cosim.run.part import Layout
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.elements import Component
-from gapsense.cosim.scenario.signals import ports, texts
+from gapsense.cosim.run.recording import Subject, shape
+from gapsense.cosim.scenario.records import Component, Event, ports, resolved, texts
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.steps import samples_due
 from gapsense.fmi.values import fields

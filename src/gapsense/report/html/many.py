@@ -11,7 +11,7 @@ from typing import Any
 
 from gapsense._os.files import Sheet, number, read_sheet
 from gapsense.cosim.result.sidecar import absolute
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE
 from gapsense.many import summary
 from gapsense.many.columns import OWN, Columns, contents
 from gapsense.many.provenance import bounds
