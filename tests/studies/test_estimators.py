@@ -359,9 +359,10 @@ def test_table_of_the_page_has_every_estimator():
 
 
 @pytest.mark.slow
-def test_the_whole_family(fmus, tmp_path, monkeypatch):
+def test_the_whole_family(natives, tmp_path, monkeypatch):
+    """By native FMUs, which have the bits of the Python ones: the scenario is among those of tests/native."""
     monkeypatch.chdir(ROOT)
-    arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
+    arguments = ["study", "estimators", "--fmus", natives, "--seeds", 2, "--out", tmp_path]
     done = CliRunner().invoke(app, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
     assert " ".join(done.stdout.split()).count(" runs: root mean square errors") == len(drawn.TITLES)

@@ -61,7 +61,7 @@ from gapsense.cli.console import (
     written as written,
 )
 from gapsense.problems import InputError
-from gapsense.shipped import examples, record
+from gapsense.shipped import examples
 from gapsense.version import __version__
 
 if TYPE_CHECKING:
@@ -163,35 +163,8 @@ class Output(Enum):
 
 Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
-SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
-Data = Annotated[
-    list[Path],
-    typer.Argument(
-        parser=record,
-        metavar="FILE",
-        help="CSV files: time [s], voltage [V], current [A]; `sample_valve.csv` comes with Gapsense",
-        show_default=False,
-    ),
-]
-Validate = Annotated[
-    list[Path] | None,
-    typer.Option(parser=record, metavar="FILE", help="Record that is kept for the validation", show_default=False),
-]
-Column = Annotated[
-    list[str] | None,
-    typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
-]
-Separator = Annotated[str, typer.Option(help="Separator of the cells of a CSV file")]
-Decimal = Annotated[str, typer.Option(help="Decimal point of the numbers")]
-Clipped = Annotated[bool, typer.Option("--clipped", help="Accept signals at the limits of their converter")]
-Assume = Annotated[
-    bool,
-    typer.Option(
-        "--assume", help="Assume what is not given, list it, and mark it in the file; answers are relative then"
-    ),
-]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 

@@ -82,9 +82,9 @@ def schema(
     Name it in the first line of a scenario: `#:schema scenario.schema.json`.
     """
     from gapsense._os.files import write_atomically
-    from gapsense.report import reference
+    from gapsense.report.schema import schema as made
 
-    text = json.dumps(reference.schema(), indent=2)
+    text = json.dumps(made(), indent=2)
     if to is None:
         return show(text)
     write_atomically(to, lambda file: print(text, file=file))

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
+    from gapsense.many.sweep import Sweep as Sweep
     from gapsense.many.sweep import sweep as sweep
-    from gapsense.many.sweep_table import Sweep as Sweep
     from gapsense.problems import FmuError as FmuError
     from gapsense.problems import ScenarioError as ScenarioError
 
@@ -70,7 +70,7 @@ OFFERED |= {
     "FmuError": "gapsense.problems",
     "ScenarioError": "gapsense.problems",
     "sweep": "gapsense.many.sweep",
-    "Sweep": "gapsense.many.sweep_table",
+    "Sweep": "gapsense.many.sweep",
 }
 
 

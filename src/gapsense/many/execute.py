@@ -14,7 +14,7 @@ from gapsense.cosim.run.engines import vectors_for
 from gapsense.cosim.run.recording import Subject
 from gapsense.many.columns import contents
 from gapsense.many.store import Store
-from gapsense.many.task import Many
+from gapsense.many.worker import Many
 
 
 class Done(NamedTuple):

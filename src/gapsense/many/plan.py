@@ -97,6 +97,10 @@ class Plan:
         """Values of a run."""
         return self.point(index % self.points)
 
+    def named(self, index: int) -> dict[str, Value]:
+        """Values of a run by the names of the parameters."""
+        return {str(port): value for port, value in self.values(index).items()}
+
     def shift(self, index: int) -> int:
         """What a run adds to every seed."""
         return index // self.points if self.is_common else index

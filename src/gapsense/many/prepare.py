@@ -23,8 +23,7 @@ from gapsense.cosim.scenario.records import Scenario, signals
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.plan import Plan
 from gapsense.many.study import Study, read_study, scenario_beside
-from gapsense.many.task import Many
-from gapsense.many.worker import thrifty
+from gapsense.many.worker import Many, thrifty
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value, read_toml
 

@@ -21,7 +21,7 @@ from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
 
 if TYPE_CHECKING:
-    from gapsense.many.sweep_table import Sweep
+    from gapsense.many.sweep import Sweep
 
 
 Self = TypeVar("Self", bound="Content")
