@@ -14,6 +14,7 @@ from gapsense.kernels.layout import Scalar
 from gapsense.kernels.linalg import vector
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
+NEVER = -1.0  # alarm: no operation is to be ordinary because one landed hard
 
 
 class Parameters(NamedTuple):
@@ -42,4 +43,4 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     for half, mean in ((CLOSING, closing), (OPENING, opening)):
         law = laws.read(known, half)._replace(mean=vector([*mean, 0.0]), speed=par.given_speed, missed=0.0)
         known = laws.write(known, half, law)
-    return run_to_run.step(state._replace(laws=known), inputs, par.controller)
+    return run_to_run.step(state._replace(laws=known, alarm=NEVER), inputs, par.controller)

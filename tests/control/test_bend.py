@@ -98,11 +98,30 @@ def test_current_tells_whether_an_operation_has_arrived(half):
     assert bend.arrived(cut, PAR) == (False, False)
 
 
+def felt(half, landing, missed):
+    """An operation by the law `model` that no estimator has explained, judged by the current; what is missed before."""
+    state = whole(hit(half, 0.1, landing))
+    law = laws.read(state.laws, half)._replace(missed=missed)
+    return judged_by_current(state._replace(laws=laws.write(state.laws, half, law)), PAR)
+
+
+def missed(state, half):
+    return laws.read(state.laws, half).missed
+
+
 def test_closing_without_an_estimator_in_time_counts_as_arrived_only_if_it_has():
-    """By the law `model`: one that has is not missed; after one that has not the next cycle is ordinary at once."""
-    for landing, alarm, missed in ((200.0, 0.0, 0.0), (800.0, 2.0, laws.UNJUDGED)):
-        state = whole(hit(CLOSING, 0.1, landing))
-        law = laws.read(state.laws, CLOSING)._replace(missed=laws.UNJUDGED)
-        state = state._replace(laws=laws.write(state.laws, CLOSING, law))
-        judged = judged_by_current(state, PAR)
-        assert judged.alarm == alarm and laws.read(judged.laws, CLOSING).missed == missed
+    """By the law `model`: one that has is no reason for an ordinary cycle; after one that has not one comes at once."""
+    for landing, alarm, is_due in ((200.0, 0.0, False), (800.0, 2.0, True)):
+        judged = felt(CLOSING, landing, laws.UNJUDGED)
+        assert judged.alarm == alarm and (missed(judged, CLOSING) >= laws.UNJUDGED) == is_due
+
+
+def test_second_closing_in_a_row_that_no_estimator_explains_is_followed_by_an_ordinary_one():
+    """However well the current tells that it has arrived; it does not tell how hard."""
+    first = missed(felt(CLOSING, 200.0, laws.UNJUDGED), CLOSING)
+    assert first < laws.UNJUDGED <= missed(felt(CLOSING, 200.0, first + laws.UNJUDGED), CLOSING)
+
+
+def test_opening_counts_as_arrived_only_if_an_estimator_says_so():
+    """An offset of the current looks like a gap that is open."""
+    assert missed(felt(OPENING, 200.0, laws.UNJUDGED), OPENING) == laws.UNJUDGED

@@ -240,6 +240,32 @@ def test_a_flipped_bit_in_the_log_of_a_killed_writer_costs_no_more_than_runs_tha
     assert content(killed) == expected
 
 
+def test_table_whose_key_is_no_key_any_more_is_told_and_made_anew(tmp_path, caplog):
+    filled(tmp_path)
+    expected, file = content(tmp_path), tmp_path / NAME
+    file.write_bytes(file.read_bytes().replace(b"runs (id INTEGER", b"runs (id INTEGEQ"))
+    with pytest.raises(InputError, match="it is damaged"):
+        read_campaign(tmp_path)
+    assert computed_again(tmp_path) == [] and content(tmp_path) == expected and "It held 8 runs" in caplog.text
+
+
+def test_the_same_damage_of_several_runs_is_seen(tmp_path, monkeypatch):
+    side = 21  # of a square of runs
+    monkeypatch.setattr(of, "GROUP", side**2)
+    with Store(tmp_path / "x.sqlite", "a") as store:
+        store.describe({})
+        store.add({run: bytes([run % 256]) * 90 for run in range(of.GROUP + 5)})
+        for runs in ([7], [7, 8], [7, 8 + side * 2], [9, 9 + side], [of.GROUP, of.GROUP + 1]):
+            store.connection.execute("BEGIN")
+            marks = ", ".join(map(str, map(store.place, runs)))
+            changed = "CAST(substr(content, 1, 20) || x'ff00' || substr(content, 23) AS BLOB)"
+            store.connection.execute(f"UPDATE runs SET content = {changed} WHERE id IN ({marks})")
+            with pytest.raises(InputError, match=f"run.* {', '.join(map(str, runs))} .* damaged"):
+                list(store.contents())
+            store.connection.execute("ROLLBACK")
+        assert sum(map(len, store.contents())) == of.GROUP + 5
+
+
 def test_damage_of_many_pages_costs_what_lies_between_them(tmp_path, caplog):
     with Store(tmp_path / "x.sqlite", "a") as store:
         store.describe({})

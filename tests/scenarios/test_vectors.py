@@ -11,7 +11,7 @@ import pytest
 from gapsense import campaign, cosim
 from gapsense._os.native import own_compiler
 from gapsense.cosim import FmuError, load, prepare, read_result, run, sweep
-from gapsense.cosim.run.subject import Subject, finished
+from gapsense.cosim.run.recording import Subject, finished
 from gapsense.fmi.components import own
 from gapsense.fmi.package import build
 from gapsense.vectors.engine import Vectors, obstacle

@@ -12,7 +12,7 @@ from valve_signals import exact
 from gapsense.cli import app
 from gapsense.cosim import load, prepare, run
 from gapsense.cosim.result.result import Result, Run, Timing
-from gapsense.cosim.scenario.signals import recorded_signals
+from gapsense.cosim.scenario.records import recorded_signals
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures

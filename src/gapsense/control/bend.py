@@ -22,6 +22,7 @@ ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
+LATEST = 2e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
 SEATED = 0.5e-3  # time after the planned arrival at which it is told [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
 UNKNOWN = 1e3  # error of what was not measured
@@ -46,7 +47,8 @@ def watched(state: State, par: Parameters) -> Heard:
     def near() -> tuple[Scalar, Scalar]:
         plan = _plan(running, par)
         is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
-        is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan))  # then it is pulled
+        last = plan.lead + arrival(plan) + where(state.by_model > 0.0, LATEST, 0.0)
+        is_near = is_near & (running.age * par.sample_time <= last)
         return cond(is_near, looked, before)
 
     hardest, hit = cond(is_on & (heard.landing < 1.0), near, before)

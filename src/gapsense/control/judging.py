@@ -14,11 +14,12 @@ from gapsense.kernels.trace import cond, not_, where
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 GOOD = 3.5  # misfit of a window that is solved well
-HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
-ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and such a share of the approach
+HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many of the slowest approach speeds
+ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and so many approach speeds
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
+FELT = 0.25  # of a closing that only the current tells: with the second one in a row an ordinary cycle is due
 FORGIVEN = 0.5  # hard impacts, by a soft one
 YOUNG = 8.0  # cycles in which approaches are still fast
 
@@ -61,10 +62,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     is_hard = is_soft & (speed > AUDIBLE)
-    is_there, is_absent = arrived(state, par)
-    is_short = is_soft & where(by_contact, heard.landing < 1.0, is_absent & (running.command > 0.5))
+    (is_there, is_absent), is_closing = arrived(state, par), running.command > 0.5
+    is_short = is_soft & where(by_contact, heard.landing < 1.0, is_absent & is_closing)
     law = laws.read(state.laws, running.command)
-    law = law._replace(missed=where(is_soft & is_there & not_(by_contact), 0.0, law.missed))
+    is_felt = is_soft & is_there & is_closing & not_(by_contact) & (law.missed > 0.0)
+    law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
@@ -96,7 +98,8 @@ def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> Sta
     def doubted() -> State:
         was_followed = laws.read(state.laws, half).was_followed > 0.0  # else it was the voltage that fell short
         known = cond(was_followed, afresh, lambda: state.laws)
-        alarm = 1.0 + state.running.command  # with the opening of a closing that has begun
+        # with the opening of a closing that has begun
+        alarm = where(state.alarm < 0.0, state.alarm, 1.0 + state.running.command)
         hard = state.landed_hard + 1.0 - state.by_model
         return state._replace(laws=known, alarm=alarm, landed_hard=hard, noted=state.noted._replace(changed=1.0))
 
@@ -156,8 +159,8 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
     """How well an operation was explained, and whether it landed harder than it was to."""
     is_good, is_soft = inputs.misfit < GOOD, law.was_plain < 1.0
-    planned_speed = where(state.cycles < YOUNG, law.speed, par.approach_least)
-    is_hard = inputs.estimated_impact_speed > HARD + TWICE * planned_speed
+    most = HARD + where(state.cycles < YOUNG, ALLOWED * law.speed, TWICE * par.approach_least)
+    is_hard = inputs.estimated_impact_speed > most
     is_hard = is_hard & is_soft & is_good & (has_landed > 0.0)
     fewer = where(state.landed_hard > FORGIVEN, state.landed_hard - FORGIVEN, 0.0)
     return state._replace(

@@ -26,6 +26,7 @@ from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
 
+UNEXPLAINED = Noted._fields.index("unexplained")
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 3.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
@@ -107,9 +108,10 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
 
 
 def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
-    """To the estimator, if there is one and it says that what the contact teaches lands hard again and again."""
-    is_hard = (state.by_model < 1.0) & (state.landed_hard >= HARD_ROW) & _is_told(state, inputs, par)
-    return cond(is_hard, lambda: _unlearnt(state, 0.0, par)._replace(by_model=1.0, landed_hard=0.0), lambda: state)
+    """To the estimator, if there is one, where what the contact teaches lands hard again and again, or would."""
+    is_hard = (state.landed_hard >= HARD_ROW) | _is_noisy(state, par)
+    is_due = (state.by_model < 1.0) & is_hard & _is_told(state, inputs, par)
+    return cond(is_due, lambda: _unlearnt(state, 0.0, par)._replace(by_model=1.0, landed_hard=0.0), lambda: state)
 
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -155,12 +157,16 @@ def _noted(state: State, par: Parameters) -> Noted:
     unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
     unexplained = unexplained | (state.noted.unexplained > 0.0)
     shifted = fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most
-    is_noisy = wandering(state.coil, par) > NOISY * state.running.balance_flux
     return state.noted._replace(
         unexplained=where(unexplained, 1.0, 0.0),
         shifted=where(shifted, 1.0, 0.0),
-        noisy=where(is_noisy, 1.0, 0.0),
+        noisy=where(_is_noisy(state, par), 1.0, 0.0),
     )
+
+
+def _is_noisy(state: State, par: Parameters) -> Scalar:
+    """Whether the noise of the current makes the loop's flux linkage too wrong for soft landings."""
+    return wandering(state.coil, par) > NOISY * state.running.balance_flux
 
 
 # the beginning of an operation
@@ -170,7 +176,8 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     """Soft, if a cycle begins for which enough is known."""
     half, by_contact = 1.0 - state.running.command, state.by_model < 1.0
     law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
-    goes_on, falls_back = not_(is_closing) & (state.running.is_plain > 0.0), is_closing & _falls_back(state)
+    falls_back, is_unsure = is_closing & _falls_back(state), not_(by_contact) & (law.missed >= laws.UNJUDGED)
+    goes_on = not_(is_closing) & ((state.running.is_plain > 0.0) | is_unsure)
     is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
     starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
     learnt = vector([*_learnt(state, inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
@@ -212,9 +219,10 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _falls_back(state: State) -> Scalar:
-    """Whether an ordinary cycle is due."""
+    """Whether an ordinary cycle is due; an estimator that has explained nothing in the last one is not followed."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
-    return (state.alarm > 0.0) | (closing.missed >= laws.UNJUDGED) | (opening.missed > ROW)
+    is_lost = (state.is_ready > 0.0) & (state.by_model > 0.0) & (state.remembered[UNEXPLAINED] > 0.0)
+    return is_lost | (state.alarm > 0.0) | (closing.missed >= laws.UNJUDGED) | (opening.missed > ROW)
 
 
 def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:

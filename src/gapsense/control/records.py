@@ -266,7 +266,7 @@ class State(NamedTuple):
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
     is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
-    alarm: Scalar  # operations that are to be ordinary
+    alarm: Scalar  # operations that are to be ordinary; negative: none is
     explained: Scalar  # 1: the estimator has explained a window in this cycle
     remembered: Annotated[Array, Vector(9)]  # what was noticed in the last cycle
     warnings: Scalar  # sum of what was noticed in this cycle, or in the last one
