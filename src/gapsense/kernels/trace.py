@@ -176,7 +176,7 @@ def is_traced(*values: Any) -> bool:
 
 
 def has_traced(value: Any) -> bool:
-    """Whether any scalar of a nested structure is traced; array memory, of thousands of numbers, is gone through in C."""
+    """Whether any scalar of a nested structure is traced; array memory, thousands of numbers, is gone through in C."""
     kinds = {*map(type, value)}
     is_nested = any(issubclass(kind, NESTED) for kind in kinds)
     return Expr in kinds or (is_nested and any(has_traced(item) for item in value if isinstance(item, NESTED)))
