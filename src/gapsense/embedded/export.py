@@ -10,10 +10,10 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from gapsense.embedded.code import Function, constant_table, number
+from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.kernels.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
+from gapsense.kernels.emit import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, Graph, number, same
 from gapsense.problems import InputError
 from gapsense.version import __version__
 
@@ -79,6 +79,7 @@ HELPERS = {
     "whole": ("A whole number; -1 if it is not one, or too large.", WHOLE_NUMBER),
     "within": ("An index inside an array; 0 in place of others.", WITHIN),
 }
+SAME = "Elementary functions, with the same bits on every machine; errors below 1 unit in the last place."
 FUNCTIONS = {  # what they take and change, and what is said of them
     "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
     "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
@@ -340,7 +341,7 @@ def source(design: Design) -> str:
         comment(f"{design.component.description}. {origin(design)}"),
         *(comment(" ".join(paragraph.split())) for paragraph in about.split("\n\n")),
         comment(f"Outputs: {published}. {reading}"),
-        f'#include "{design.name}.h"\n\n#include <math.h>',
+        f'#include "{design.name}.h"\n\n{INCLUDES}\n{AS_WRITTEN.strip()}',
         *_tables(design),
         *_helpers(design),
         *([_defaults(design)] if "par" in members(design) else []),
@@ -364,6 +365,8 @@ def _helpers(design: Design) -> Iterator[str]:
     for name, (about, text) in HELPERS.items():
         if any(f"{name}(" in line for line in lines):
             yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
+    if own := same(design.real, lines):
+        yield f"{comment(SAME)}\n{own.strip()}"
 
 
 def _defaults(design: Design) -> str:

@@ -129,7 +129,7 @@ class Campaign:
 
     def errors(self, most: int) -> list[tuple[int, str]]:
         """The first runs that failed, and why."""
-        return list(self.texts(ERROR).items())[:most]
+        return list(self.store.texts(ERRORS, most=most).items())
 
     def ended(self, most: int) -> list[tuple[int, str]]:
         """The first runs that a component has ended in an orderly way, and which."""

@@ -45,7 +45,7 @@ MOUNTS = Path("/proc/self/mounts")
 OF_DAMAGE = ("malformed", "unsupported", "no such table", "no such column", "not a database", "Could not decode")
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter for names, and for messages with these
 ABOUT, COPY, RUNS, ERRORS, WORDS, SIGNALS = TABLES = ("about", "about_copy", "runs", "errors", "words", "signals")
-MADE = [f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)" for name in TABLES]
+CREATED = [f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)" for name in TABLES]
 MORE = (ERRORS, WORDS, SIGNALS)  # what a run may have besides
 HEAD = Struct("<qB")  # of a content: its place, and one bit for each table in which the run has more
 RESIDUE = 0x2144DF1C  # the CRC-32 of all that ends with its own
@@ -157,9 +157,9 @@ class Store:
             with self.changing():
                 remove(self.connection, places)
 
-    def contents(self, table: str = RUNS) -> Iterator[list[bytes]]:
-        """Contents of a table in the order of the runs, some at a time, with heads and checksums."""
-        for rows in self.of_key("content", table, "ORDER BY id"):
+    def contents(self, table: str = RUNS, below: int = 2**BITS, most: int = -1) -> Iterator[list[bytes]]:
+        """Contents of a table in the order of the runs, some at a time, with heads and checksums; -1: all of them."""
+        for rows in self.of_key("content", table, f"ORDER BY id LIMIT {most}", below):
             found = [*chain.from_iterable(rows)]
             if not are_whole(found):
                 groups = self.of_key("id", table, "AND NOT whole(id, content) ORDER BY id")
@@ -173,11 +173,10 @@ class Store:
             raise InputError([f"{self.file}: {table} of run {run} are damaged. {AGAIN}."])
         return payload(found[0][1]) if found else None
 
-    def texts(self, table: str, below: int = 2**BITS) -> dict[int, Any]:
-        """What runs have in a table of JSON, by run."""
-        found = chain.from_iterable(self.contents(table))
-        texts = {HEAD.unpack_from(content)[0] - self.place(0): json.loads(payload(content)) for content in found}
-        return {run: text for run, text in texts.items() if run < below}
+    def texts(self, table: str, below: int = 2**BITS, most: int = -1) -> dict[int, Any]:
+        """What the first runs have in a table of JSON, by run."""
+        found = chain.from_iterable(self.contents(table, below, most))
+        return {HEAD.unpack_from(content)[0] - self.place(0): json.loads(payload(content)) for content in found}
 
     def of_key(self, what: str, table: str, more: str = "", below: int = 2**BITS) -> Iterator[list[Any]]:
         """Rows of the runs under this key, some at a time."""
@@ -288,7 +287,7 @@ def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
         connection.execute("BEGIN IMMEDIATE")
-        for sql in MADE:
+        for sql in CREATED:
             connection.execute(sql)
         connection.execute("COMMIT")
     return connection
@@ -316,7 +315,7 @@ def wrong(connection: sqlite3.Connection) -> str:
     """What is wrong with the structure of a file, or nothing."""
     (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     tables = [sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master")]
-    return " ".join(str(found).split()) if found != "ok" else "" if tables == MADE else "its tables are not ours"
+    return " ".join(str(found).split()) if found != "ok" else "" if tables == CREATED else "its tables are not ours"
 
 
 def logged(file: Path) -> int:

@@ -237,11 +237,10 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
     """The sweep as it is in its store, in the order of the runs."""
     columns, plan = many.columns, many.plan
     errors, words = store.texts(ERRORS, len(plan)), store.texts(WORDS, len(plan))
-    data = np.concatenate(
-        [np.empty(0, columns.record), *(np.frombuffer(b"".join(found), columns.record) for found in store.contents())]
-    )
+    records = (np.frombuffer(b"".join(found), columns.record) for found in store.contents(below=len(plan)))
+    data = np.concatenate([np.empty(0, columns.record), *records])
     runs = columns.array("run", data)
-    is_wanted = (runs < len(plan)) & ~np.isin(runs, [*errors])
+    is_wanted = ~np.isin(runs, [*errors])
     indices = tuple(runs[is_wanted].tolist())
     further = dict.fromkeys(name for own in words.values() for name in own.get("metrics", ()))
     found = {name: columns.array(name, data[is_wanted]) for name in columns.metrics}

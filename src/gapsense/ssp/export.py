@@ -9,14 +9,13 @@ from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, register_namespace
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.scenario.read import Document, Source, read_document
 from gapsense.cosim.scenario.records import Connection, Port, Scenario
-from gapsense.fmi.describe import text
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried
@@ -257,7 +256,9 @@ def written(root: Element) -> bytes:
     """A document as text, with the usual prefixes: some tools know nothing but these."""
     for prefix, uri in PREFIXES.items():
         register_namespace(prefix, uri)
-    return text(root)
+    indent(root)
+    text = tostring(root, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
 def add_connector(parent: Element, variable: Variable, units: Units, enumeration: str) -> None:

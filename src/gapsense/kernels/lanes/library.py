@@ -24,11 +24,12 @@ from functools import cache
 from pathlib import Path
 
 from gapsense._os.locks import CACHE, FACTS, cache_folder, temporary_folder
-from gapsense._os.native import NO_FOLDING, NativeError, own_compiler
+from gapsense._os.native import NativeError, own_compiler
+from gapsense.kernels.emit.lanes import same_over_runs
 from gapsense.kernels.lanes.code import Code
 
 HERE = Path(__file__).resolve().parent
-FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", *NO_FOLDING, "-w")
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
 PREFIX = "lanes-"  # of all that is ours in the cache
@@ -37,7 +38,7 @@ OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
-INSTEAD = "Python computes instead, several times slower; the logarithms of numpy may differ in the last bit."
+INSTEAD = "Python computes instead, several times slower, with the same bits."
 
 
 def source(codes: Sequence[Code]) -> str:
@@ -45,7 +46,7 @@ def source(codes: Sequence[Code]) -> str:
     head, tail = ((HERE / name).read_text(encoding="utf-8") for name in ("lanes.h", "run.c"))
     names = [f"f{k}" for k in range(len(codes))]
     functions = [code.c.text.replace("void NAME(", f"void {name}(", 1) for name, code in zip(names, codes)]
-    return "\n".join([head, *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
+    return "\n".join([head, *same_over_runs(functions), *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
 
 
 @cache
