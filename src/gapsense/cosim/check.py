@@ -590,7 +590,7 @@ def check_swept(
         yield f"{place}: {problem}"
         return
     if description.variables[name].is_structural:
-        yield f"{place}: it determines the sizes of arrays. Set it in `components.{component.name}.set`, or in variants."
+        yield f"{place}: it decides the sizes of arrays. Set it in `components.{component.name}.set`, or in variants."
         return
     unit = description.variables[name].unit or ""
     if column and column.unit not in ("", unit):
