@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
-from gapsense.kernels.emit.lanes import held, is_array
+from gapsense.kernels.emit.lanes import held, is_array, same_over_runs
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
 from gapsense.kernels.lanes.library import HERE, loaded
@@ -82,8 +82,8 @@ def functions(name: str) -> Functions | None:
     component = load_component(folder)
     kernel = kernel_of(component)
     codes = over_runs(kernel)
-    parts = [(HERE / "lanes.h").read_text("utf-8"), *(exported(n, c) for n, c in codes._asdict().items())]
-    library = loaded("\n".join(parts))
+    parts = [exported(name, code) for name, code in codes._asdict().items()]
+    library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), *same_over_runs(parts), *parts]))
     if library is None:
         return None
     addresses = (ctypes.cast(getattr(library, name), Pointer).value or 0 for name in codes._fields)
