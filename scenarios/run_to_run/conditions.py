@@ -79,9 +79,7 @@ CONDITIONS = {
     "voltage-offset": Condition("voltage read 0.5 V too high", disturbance=Disturbance(offset=0.5)),
     "supply": Condition("supply up to 10 % lower, another in each cycle", disturbance=Disturbance(supply=0.1)),
     "offset-step": Condition("current offset +10 mA from cycle 15 on", disturbance=Disturbance(step=10e-3)),
-    "untold-noise": Condition(
-        "noise 12 mA, told 2 mA", {"sensor.noise_current": 12e-3}, laws=(*LEARNING, "both")
-    ),
+    "untold-noise": Condition("noise 12 mA, told 2 mA", {"sensor.noise_current": 12e-3}, laws=(*LEARNING, "both")),
     "softer": Condition("spring -15, damping -50 % over all cycles", drift=SOFTER),
     "rest-step": Condition("spring rest +6 % from cycle 15 on", step={"spring_rest": 1.06}),
     "damping-step": Condition("damping x 2 from cycle 15 on", step={"damping": 2.0}),
